@@ -94,7 +94,7 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     lift(bench)
     first = bench.tick + 1
     pacer = PacedBench(bench, is_paused=True)
-    recorder, numbers = pacer.subscribe("recorder", is_complete=True), []
+    recorder, numbers = pacer.subscribe("recorder", needs_every_tick=True), []
     pacer.subscribe("viewer", max_chunks=3)
 
     def record() -> None:

@@ -51,7 +51,7 @@ def _seen(local: ParameterSet, span: float) -> tuple[float, float]:
 
 def main(path: Path) -> None:
     loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
-    records = make_fit_records(loops, rest=read_rest_offsets(loops))
+    records = make_fit_records(loops, readings=read_rest_offsets(loops))
     form = make_response_form(loops.input, loops.output, "effective-field")
     form = replace(form, law=LAW_BY_SHAPE["tanh"], cells=CellKernel("tanh", 1))
     space = CoordinateSpace("leakage", records.thinned(40), form, frozenset({"in_0", "out_0"}))

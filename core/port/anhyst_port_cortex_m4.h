@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The instructions of Cortex-M4 and M7 (ARMv7E-M) for port.h, for gcc and clang:
+/* Instructions of Cortex-M4 and M7 (ARMv7E-M) for port.h, for gcc and clang:
+
      cc -mcpu=cortex-m4 -DANHYST_PORT_HEADER='"anhyst_port_cortex_m4.h"' ...
-   Each gives the same bits as the portable code. QADD, QSUB, SSAT and USAT set the sticky Q flag of
-   the status register where they saturate; nothing here reads it. */
+
+   Each instruction returns the same bits as the portable code. QADD, QSUB, SSAT and USAT set the
+   sticky Q flag of the status register if they saturate; nothing here reads it. */
 #ifndef ANHYST_PORT_CORTEX_M4_H
 #define ANHYST_PORT_CORTEX_M4_H
 
 #include <stdint.h>
 
-/* floor(a*b/65536): SMULWB takes the low half of b, sign included, whatever stands above it. */
+/* floor(a*b/65536). SMULWB uses only the low half of b, as a signed number. */
 static inline int32_t anhyst_port_smulwb(int32_t a, int16_t b)
 {
   int32_t result;
@@ -16,7 +18,7 @@ static inline int32_t anhyst_port_smulwb(int32_t a, int16_t b)
   return result;
 }
 
-/* a + b, saturates. */
+/* a + b, saturating. */
 static inline int32_t anhyst_port_qadd(int32_t a, int32_t b)
 {
   int32_t result;
@@ -24,7 +26,7 @@ static inline int32_t anhyst_port_qadd(int32_t a, int32_t b)
   return result;
 }
 
-/* a - b, saturates. */
+/* a - b, saturating. */
 static inline int32_t anhyst_port_qsub(int32_t a, int32_t b)
 {
   int32_t result;
@@ -32,7 +34,7 @@ static inline int32_t anhyst_port_qsub(int32_t a, int32_t b)
   return result;
 }
 
-/* The nearest number of 16 bits, signed. */
+/* Saturates to 16 bits, signed. */
 static inline int32_t anhyst_port_ssat16(int32_t a)
 {
   int32_t result;
@@ -40,7 +42,7 @@ static inline int32_t anhyst_port_ssat16(int32_t a)
   return result;
 }
 
-/* The nearest number of 29 bits, signed. */
+/* Saturates to 29 bits, signed. */
 static inline int32_t anhyst_port_ssat29(int32_t a)
 {
   int32_t result;
@@ -48,7 +50,7 @@ static inline int32_t anhyst_port_ssat29(int32_t a)
   return result;
 }
 
-/* The nearest number of 31 bits, signed. */
+/* Saturates to 31 bits, signed. */
 static inline int32_t anhyst_port_ssat31(int32_t a)
 {
   int32_t result;
@@ -56,7 +58,7 @@ static inline int32_t anhyst_port_ssat31(int32_t a)
   return result;
 }
 
-/* The nearest number of 15 bits, unsigned. */
+/* Saturates to 15 bits, unsigned. */
 static inline int32_t anhyst_port_usat15(int32_t a)
 {
   int32_t result;
@@ -64,7 +66,7 @@ static inline int32_t anhyst_port_usat15(int32_t a)
   return result;
 }
 
-/* Leading zeros, 0..32. */
+/* Number of leading zeros, 0..32. */
 static inline int32_t anhyst_port_clz(uint32_t u)
 {
   int32_t result;

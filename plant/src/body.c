@@ -7,66 +7,65 @@
 #define AXES ANHYST_PLANT_AXES
 #define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
 
-/* Of the resistance of a winding, how that of an open circuit rises with the current. */
-#define STEEP 100.0
+/* Resistance of an open circuit divided by that of the winding. */
+#define OPEN_CIRCUIT_RATIO 100.0
 
 static double dot(const double a[3], const double b[3])
 {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void cross(const double a[3], const double b[3], double found[3])
+static void cross(const double a[3], const double b[3], double result[3])
 {
-  found[0] = a[1] * b[2] - a[2] * b[1];
-  found[1] = a[2] * b[0] - a[0] * b[2];
-  found[2] = a[0] * b[1] - a[1] * b[0];
+  result[0] = a[1] * b[2] - a[2] * b[1];
+  result[1] = a[2] * b[0] - a[0] * b[2];
+  result[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* (r - p) x d */
-static void lever(const anhyst_plant_line *line, const double *pose, double found[3])
+static void lever_arm(const anhyst_plant_line *line, const double *pose, double result[3])
 {
   const double arm[3] = {line->r[0] - pose[0], line->r[1] - pose[1], line->r[2] - pose[2]};
-  cross(arm, line->d, found);
+  cross(arm, line->d, result);
 }
 
-/* The distance along a line. A body that cannot turn keeps all angles at zero: they add nothing. */
-static inline double moved_along(const anhyst_plant_line *line, const double *pose, int can_turn)
+/* Returns the displacement along a line. Leaves out the angles of a body that cannot rotate. */
+static inline double displacement_along(const anhyst_plant_line *line, const double *pose,
+                                        int can_turn)
 {
-  const double straight = dot(line->d, pose);
+  const double translation = dot(line->d, pose);
   double arm[3];
   if (!can_turn) {
-    return straight;
+    return translation;
   }
-  lever(line, pose, arm);
-  return straight + dot(arm, pose + 3);
+  lever_arm(line, pose, arm);
+  return translation + dot(arm, pose + 3);
 }
 
 double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES])
 {
-  return moved_along(line, pose, 1);
+  return displacement_along(line, pose, 1);
 }
 
-/* Adds the force and moment of a force along a line. Leaves out the moment if the body cannot turn,
-   because nothing reads it then. */
-static inline void push_along(const anhyst_plant_line *line, const double *pose, double force,
-                              int can_turn, double wrench[AXES])
+/* Adds the wrench of a force along a line. Leaves out the moment if the body cannot rotate. */
+static inline void add_force_along(const anhyst_plant_line *line, const double *pose, double force,
+                                   int can_turn, double wrench[AXES])
 {
-  double turned[3] = {0.0, 0.0, 0.0};
+  double rotated_d[3] = {0.0, 0.0, 0.0};
   if (can_turn) {
     double arm[3];
-    cross(pose + 3, line->d, turned);
-    lever(line, pose, arm);
+    cross(pose + 3, line->d, rotated_d);
+    lever_arm(line, pose, arm);
     wrench[3] += arm[0] * force;
     wrench[4] += arm[1] * force;
     wrench[5] += arm[2] * force;
   }
-  wrench[0] += (line->d[0] + turned[0]) * force;
-  wrench[1] += (line->d[1] + turned[1]) * force;
-  wrench[2] += (line->d[2] + turned[2]) * force;
+  wrench[0] += (line->d[0] + rotated_d[0]) * force;
+  wrench[1] += (line->d[1] + rotated_d[1]) * force;
+  wrench[2] += (line->d[2] + rotated_d[2]) * force;
 }
 
-/* Solves a*x = b in place for matrices whose leading minors are positive; 0 for others. */
-static inline int solve(int n, double a[AXES][AXES], double b[AXES])
+/* Solves a*x = b in place. Returns 0 unless all leading minors of the matrix are positive. */
+static inline int solve_linear(int n, double a[AXES][AXES], double b[AXES])
 {
   int i;
   int j;
@@ -95,27 +94,27 @@ static inline int solve(int n, double a[AXES][AXES], double b[AXES])
   return 1;
 }
 
-/* Of all six axes, about the point that the pose is of. With c the centre of mass:
-   [m, -m[c x]; m[c x], J - m[c x][c x]]. */
+/* Sets the mass matrix of all six axes about the reference point of the pose. With c the centre of
+   mass: [m, -m[c x]; m[c x], J - m[c x][c x]]. */
 static void mass_matrix(const anhyst_plant_body *body, double m[AXES][AXES])
 {
   const double *c = body->centre;
-  const double over[3][3] = {{0.0, -c[2], c[1]}, {c[2], 0.0, -c[0]}, {-c[1], c[0], 0.0}};
+  const double cross_matrix[3][3] = {{0.0, -c[2], c[1]}, {c[2], 0.0, -c[0]}, {-c[1], c[0], 0.0}};
   int i;
   int j;
   memset(m, 0, sizeof(double[AXES][AXES]));
   for (i = 0; i < 3; i++) {
     m[i][i] = body->mass;
     for (j = 0; j < 3; j++) {
-      m[3 + i][j] = body->mass * over[i][j];
+      m[3 + i][j] = body->mass * cross_matrix[i][j];
       m[j][3 + i] = m[3 + i][j];
-      m[3 + i][3 + j] = body->inertia[i][j] + body->mass * dot(over[i], over[j]);
+      m[3 + i][3 + j] = body->inertia[i][j] + body->mass * dot(cross_matrix[i], cross_matrix[j]);
     }
   }
 }
 
-/* Fills in what half a sub-step gives; 0 where the mass matrix is not positive. */
-static int take_masses(const anhyst_plant_body *body, anhyst_plant_state *state)
+/* Sets the velocity changes of half a sub-step. Returns 0 if the mass matrix is not positive. */
+static int set_mobility(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   const double half = 0.5 * (body->tick / (double)body->substeps);
   const int n = body->coordinates;
@@ -124,16 +123,16 @@ static int take_masses(const anhyst_plant_body *body, anhyst_plant_state *state)
   int k;
   mass_matrix(body, mass);
   for (k = 0; k < n; k++) {
-    double own[AXES][AXES];
+    double free_mass[AXES][AXES];
     double column[AXES] = {0.0};
     for (i = 0; i < n; i++) {
       int j;
       for (j = 0; j < n; j++) {
-        own[i][j] = mass[body->coordinate[i].axis][body->coordinate[j].axis];
+        free_mass[i][j] = mass[body->coordinate[i].axis][body->coordinate[j].axis];
       }
     }
     column[k] = half;
-    if (!solve(n, own, column)) {
+    if (!solve_linear(n, free_mass, column)) {
       return 0;
     }
     for (i = 0; i < n; i++) {
@@ -143,8 +142,8 @@ static int take_masses(const anhyst_plant_body *body, anhyst_plant_state *state)
   return 1;
 }
 
-/* Fills in how a cable ties the free coordinates to each other: with u = J*(P, th), J'*J. */
-static void take_cable(const anhyst_plant_body *body, anhyst_plant_state *state)
+/* Sets the coupling of the free coordinates by a cable: J'*J, where u = J*(P, th). */
+static void set_cable_matrix(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   const double *c = body->cable.at;
   const double moved[AXES][3] = {{1.0, 0.0, 0.0},    {0.0, 1.0, 0.0},    {0.0, 0.0, 1.0},
@@ -158,27 +157,27 @@ static void take_cable(const anhyst_plant_body *body, anhyst_plant_state *state)
   }
 }
 
-/* What a cable holds a free coordinate back with, of 1 N/m and such a way, or 1 N s/m and such a
-   velocity, of all axes. */
-static double tied(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
-                   const double *way)
+/* Returns the force of a cable on a free coordinate, per N/m and displacement (N s/m and
+   velocity). */
+static double cable_force(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
+                          const double *displacement)
 {
   double sum = 0.0;
   int l;
   for (l = 0; l < body->coordinates; l++) {
-    sum += state->tie[k][l] * way[body->coordinate[l].axis];
+    sum += state->tie[k][l] * displacement[body->coordinate[l].axis];
   }
   return sum;
 }
 
-static double encoder(const anhyst_plant_body *body, const anhyst_plant_state *state)
+static double read_encoder(const anhyst_plant_body *body, const anhyst_plant_state *state)
 {
-  const double at = moved_along(&body->load.line, state->pose, state->can_turn);
+  const double at = displacement_along(&body->load.line, state->pose, state->can_turn);
   const double step = body->load.encoder_step;
   return step > 0.0 ? floor(at / step + 0.5) * step : at;
 }
 
-static void in_space(const anhyst_plant_state *state, double pose[AXES])
+static void absolute_pose(const anhyst_plant_state *state, double pose[AXES])
 {
   int i;
   for (i = 0; i < AXES; i++) {
@@ -190,14 +189,13 @@ static double head_position(const anhyst_plant_head *head, const anhyst_plant_st
 {
   double pose[AXES];
   if (head->base != ANHYST_PLANT_GROUND) {
-    return head->zero + moved_along(&head->line, state->pose, state->can_turn);
+    return head->zero + displacement_along(&head->line, state->pose, state->can_turn);
   }
-  in_space(state, pose);
-  return head->zero + moved_along(&head->line, pose, state->can_turn);
+  absolute_pose(state, pose);
+  return head->zero + displacement_along(&head->line, pose, state->can_turn);
 }
 
-/* Net force at the present pose. */
-static inline void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
+static inline void sum_magnet_forces(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   double *wrench = state->wrench;
   int j;
@@ -205,8 +203,8 @@ static inline void sum_up(const anhyst_plant_body *body, anhyst_plant_state *sta
     wrench[j] = 0.0;
   }
   for (j = 0; j < body->magnets; j++) {
-    push_along(&body->actuator[j].line, state->pose, state->actuator[j].coil.force, state->can_turn,
-               wrench);
+    add_force_along(&body->actuator[j].line, state->pose, state->actuator[j].coil.force,
+                    state->can_turn, wrench);
   }
   state->force = dot(body->force_along, wrench);
 }
@@ -217,7 +215,7 @@ static void find_gaps(const anhyst_plant_body *body, anhyst_plant_state *state)
   for (j = 0; j < body->magnets; j++) {
     const anhyst_plant_actuator *actuator = &body->actuator[j];
     state->actuator[j].gap =
-        actuator->gap_zero - moved_along(&actuator->line, state->pose, state->can_turn);
+        actuator->gap_zero - displacement_along(&actuator->line, state->pose, state->can_turn);
   }
 }
 
@@ -227,11 +225,11 @@ static void start_head(const anhyst_plant_body *body, anhyst_plant_state *state,
   anhyst_plant_sensor_start(&state->head[j].sensing, state->head[j].position);
 }
 
-static void stand(const anhyst_plant_body *body, anhyst_plant_state *state)
+static void settle_sensors(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   int j;
   find_gaps(body, state);
-  state->load_position = encoder(body, state);
+  state->load_position = read_encoder(body, state);
   for (j = 0; j < body->heads; j++) {
     start_head(body, state, j);
   }
@@ -256,13 +254,13 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   }
   anhyst_plant_noise_start(&state->noise, seed);
   anhyst_plant_sensor_start(&state->force_sensing, 0.0);
-  stand(body, state);
-  take_cable(body, state);
+  settle_sensors(body, state);
+  set_cable_matrix(body, state);
   for (j = 0; j < 3; j++) {
     state->weight[j] = body->mass * body->gravity[j];
   }
   cross(body->centre, state->weight, state->weight + 3);
-  return take_masses(body, state);
+  return set_mobility(body, state);
 }
 
 void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state,
@@ -273,7 +271,7 @@ void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state
     state->pose[body->coordinate[k].axis] = pose[k];
     state->velocity[body->coordinate[k].axis] = velocity[k];
   }
-  stand(body, state);
+  settle_sensors(body, state);
 }
 
 void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
@@ -294,18 +292,18 @@ void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state,
                        double current)
 {
   const anhyst_plant_actuator *actuator = &body->actuator[j];
-  anhyst_plant_actuator_state *own = &state->actuator[j];
+  anhyst_plant_actuator_state *magnet_state = &state->actuator[j];
   const double voltage = actuator->magnet.resistance * current;
-  anhyst_plant_coil_lead(&actuator->magnet, &own->coil, current, own->gap, 0.0);
+  anhyst_plant_coil_lead(&actuator->magnet, &magnet_state->coil, current, magnet_state->gap, 0.0);
   if (actuator->amplifier.gain > 0.0) {
-    own->coil.integral = voltage;
-    own->output = current;
+    magnet_state->coil.integral = voltage;
+    magnet_state->output = current;
   } else {
-    own->output = voltage;
+    magnet_state->output = voltage;
   }
-  sum_up(body, state);
-  anhyst_plant_sensor_start(&own->current_sensing, current);
-  anhyst_plant_sensor_start(&own->flux_sensing, own->coil.density);
+  sum_magnet_forces(body, state);
+  anhyst_plant_sensor_start(&magnet_state->current_sensing, current);
+  anhyst_plant_sensor_start(&magnet_state->flux_sensing, magnet_state->coil.density);
   anhyst_plant_sensor_start(&state->force_sensing, state->force);
 }
 
@@ -320,18 +318,18 @@ void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
   }
   for (j = 0; j < body->magnets; j++) {
     const anhyst_plant_actuator *actuator = &body->actuator[j];
-    const anhyst_plant_actuator_state *own = &state->actuator[j];
+    const anhyst_plant_actuator_state *magnet_state = &state->actuator[j];
     readings->current[j] =
-        anhyst_plant_sensor_read(&actuator->current_sensor, &own->current_sensing, noise);
-    readings->density[j] = actuator->has_probe ? anhyst_plant_sensor_read(&actuator->flux_probe,
-                                                                          &own->flux_sensing, noise)
-                                               : (double)NAN;
+        anhyst_plant_sensor_read(&actuator->current_sensor, &magnet_state->current_sensing, noise);
+    readings->density[j] =
+        actuator->has_probe
+            ? anhyst_plant_sensor_read(&actuator->flux_probe, &magnet_state->flux_sensing, noise)
+            : (double)NAN;
   }
   readings->force = anhyst_plant_sensor_read(&body->force_sensor, &state->force_sensing, noise);
 }
 
-/* One amplifier, its winding and the sensors there. */
-static inline void magnet_step(const anhyst_plant_actuator *actuator,
+static inline void step_magnet(const anhyst_plant_actuator *actuator,
                                anhyst_plant_actuator_state *state, double seconds)
 {
   const anhyst_plant_amplifier *amplifier = &actuator->amplifier;
@@ -347,10 +345,10 @@ static inline void magnet_step(const anhyst_plant_actuator *actuator,
     source.voltage = state->output;
   }
   if (state->failure != ANHYST_PLANT_WORKS) {
-    const double open =
-        amplifier->gain > 0.0 ? amplifier->gain : STEEP * actuator->magnet.resistance;
+    const double open_gain =
+        amplifier->gain > 0.0 ? amplifier->gain : OPEN_CIRCUIT_RATIO * actuator->magnet.resistance;
     source.reference = source.reset = source.voltage = state->coil.integral = 0.0;
-    source.gain = state->failure == ANHYST_PLANT_OPEN ? open : 0.0;
+    source.gain = state->failure == ANHYST_PLANT_OPEN ? open_gain : 0.0;
   }
   anhyst_plant_coil_step(&actuator->magnet, &state->coil, &source, state->gap, seconds);
   anhyst_plant_sensor_follow(&actuator->current_sensor, &state->current_sensing, current,
@@ -359,60 +357,60 @@ static inline void magnet_step(const anhyst_plant_actuator *actuator,
                              state->coil.density);
 }
 
-/* The force along each free coordinate without the damping of guide and cable, and the damping. */
+/* Forces along the free coordinates without the damping of guide and cable, and the damping. */
 typedef struct {
   double force[AXES];
   double damping[AXES];
-  int is_damped; /* whether a damping is above zero */
-} pushes;
+  int is_damped; /* whether any damping is above zero */
+} axis_forces;
 
-static inline void push(const anhyst_plant_body *body, const anhyst_plant_state *state, int n,
-                        pushes *found)
+static inline void find_forces(const anhyst_plant_body *body, const anhyst_plant_state *state,
+                               int n, axis_forces *result)
 {
-  double of_load[AXES] = {0.0};
+  double load_wrench[AXES] = {0.0};
   int k;
-  push_along(&body->load.line, state->pose, state->load, state->can_turn, of_load);
-  found->is_damped = body->cable.damping > 0.0;
+  add_force_along(&body->load.line, state->pose, state->load, state->can_turn, load_wrench);
+  result->is_damped = body->cable.damping > 0.0;
   for (k = 0; k < n; k++) {
     const anhyst_plant_coordinate *c = &body->coordinate[k];
     const int axis = c->axis;
     const double at = state->pose[axis];
-    const double over = at > c->stop_high  ? at - c->stop_high
-                        : at < c->stop_low ? at - c->stop_low
-                                           : 0.0;
+    const double stop_overlap = at > c->stop_high  ? at - c->stop_high
+                                : at < c->stop_low ? at - c->stop_low
+                                                   : 0.0;
     double damping = c->damping;
-    if (over > 0.0 || over < 0.0) {
+    if (stop_overlap > 0.0 || stop_overlap < 0.0) {
       damping += c->stop_damping;
     }
-    found->damping[k] = damping;
-    found->is_damped |= damping > 0.0;
-    found->force[k] = of_load[axis] + state->weight[axis] + state->wrench[axis] -
-                      c->stop_stiffness * over +
-                      damping * state->frame_velocity[axis]; /* it rides on the frame */
+    result->damping[k] = damping;
+    result->is_damped |= damping > 0.0;
+    result->force[k] = load_wrench[axis] + state->weight[axis] + state->wrench[axis] -
+                       c->stop_stiffness * stop_overlap +
+                       damping * state->frame_velocity[axis]; /* the damper is fixed to the frame */
   }
   if (body->cable.stiffness > 0.0) {
     double pose[AXES];
-    in_space(state, pose);
+    absolute_pose(state, pose);
     for (k = 0; k < n; k++) {
-      found->force[k] -= body->cable.stiffness * tied(body, state, k, pose);
+      result->force[k] -= body->cable.stiffness * cable_force(body, state, k, pose);
     }
   }
 }
 
-/* Half a sub-step of the velocity: the damping of its beginning. */
-static inline void begin_motion(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
-                                const pushes *pushing)
+/* Advances the velocity by half a sub-step, with the damping at its start. */
+static inline void start_half_step(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                                   const axis_forces *forces)
 {
   double force[AXES];
   int k;
   int l;
   for (l = 0; l < n; l++) {
-    force[l] = pushing->force[l];
-    if (pushing->is_damped) {
-      force[l] -= pushing->damping[l] * state->velocity[body->coordinate[l].axis];
+    force[l] = forces->force[l];
+    if (forces->is_damped) {
+      force[l] -= forces->damping[l] * state->velocity[body->coordinate[l].axis];
     }
     if (body->cable.damping > 0.0) {
-      force[l] -= body->cable.damping * tied(body, state, l, state->velocity);
+      force[l] -= body->cable.damping * cable_force(body, state, l, state->velocity);
     }
   }
   for (k = 0; k < n; k++) {
@@ -424,8 +422,9 @@ static inline void begin_motion(const anhyst_plant_body *body, anhyst_plant_stat
   }
 }
 
-/* What the damping of a cable takes of a velocity in half a sub-step. */
-static double eased(const anhyst_plant_body *body, const anhyst_plant_state *state, int k, int l)
+/* Returns the relative velocity change by the damping of a cable in half a sub-step. */
+static double cable_damping_term(const anhyst_plant_body *body, const anhyst_plant_state *state,
+                                 int k, int l)
 {
   double sum = 0.0;
   int i;
@@ -435,33 +434,34 @@ static double eased(const anhyst_plant_body *body, const anhyst_plant_state *sta
   return sum;
 }
 
-/* The other half: the damping of its end, (1 + ease*damping)*v = v + ease*pushing. */
-static inline void end_motion(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
-                              const pushes *pushing)
+/* Advances the velocity by the other half, damping at its end: (1+ease*damping)*v =
+   v+ease*force. */
+static inline void end_half_step(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                                 const axis_forces *forces)
 {
-  double left[AXES][AXES];
+  double matrix[AXES][AXES];
   double velocity[AXES];
   int k;
   int l;
   for (k = 0; k < n; k++) {
     velocity[k] = state->velocity[body->coordinate[k].axis];
     for (l = 0; l < n; l++) {
-      velocity[k] += state->ease[k][l] * pushing->force[l];
-      left[k][l] =
-          (k == l ? 1.0 : 0.0) + state->ease[k][l] * pushing->damping[l] + eased(body, state, k, l);
+      velocity[k] += state->ease[k][l] * forces->force[l];
+      matrix[k][l] = (k == l ? 1.0 : 0.0) + state->ease[k][l] * forces->damping[l] +
+                     cable_damping_term(body, state, k, l);
     }
   }
-  if (pushing->is_damped) { /* otherwise the matrix is the identity */
-    (void)solve(n, left, velocity);
+  if (forces->is_damped) { /* otherwise the matrix is the identity */
+    (void)solve_linear(n, matrix, velocity);
   }
   for (k = 0; k < n; k++) {
     state->velocity[body->coordinate[k].axis] = velocity[k];
   }
 }
 
-/* Goes on by one sub-step. pushing: what push() finds at its beginning, and then at its end. */
-static inline void substep(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
-                           double seconds, double load_command, pushes *pushing)
+/* Advances by one sub-step. forces: on entry those at its start, on return those at its end. */
+static inline void run_substep(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                               double seconds, double load_command, axis_forces *forces)
 {
   const double force = state->force;
   int j;
@@ -472,7 +472,7 @@ static inline void substep(const anhyst_plant_body *body, anhyst_plant_state *st
     state->due[state->at] = 0;
   }
   state->at = (state->at + 1U) & MASK;
-  begin_motion(body, state, n, pushing);
+  start_half_step(body, state, n, forces);
   for (j = 0; j < n; j++) {
     const int axis = body->coordinate[j].axis;
     state->pose[axis] += seconds * (state->velocity[axis] - state->frame_velocity[axis]);
@@ -480,32 +480,32 @@ static inline void substep(const anhyst_plant_body *body, anhyst_plant_state *st
   }
   find_gaps(body, state);
   for (j = 0; j < body->magnets; j++) {
-    magnet_step(&body->actuator[j], &state->actuator[j], seconds);
+    step_magnet(&body->actuator[j], &state->actuator[j], seconds);
   }
-  sum_up(body, state);
+  sum_magnet_forces(body, state);
   state->load += body->load.share * (load_command - state->load);
-  push(body, state, n, pushing);
-  end_motion(body, state, n, pushing);
+  find_forces(body, state, n, forces);
+  end_half_step(body, state, n, forces);
   for (j = 0; j < body->heads; j++) {
-    const double before = state->head[j].position;
+    const double last_position = state->head[j].position;
     state->head[j].position = head_position(&body->head[j], state);
-    anhyst_plant_sensor_follow(&body->head[j].sensor, &state->head[j].sensing, before,
+    anhyst_plant_sensor_follow(&body->head[j].sensor, &state->head[j].sensing, last_position,
                                state->head[j].position);
   }
   anhyst_plant_sensor_follow(&body->force_sensor, &state->force_sensing, force, state->force);
 }
 
-/* Goes on by the sub-steps of one tick. n: the number of free coordinates. Its caller names a
-   single one as a constant, for which the compiler leaves out the loops. */
+/* Advances by the sub-steps of one tick. n: the number of free coordinates. The caller passes a
+   single coordinate as a constant, for which the compiler removes the loops. */
 static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                 double load_command)
 {
   const double seconds = body->tick / (double)body->substeps;
-  pushes pushing;
+  axis_forces forces;
   int j;
-  push(body, state, n, &pushing);
+  find_forces(body, state, n, &forces);
   for (j = 0; j < body->substeps; j++) {
-    substep(body, state, n, seconds, load_command, &pushing);
+    run_substep(body, state, n, seconds, load_command, &forces);
   }
 }
 
@@ -513,15 +513,15 @@ void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *sta
                           const double *command, double load)
 {
   const unsigned due = (state->at + (unsigned)body->delay) & MASK;
-  const anhyst_plant_load *drive = &body->load; /* its state controller comes first */
-  const double at = encoder(body, state);
-  const double velocity = (at - state->load_position) / body->tick;
+  const anhyst_plant_load *drive = &body->load; /* its state controller runs first */
+  const double position = read_encoder(body, state);
+  const double velocity = (position - state->load_position) / body->tick;
   double load_command;
   int j;
   state->load_velocity += drive->velocity_share * (velocity - state->load_velocity);
-  state->load_position = at;
+  state->load_position = position;
   load_command =
-      load - drive->damping * state->load_velocity - drive->stiffness * (at - drive->rest);
+      load - drive->damping * state->load_velocity - drive->stiffness * (position - drive->rest);
   for (j = 0; j < body->magnets; j++) {
     const anhyst_plant_amplifier *amplifier = &body->actuator[j].amplifier;
     state->actuator[j].line[due] =

@@ -4,14 +4,12 @@
 #include <math.h>
 #include <stddef.h>
 
-/* Currents of a record stand one after the other. */
 #define MAGNETS (ANHYST_BUS_DRIVE_STATE - ANHYST_BUS_DRIVE_DRIVE)
 #define Q30 1073741824.0
 #define Q31 2147483648.0
 
-/* What the nearest code would be, halves up; beyond the codes the nearest end; the sensor's error
-   code where there is no number. */
-static uint32_t code(double value, double one)
+/* Returns the nearest code, halves upwards; saturates; the sensor's error code for NaN. */
+static uint32_t to_code(double value, double one)
 {
   const double place = value * one + 0.5;
   if (isnan(place)) {
@@ -23,13 +21,13 @@ static uint32_t code(double value, double one)
   return (uint32_t)(place <= 1.0 - Q31 ? INT32_C(-2147483647) : (int32_t)floor(place));
 }
 
-static int32_t number(uint32_t word)
+static int32_t to_signed(uint32_t word)
 {
   return word < UINT32_C(0x80000000) ? (int32_t)word
                                      : (int32_t)((int64_t)word - INT64_C(0x100000000));
 }
 
-static double fraction(uint32_t word) { return (double)number(word) / Q31; }
+static double to_fraction(uint32_t word) { return (double)to_signed(word) / Q31; }
 
 void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
                                 anhyst_loop_answer *answer)
@@ -45,9 +43,9 @@ void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
   }
   words[ANHYST_BUS_SAMPLE_TICK] = bus->tick;
   words[ANHYST_BUS_SAMPLE_POSITION] =
-      code((scales->gap_middle - sample->head[0]) / scales->position, Q31);
+      to_code((scales->gap_middle - sample->head[0]) / scales->position, Q31);
   for (i = 0; i < MAGNETS && i < sample->magnets; i++) {
-    words[ANHYST_BUS_SAMPLE_CURRENT + i] = code(sample->current[i] / scales->current, Q30);
+    words[ANHYST_BUS_SAMPLE_CURRENT + i] = to_code(sample->current[i] / scales->current, Q30);
   }
   bus->firmware_tick(bus->firmware, words, bus->drive);
   answer->gone = bus->drive[ANHYST_BUS_DRIVE_TICK] != bus->tick;
@@ -55,11 +53,11 @@ void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
     return;
   }
   for (i = 0; i < MAGNETS && i < sample->magnets; i++) {
-    answer->current[i] = fraction(bus->drive[ANHYST_BUS_DRIVE_DRIVE + i]) * scales->current;
+    answer->current[i] = to_fraction(bus->drive[ANHYST_BUS_DRIVE_DRIVE + i]) * scales->current;
   }
   answer->reference[0] =
-      scales->gap_middle - fraction(bus->drive[ANHYST_BUS_DRIVE_REFERENCE]) * scales->position;
-  answer->demand[0] = fraction(bus->drive[ANHYST_BUS_DRIVE_DEMAND]) * scales->demand;
+      scales->gap_middle - to_fraction(bus->drive[ANHYST_BUS_DRIVE_REFERENCE]) * scales->position;
+  answer->demand[0] = to_fraction(bus->drive[ANHYST_BUS_DRIVE_DEMAND]) * scales->demand;
   answer->state = (uint16_t)(16U * (bus->drive[ANHYST_BUS_DRIVE_STATE] & 0xFFU) +
                              (bus->drive[ANHYST_BUS_DRIVE_MODE] >> 16));
   answer->flags = (uint16_t)(bus->drive[ANHYST_BUS_DRIVE_MODE] & 0xFFFFU);

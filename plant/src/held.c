@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst_plant/held.h"
 
-static void amplify(const anhyst_plant_held *held, anhyst_plant_held_state *s, double reference)
+static void step_amplifier(const anhyst_plant_held *held, anhyst_plant_held_state *s,
+                           double reference)
 {
-  const double missing = s->reference - held->zero - s->current;
-  const double wanted =
-      s->current + anhyst_plant_bound(held->share * missing, -held->most, held->most);
-  s->current = wanted > held->low ? wanted : held->low;
+  const double error = s->reference - held->zero - s->current;
+  const double unlimited =
+      s->current + anhyst_plant_bound(held->share * error, -held->most, held->most);
+  s->current = unlimited > held->low ? unlimited : held->low;
   s->reference = anhyst_plant_convert(reference, held->low, held->high, held->step);
 }
 
@@ -15,8 +16,8 @@ void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_sta
 {
   double quantity[ANHYST_HELD_SENSORS];
   int i;
-  if (state->begun) { /* nothing comes before the first tick */
-    amplify(held, state, reference);
+  if (state->begun) { /* the first tick has no previous one */
+    step_amplifier(held, state, reference);
   }
   if (held->seconds > 0.0) {
     anhyst_plant_coil_follow(&held->magnet, &state->coil, state->current, gap, held->seconds);

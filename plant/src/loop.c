@@ -4,7 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-/* The number of columns of each shape of signal. */
 #define COUNTS(body) {1, (body)->coordinates, (body)->heads, (body)->magnets}
 
 #define ROW(name, text, unit, angular, shape, value) {text, unit, angular, ANHYST_EACH_##shape},
@@ -41,40 +40,40 @@ static double *write_row(const anhyst_plant_loop *loop, const anhyst_loop_sample
   return row;
 }
 
-static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t i,
+static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t i,
                         anhyst_loop_sample *sample)
 {
   const anhyst_plant_body *body = loop->body;
   const size_t row = i * (size_t)body->coordinates;
   const double *inject = events->inject + row;
-  double *current = loop->room + body->magnets; /* behind the commands */
+  double *current = loop->room + body->magnets; /* after the commands */
   double *flux = current + body->magnets;
   double *head = flux + body->magnets;
   double *position = head + body->heads;
-  double *last =
-      position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* behind the answer */
+  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* after the answer */
   const uint32_t command = events->command[i];
-  int fails;
+  int has_failed;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
-  double away[ANHYST_PLANT_AXES] = {0.0};
-  double ridden[ANHYST_PLANT_AXES] = {0.0}; /* with the frame, and what is injected */
+  double injected[ANHYST_PLANT_AXES] = {0.0};
+  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* frame plus injected signal */
   int j;
   anhyst_plant_read(body, loop->state, &readings);
   for (j = 0; j < body->coordinates; j++) {
     const int axis = body->coordinate[j].axis;
-    away[axis] = inject[j];
-    ridden[axis] = inject[j] + (events->frame ? events->frame[row + (size_t)j] : 0.0);
+    injected[axis] = inject[j];
+    injected_with_frame[axis] = inject[j] + (events->frame ? events->frame[row + (size_t)j] : 0.0);
     position[j] = loop->state->pose[axis] + (events->frame ? events->frame[row + (size_t)j] : 0.0) +
                   inject[j];
   }
   for (j = 0; j < body->heads; j++) {
-    head[j] += anhyst_plant_moved(&body->head[j].line,
-                                  body->head[j].base == ANHYST_PLANT_BODY ? ridden : away);
-    fails = command & ANHYST_LOOP_HEADS && j >= body->magnets &&
-            command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U;
-    if (command & ANHYST_LOOP_DROP || (fails && command & ANHYST_LOOP_MISSING)) {
+    head[j] += anhyst_plant_moved(&body->head[j].line, body->head[j].base == ANHYST_PLANT_BODY
+                                                           ? injected_with_frame
+                                                           : injected);
+    has_failed = command & ANHYST_LOOP_HEADS && j >= body->magnets &&
+                 command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U;
+    if (command & ANHYST_LOOP_DROP || (has_failed && command & ANHYST_LOOP_MISSING)) {
       head[j] = (double)NAN;
-    } else if (fails) {
+    } else if (has_failed) {
       head[j] = command & ANHYST_LOOP_FROZEN ? last[j] : head[j] + ANHYST_LOOP_JUMP;
     }
     last[j] = head[j];
@@ -91,9 +90,9 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   sample->command = command & 0xFFU;
 }
 
-/* What the amplifiers are given: currents, or voltages that bring them to their references. */
-static void to_amplifiers(anhyst_plant_loop *loop, const double *reference, const double *read,
-                          double *command)
+/* Sets the commands of the amplifiers: currents, or voltages of the current controllers. */
+static void set_commands(anhyst_plant_loop *loop, const double *reference, const double *read,
+                         double *command)
 {
   int j;
   for (j = 0; j < loop->body->magnets; j++) {
@@ -101,23 +100,23 @@ static void to_amplifiers(anhyst_plant_loop *loop, const double *reference, cons
     command[j] = reference[j];
     if (c->gain > 0.0) {
       const double error = reference[j] - read[j];
-      const double wanted = c->resistance * reference[j] + c->gain * error + c->integral;
-      command[j] = anhyst_plant_bound(wanted, -c->limit, c->limit);
-      if (fabs(wanted) < c->limit) {
+      const double unlimited = c->resistance * reference[j] + c->gain * error + c->integral;
+      command[j] = anhyst_plant_bound(unlimited, -c->limit, c->limit);
+      if (fabs(unlimited) < c->limit) {
         c->integral += c->reset * error;
       }
     }
   }
 }
 
-/* Which amplifiers work from now on. */
-static void fail(anhyst_plant_loop *loop, uint32_t command)
+/* Sets the failures of the amplifiers from now on. */
+static void set_failures(anhyst_plant_loop *loop, uint32_t command)
 {
   int j;
   for (j = 0; j < loop->body->magnets && j < 16; j++) {
-    const uint32_t fails =
+    const uint32_t has_failed =
         command & ANHYST_LOOP_HEADS ? 0U : command >> (ANHYST_LOOP_FAILS + j) & 1U;
-    loop->state->actuator[j].failure = fails == 0U                   ? ANHYST_PLANT_WORKS
+    loop->state->actuator[j].failure = has_failed == 0U              ? ANHYST_PLANT_WORKS
                                        : command & ANHYST_LOOP_SHORT ? ANHYST_PLANT_SHORT
                                                                      : ANHYST_PLANT_OPEN;
   }
@@ -131,29 +130,29 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
   const size_t coordinates = (size_t)body->coordinates;
   const double *q = loop->state->pose;
   double *command = loop->room;
-  double *answered = command + 3 * magnets + (size_t)body->heads + coordinates;
+  double *answer_arrays = command + 3 * magnets + (size_t)body->heads + coordinates;
   size_t i;
   size_t j;
   for (i = 0; i < n; i++) {
     anhyst_loop_sample sample;
     anhyst_loop_answer answer = {
-        answered, answered + magnets, answered + magnets + coordinates, 0, 0, 0};
-    memset(answered, 0, (magnets + 2 * coordinates) * sizeof *answered);
+        answer_arrays, answer_arrays + magnets, answer_arrays + magnets + coordinates, 0, 0, 0};
+    memset(answer_arrays, 0, (magnets + 2 * coordinates) * sizeof *answer_arrays);
     if (events->frame && loop->ticks == 0) {
       anhyst_plant_ride(body, loop->state, events->frame);
     }
-    take_sample(loop, events, i, &sample);
+    make_sample(loop, events, i, &sample);
     loop->controller.tick(loop->controller.self, &sample, &answer);
     if (answer.gone) {
       return i;
     }
     record = write_row(loop, &sample, &answer, record);
-    to_amplifiers(loop, answer.current, sample.current, command);
-    fail(loop, events->command[i]);
+    set_commands(loop, answer.current, sample.current, command);
+    set_failures(loop, events->command[i]);
     for (j = 0; events->frame && j < coordinates; j++) {
       const double *now = events->frame + i * coordinates + j;
       const int axis = body->coordinate[j].axis;
-      loop->state->frame[axis] = now[0]; /* of the way here nothing adds up */
+      loop->state->frame[axis] = now[0]; /* prevents accumulated rounding errors */
       loop->state->frame_velocity[axis] = (now[coordinates] - now[0]) / body->tick;
     }
     anhyst_plant_advance(body, loop->state, command, events->load[i]);

@@ -6,54 +6,52 @@
 
 #include "anhyst_plant/sensor.h"
 
-/* Of the flux density, T: less than 1e-6 of the largest force of a magnet of 1 T and more. */
+/* Error of the flux density, T: less than 1e-6 of the largest force of a magnet of at least 1 T. */
 #define TOLERANCE 1e-7
 #define ITERATIONS 100
-#define CONE_TOLERANCE 1e-10 /* the same where a cone is, T */
-#define SUBSTEPS 8           /* of a way that takes time */
+#define CONE_TOLERANCE 1e-10 /* error of the flux density with a cone, T */
+#define SUBSTEPS 8           /* of a movement with a duration */
 
 typedef struct {
-  double outer;    /* reluctance that the flux of the iron passes outside it, 1/H */
-  double share;    /* of it that passes the gaps */
-  double per_area; /* 1/(area of a gap, fringes included), 1/m^2 */
-  double widens;   /* 1 - gap*(change of the area for each metre)/area */
-  double moved;    /* of a bias: by so much from the middle towards the force, m */
+  double outer;           /* reluctance in series with the iron, 1/H */
+  double share;           /* part of the flux that passes the gaps */
+  double per_area;        /* 1/(area of a gap including fringing), 1/m^2 */
+  double fringing_factor; /* 1 - gap*(derivative of the area per metre)/area */
+  double displacement;    /* with a bias: displacement from the middle along the force, m */
   anhyst_plant_cone_gap cone;
-} around;
+} outer_circuit;
 
-/* What the ampere-turns over a cone count for in an equation of the iron. */
+/* The ampere-turns over a cone as a term of the equation of the iron. */
 typedef struct {
   const anhyst_plant_cone_gap *at;
   double area;   /* of the iron, m^2 */
-  double weight; /* of an ampere-turn in the equation */
-  double over;   /* found last, A */
-} over_cone;
+  double weight; /* coefficient of the ampere-turns in the equation */
+  double mmf;    /* last solution, A */
+} cone_term;
 
-/* Where a step ends. */
 typedef struct {
-  around around; /* the iron; circuit only */
-  double gap;    /* m */
-  double half;   /* of the step, s */
-  double eddies; /* what they take of the current, A for each V that is induced */
-  double begun;  /* flux linkage there, but for what the end itself adds, Wb */
-} ending;
+  outer_circuit outer; /* of the iron; circuit only */
+  double gap;          /* m */
+  double half;         /* half the step, s */
+  double eddies;       /* current of the eddy currents per induced volt, A/V */
+  double psi_start;    /* flux linkage without the terms of the end itself, Wb */
+} step_end;
 
-/* What is found there. */
 typedef struct {
   anhyst_plant_goal goal;    /* of the iron; circuit only */
   anhyst_plant_soaked solid; /* of solid iron */
-  double over;               /* ampere-turns over a cone, A */
-  double steady;             /* current that the field needs, A */
-  double current;            /* with that of the eddies, A */
-} reached;
+  double mmf;                /* ampere-turns over a cone, A */
+  double steady;             /* current for the field, A */
+  double current;            /* including the eddy currents, A */
+} solution;
 
-static inline void around_iron(const anhyst_plant_circuit *c, double gap, around *found)
+static inline void find_circuit(const anhyst_plant_circuit *c, double gap, outer_circuit *found)
 {
   found->outer = c->joints;
   found->share = 1.0;
-  found->per_area = 0.0; /* nothing reads it of a cone */
-  found->widens = 1.0;
-  found->moved = c->middle - gap;
+  found->per_area = 0.0; /* not used with a cone */
+  found->fringing_factor = 1.0;
+  found->displacement = c->middle - gap;
   if (c->cone) {
     anhyst_plant_cone_at(c->cone, gap, &found->cone);
   } else if (c->bias == 0.0) {
@@ -64,49 +62,51 @@ static inline void around_iron(const anhyst_plant_circuit *c, double gap, around
     found->share = permeance * outer;
     found->outer += outer;
     found->per_area = per_area;
-    found->widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * per_area;
+    found->fringing_factor = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * per_area;
   } else {
     found->per_area = 1.0 / c->iron_area;
   }
 }
 
-static inline void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_coil *coil)
+static inline void update_force(const anhyst_plant_circuit *c, const outer_circuit *outer,
+                                anhyst_plant_coil *coil)
 {
-  const double flux = coil->iron.density * c->iron_area * at->share;
+  const double flux = coil->iron.density * c->iron_area * outer->share;
   if (c->cone) {
     double slope;
-    coil->over = anhyst_plant_cone_mmf(&at->cone, flux, coil->over, &slope);
-    coil->density = ANHYST_PLANT_MU0 * coil->over / at->cone.gap;
-    coil->force = anhyst_plant_cone_force(&at->cone, coil->over);
+    coil->over = anhyst_plant_cone_mmf(&outer->cone, flux, coil->over, &slope);
+    coil->density = ANHYST_PLANT_MU0 * coil->over / outer->cone.gap;
+    coil->force = anhyst_plant_cone_force(&outer->cone, coil->over);
     return;
   }
-  coil->density = flux * at->per_area;
-  coil->force = c->bias == 0.0 ? flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens
-                               : c->bias * flux - c->spring * at->moved;
+  coil->density = flux * outer->per_area;
+  coil->force = c->bias == 0.0
+                    ? flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * outer->fringing_factor
+                    : c->bias * flux - c->spring * outer->displacement;
 }
 
-static double needs_over_cone(void *self, double density, double *slope)
+static double cone_mmf(void *self, double density, double *slope)
 {
-  over_cone *of = (over_cone *)self;
-  of->over = anhyst_plant_cone_mmf(of->at, of->area * density, of->over, slope);
-  *slope *= of->weight * of->area;
-  return of->weight * of->over;
+  cone_term *term = (cone_term *)self;
+  term->mmf = anhyst_plant_cone_mmf(term->at, term->area * density, term->mmf, slope);
+  *slope *= term->weight * term->area;
+  return term->weight * term->mmf;
 }
 
-/* Field and flux density of the iron, for which a*H + b*B = r, to within a flux density; of a cone
-   with its ampere-turns, so much for each. */
-static inline void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
-                                const around *at, const anhyst_plant_asked *asked, double weight,
-                                double tolerance, reached *found)
+/* Solves a*H + b*B = r for field and flux density of the iron, within a tolerance of the flux
+   density. With a cone, its ampere-turns are added with this weight. */
+static inline void solve_iron(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
+                              const outer_circuit *outer, const anhyst_plant_asked *asked,
+                              double weight, double tolerance, solution *found)
 {
-  found->over = 0.0;
+  found->mmf = 0.0;
   if (c->cone) {
-    over_cone of = {&at->cone, c->iron_area, weight, coil->over};
-    const anhyst_plant_beyond beyond = {needs_over_cone, &of};
-    const double least = weight * c->iron_area / (at->cone.straight + at->cone.cone);
+    cone_term term = {&outer->cone, c->iron_area, weight, coil->over};
+    const anhyst_plant_beyond extra_term = {cone_mmf, &term};
+    const double min_slope = weight * c->iron_area / (outer->cone.straight + outer->cone.cone);
     anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r,
-                       (asked->b + least) * CONE_TOLERANCE, &beyond, &found->goal);
-    found->over = of.over;
+                       (asked->b + min_slope) * CONE_TOLERANCE, &extra_term, &found->goal);
+    found->mmf = term.mmf;
     found->solid.field = found->goal.field;
     found->solid.density = found->goal.density;
   } else if (c->solid) {
@@ -119,7 +119,7 @@ static inline void iron_answers(const anhyst_plant_circuit *c, const anhyst_plan
   }
 }
 
-static void iron_moves(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, const reached *found)
+static void move_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, const solution *found)
 {
   if (c->solid) {
     anhyst_plant_soaked_move(&c->iron, c->solid, coil->volume, &coil->iron, &found->solid);
@@ -128,27 +128,27 @@ static void iron_moves(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, c
   }
 }
 
-/* psi(current) at a gap, and its slope. */
-static double linkage(const anhyst_plant_flux_table *t, double current, double gap, double *slope)
+static double flux_linkage(const anhyst_plant_flux_table *t, double current, double gap,
+                           double *slope)
 {
   const double row = anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
                      (double)(t->gaps - 1);
   const int above = row >= (double)(t->gaps - 1) ? t->gaps - 2 : (int)row;
-  const double between = row - (double)above;
+  const double row_share = row - (double)above;
   const double step = t->current_high / (double)(t->currents - 1);
-  const double place = fabs(current) / step;
-  const int left = place >= (double)(t->currents - 1) ? t->currents - 2 : (int)place;
-  const double *low = t->psi + (size_t)above * (size_t)t->currents + left;
+  const double column_position = fabs(current) / step;
+  const int column =
+      column_position >= (double)(t->currents - 1) ? t->currents - 2 : (int)column_position;
+  const double *low = t->psi + (size_t)above * (size_t)t->currents + column;
   const double *high = low + t->currents;
-  const double begin = low[0] + between * (high[0] - low[0]);
-  const double end = low[1] + between * (high[1] - low[1]);
+  const double begin = low[0] + row_share * (high[0] - low[0]);
+  const double end = low[1] + row_share * (high[1] - low[1]);
   *slope = (end - begin) / step;
-  return copysign(begin + (place - (double)left) * (end - begin), current);
+  return copysign(begin + (column_position - (double)column) * (end - begin), current);
 }
 
-/* The current for which psi(current) + b*current = r. */
-static double current_for(const anhyst_plant_flux_table *t, double gap, double b, double r,
-                          double start)
+static double solve_linkage(const anhyst_plant_flux_table *t, double gap, double b, double r,
+                            double start)
 {
   double current = start;
   double low = -HUGE_VAL;
@@ -156,9 +156,9 @@ static double current_for(const anhyst_plant_flux_table *t, double gap, double b
   int i;
   for (i = 0; i < ITERATIONS; i++) {
     double slope;
-    const double left = r - linkage(t, current, gap, &slope) - b * current;
-    const double next = current + left / (slope + b);
-    if (left > 0.0) {
+    const double residual = r - flux_linkage(t, current, gap, &slope) - b * current;
+    const double next = current + residual / (slope + b);
+    if (residual > 0.0) {
       low = current;
     } else {
       high = current;
@@ -171,7 +171,7 @@ static double current_for(const anhyst_plant_flux_table *t, double gap, double b
   return current;
 }
 
-static anhyst_plant_row row_at(const anhyst_plant_law *law, double gap)
+static anhyst_plant_row interpolate_row(const anhyst_plant_law *law, double gap)
 {
   const anhyst_plant_flux_table *t = &law->table;
   const double place =
@@ -191,27 +191,27 @@ static anhyst_plant_row row_at(const anhyst_plant_law *law, double gap)
   return found;
 }
 
-/* Takes the law to a current; where it has no solution its state stays. The eddy currents follow
-   the flux density by the backward formula of second order, which rings at no step. */
-static void law_moves(const anhyst_plant_law *law, anhyst_plant_coil *coil, double gap,
-                      double per_second)
+/* Moves the law to a current; without a solution, its state does not change. The eddy currents use
+   the backward formula of second order, which causes no ringing. */
+static void move_law(const anhyst_plant_law *law, anhyst_plant_coil *coil, double gap,
+                     double per_second)
 {
-  const anhyst_plant_row row = row_at(law, gap);
-  const double before = anhyst_flux_of_f64(law->iron, &coil->law);
-  const double opposing = law->eddy * per_second;
+  const anhyst_plant_row row = interpolate_row(law, gap);
+  const double flux_before = anhyst_flux_of_f64(law->iron, &coil->law);
+  const double eddy_mmf = law->eddy * per_second;
   anhyst_circuit_f64 circuit;
   double flux;
   circuit.gap_ratio = row.gap_ratio;
-  circuit.eddy = 1.5 * opposing;
+  circuit.eddy = 1.5 * eddy_mmf;
   (void)anhyst_commit_f64(law->iron, &coil->law, &circuit,
-                          row.drive * (coil->current - row.zero) + 0.5 * opposing * coil->stride);
+                          row.drive * (coil->current - row.zero) + 0.5 * eddy_mmf * coil->stride);
   flux = anhyst_flux_of_f64(law->iron, &coil->law);
-  coil->stride = flux - before;
+  coil->stride = flux - flux_before;
   coil->density = row.density * flux;
   coil->force = row.gain * flux * flux + row.offset;
 }
 
-/* What the eddy currents take of the winding's current, A for each V that is induced in it. */
+/* Returns the part of the winding's current that the eddy currents take, A per induced volt. */
 static double eddy_share(const anhyst_plant_magnet *magnet)
 {
   const anhyst_plant_circuit *c = magnet->circuit;
@@ -220,8 +220,8 @@ static double eddy_share(const anhyst_plant_magnet *magnet)
              : 0.0;
 }
 
-/* Current that flows where the field alone needs so much of it; without eddies exactly that. */
-static inline double current_under(const anhyst_plant_magnet *magnet, double eddies, double steady,
+/* Returns the total current for the current of the field; equal without eddy currents. */
+static inline double total_current(const anhyst_plant_magnet *magnet, double eddies, double steady,
                                    const anhyst_plant_source *s)
 {
   return eddies > 0.0 ? (steady + eddies * (s->gain * s->reference + s->voltage)) /
@@ -229,9 +229,10 @@ static inline double current_under(const anhyst_plant_magnet *magnet, double edd
                       : steady;
 }
 
-/* Where its voltage is beyond the limit, makes of a source one that gives the limit; returns
-   whether it did. The current then lies even farther from the reference, where the limit holds. */
-static inline int limited(anhyst_plant_source *s, double current)
+/* Replaces a source whose voltage exceeds the limit by a source of the limit voltage, and returns
+   whether it did. The current is then even farther from the reference, and the limit still
+   applies. */
+static inline int limit_source(anhyst_plant_source *s, double current)
 {
   const double voltage = s->gain * (s->reference - current) + s->voltage;
   if (fabs(voltage) <= s->limit) {
@@ -242,43 +243,46 @@ static inline int limited(anhyst_plant_source *s, double current)
   return 1;
 }
 
-/* Takes iron and current to the end of a step of twice so many seconds. The flux linkage there is
-   begun, plus what the end adds. */
-static inline void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
-                             const anhyst_plant_source *s, const ending *end, reached *found)
+/* Solves for iron and current at the end of a step of twice end->half. The flux linkage there is
+   psi_start plus the terms of the end. */
+static inline void solve_step_end(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
+                                  const anhyst_plant_source *s, const step_end *end,
+                                  solution *found)
 {
-  const double given = s->gain * s->reference + s->voltage;
-  const double taken = s->gain + magnet->resistance;
+  const double source_voltage = s->gain * s->reference + s->voltage;
+  const double total_resistance = s->gain + magnet->resistance;
   if (magnet->circuit) {
     const anhyst_plant_circuit *c = magnet->circuit;
-    const double half = end->eddies > 0.0 ? end->half / (1.0 + end->eddies * taken) : end->half;
+    const double half =
+        end->eddies > 0.0 ? end->half / (1.0 + end->eddies * total_resistance) : end->half;
     const double per_field = c->iron_length / magnet->turns;
-    const double per_density = end->around.outer * c->iron_area / magnet->turns;
+    const double per_density = end->outer.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
-    const double moved = c->bias == 0.0 ? 0.0 : c->bias * end->around.moved / magnet->turns;
-    const anhyst_plant_asked asked = {half * taken * per_field, weight + half * taken * per_density,
-                                      end->begun + half * (given + taken * moved), 0.5 / end->half};
-    iron_answers(c, coil, &end->around, &asked, half * taken / magnet->turns, weight * TOLERANCE,
-                 found);
+    const double moved = c->bias == 0.0 ? 0.0 : c->bias * end->outer.displacement / magnet->turns;
+    const anhyst_plant_asked asked = {
+        half * total_resistance * per_field, weight + half * total_resistance * per_density,
+        end->psi_start + half * (source_voltage + total_resistance * moved), 0.5 / end->half};
+    solve_iron(c, coil, &end->outer, &asked, half * total_resistance / magnet->turns,
+               weight * TOLERANCE, found);
     found->steady = per_field * found->solid.field + per_density * found->solid.density - moved;
     if (c->cone) {
-      found->steady += found->over / magnet->turns;
+      found->steady += found->mmf / magnet->turns;
     }
   } else {
-    found->steady = current_for(&magnet->law->table, end->gap, end->half * taken,
-                                end->begun + end->half * given, coil->steady);
+    found->steady = solve_linkage(&magnet->law->table, end->gap, end->half * total_resistance,
+                                  end->psi_start + end->half * source_voltage, coil->steady);
   }
-  found->current = current_under(magnet, end->eddies, found->steady, s);
+  found->current = total_current(magnet, end->eddies, found->steady, s);
 }
 
-static inline void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                                const ending *end, const reached *found)
+static inline void commit_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                               const step_end *end, const solution *found)
 {
   if (magnet->circuit) {
-    iron_moves(magnet->circuit, coil, found);
-    pull(magnet->circuit, &end->around, coil);
+    move_iron(magnet->circuit, coil, found);
+    update_force(magnet->circuit, &end->outer, coil);
   } else {
-    law_moves(magnet->law, coil, end->gap, 0.5 / end->half);
+    move_law(magnet->law, coil, end->gap, 0.5 / end->half);
   }
 }
 
@@ -287,47 +291,48 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 {
   const double half = 0.5 * seconds;
   anhyst_plant_source s = *source;
-  ending end;
-  reached found;
-  double before;
+  step_end end;
+  solution found;
+  double start_current;
   double voltage;
-  int beyond;
+  int is_limited;
   end.gap = gap;
   end.half = half;
   end.eddies = eddy_share(magnet);
   s.voltage += coil->integral;
-  before = current_under(magnet, end.eddies, coil->steady, &s);
-  beyond = limited(&s, before);
-  if (beyond) {
-    before = current_under(magnet, end.eddies, coil->steady, &s);
+  start_current = total_current(magnet, end.eddies, coil->steady, &s);
+  is_limited = limit_source(&s, start_current);
+  if (is_limited) {
+    start_current = total_current(magnet, end.eddies, coil->steady, &s);
   }
-  voltage = s.gain * (s.reference - before) + s.voltage;
-  end.begun = coil->psi + half * (voltage - magnet->resistance * before);
-  coil->heat += half * magnet->resistance * before * before;
-  coil->energy += half * voltage * before;
+  voltage = s.gain * (s.reference - start_current) + s.voltage;
+  end.psi_start = coil->psi + half * (voltage - magnet->resistance * start_current);
+  coil->heat += half * magnet->resistance * start_current * start_current;
+  coil->energy += half * voltage * start_current;
 
   if (magnet->circuit) {
-    around_iron(magnet->circuit, gap, &end.around);
+    find_circuit(magnet->circuit, gap, &end.outer);
   }
   s = *source;
   s.gain += half * s.reset;
-  s.voltage += coil->integral + half * s.reset * (s.reference - before);
-  end_under(magnet, coil, &s, &end, &found);
-  if (limited(&s, found.current)) {
-    beyond = 1;
-    end_under(magnet, coil, &s, &end, &found);
+  s.voltage += coil->integral + half * s.reset * (s.reference - start_current);
+  solve_step_end(magnet, coil, &s, &end, &found);
+  if (limit_source(&s, found.current)) {
+    is_limited = 1;
+    solve_step_end(magnet, coil, &s, &end, &found);
   }
   voltage = s.gain * (s.reference - found.current) + s.voltage;
-  coil->psi = end.begun + half * (voltage - magnet->resistance * found.current);
+  coil->psi = end.psi_start + half * (voltage - magnet->resistance * found.current);
   coil->heat += half * magnet->resistance * found.current * found.current;
   coil->energy += half * voltage * found.current;
   coil->steady = found.steady;
   coil->current = found.current;
   coil->voltage = voltage;
-  if (!beyond) {
-    coil->integral += half * source->reset * (2.0 * source->reference - before - found.current);
+  if (!is_limited) {
+    coil->integral +=
+        half * source->reset * (2.0 * source->reference - start_current - found.current);
   }
-  iron_follows(magnet, coil, &end, &found);
+  commit_step(magnet, coil, &end, &found);
 }
 
 void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
@@ -338,24 +343,25 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   coil->voltage = magnet->resistance * current;
   if (magnet->circuit) {
     const anhyst_plant_circuit *c = magnet->circuit;
-    around at;
-    around_iron(c, gap, &at);
-    const double b = at.outer * c->iron_area;
-    const double opposing = c->eddy * c->iron_length * per_second;
-    const double before = coil->iron.density;
-    const anhyst_plant_asked asked = {
-        c->iron_length, b + opposing,
-        magnet->turns * current + c->bias * at.moved + opposing * before, per_second};
-    reached found;
-    iron_answers(c, coil, &at, &asked, 1.0, b * TOLERANCE, &found);
-    iron_moves(c, coil, &found);
-    coil->steady -= opposing / magnet->turns * (coil->iron.density - before);
-    pull(c, &at, coil);
+    outer_circuit outer;
+    find_circuit(c, gap, &outer);
+    const double b = outer.outer * c->iron_area;
+    const double eddy_mmf = c->eddy * c->iron_length * per_second;
+    const double density_before = coil->iron.density;
+    const anhyst_plant_asked asked = {c->iron_length, b + eddy_mmf,
+                                      magnet->turns * current + c->bias * outer.displacement +
+                                          eddy_mmf * density_before,
+                                      per_second};
+    solution found;
+    solve_iron(c, coil, &outer, &asked, 1.0, b * TOLERANCE, &found);
+    move_iron(c, coil, &found);
+    coil->steady -= eddy_mmf / magnet->turns * (coil->iron.density - density_before);
+    update_force(c, &outer, coil);
     coil->psi = magnet->turns * c->iron_area * coil->iron.density;
   } else {
     double slope;
-    law_moves(magnet->law, coil, gap, per_second);
-    coil->psi = linkage(&magnet->law->table, current, gap, &slope);
+    move_law(magnet->law, coil, gap, per_second);
+    coil->psi = flux_linkage(&magnet->law->table, current, gap, &slope);
   }
 }
 

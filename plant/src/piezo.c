@@ -3,12 +3,12 @@
 
 #include <math.h>
 
-static void advance(const anhyst_piezo *p, anhyst_piezo_state *s, double command, double load)
+static void run_step(const anhyst_piezo *p, anhyst_piezo_state *s, double command, double load)
 {
   const double before = s->voltage;
   const double h = s->hysteresis;
   double free_stack;
-  double wanted = 0.0;
+  double target = 0.0;
   double change;
   int j;
   s->voltage = command + p->kept * (before - command);
@@ -18,10 +18,10 @@ static void advance(const anhyst_piezo *p, anhyst_piezo_state *s, double command
       p->stroke_per_volt * s->voltage + p->bend * (s->voltage * s->voltage) - s->hysteresis;
   for (j = 0; j < p->creeps; j++) {
     s->creep[j] += p->step / p->creep_time[j] * (p->creep_share[j] * free_stack - s->creep[j]);
-    wanted += s->creep[j];
+    target += s->creep[j];
   }
-  wanted = free_stack + wanted + load;
-  s->velocity += p->step * (p->omega * p->omega * (wanted - s->place) -
+  target = free_stack + target + load;
+  s->velocity += p->step * (p->omega * p->omega * (target - s->place) -
                             2.0 * p->damping * p->omega * s->velocity);
   s->place += p->step * s->velocity;
 }
@@ -31,7 +31,7 @@ void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, 
 {
   int i;
   for (i = 0; i < piezo->steps; i++) {
-    advance(piezo, state, command, load);
+    run_step(piezo, state, command, load);
   }
 }
 
@@ -39,8 +39,8 @@ void anhyst_piezo_loop_tick(anhyst_piezo_loop *loop, const anhyst_piezo_event *e
 {
   const double step = loop->sensor_step;
   const double place = loop->state.place;
-  const double shown = place + event->noise;
-  const double read = step > 0.0 ? floor(shown / step + 0.5) * step : shown;
+  const double noisy_place = place + event->noise;
+  const double read = step > 0.0 ? floor(noisy_place / step + 0.5) * step : noisy_place;
   const anhyst_tracking_answer answer =
       anhyst_tracking_tick(loop->controller, event->expected - read, event->wanted);
   anhyst_piezo_advance(loop->piezo, &loop->state, loop->command, event->load);

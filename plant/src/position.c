@@ -5,7 +5,7 @@
 
 #define ONE 2147483648.0
 
-/* The nearest q31; what is not a number is 0. */
+/* Rounds to the nearest q31; NaN becomes 0. */
 static int32_t code_q31(double value, double full)
 {
   const double place = floor(value / full * ONE + 0.5);
@@ -18,7 +18,7 @@ static int32_t code_q31(double value, double full)
   return place <= -ONE ? ANHYST_Q31_MIN : (int32_t)place;
 }
 
-/* A measured current comes over the port as q30, so that it can be beyond its full scale. */
+/* Converts a measured current. The port sends q30, so that it can exceed full scale. */
 static int32_t measured_q31(double value, double full)
 {
   const int32_t half = code_q31(value, 2.0 * full);

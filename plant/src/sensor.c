@@ -9,7 +9,7 @@
 
 static uint64_t rotate(uint64_t x, unsigned by) { return (x << by) | (x >> (64U - by)); }
 
-/* splitmix64: any seed, 0 too, fills the state with something. */
+/* Fills the state by splitmix64, which accepts any seed, including 0. */
 void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed)
 {
   int i;
@@ -39,7 +39,7 @@ static uint64_t next_word(anhyst_plant_noise *noise)
   return found;
 }
 
-static double between(anhyst_plant_noise *noise) /* -1..1 */
+static double uniform(anhyst_plant_noise *noise) /* in -1..1 */
 {
   return (double)(int64_t)next_word(noise) * 0x1p-63;
 }
@@ -54,8 +54,8 @@ static double normal(anhyst_plant_noise *noise)
     return noise->spare;
   }
   do {
-    x = between(noise);
-    y = between(noise);
+    x = uniform(noise);
+    y = uniform(noise);
     square = x * x + y * y;
   } while (square >= 1.0 || square <= 0.0);
   square = sqrt(-2.0 * anhyst_log_f64(square) / square);
@@ -66,8 +66,8 @@ static double normal(anhyst_plant_noise *noise)
 
 double anhyst_plant_convert(double value, double low, double high, double step)
 {
-  const double held = anhyst_plant_bound(value, low, high);
-  return step > 0.0 ? low + floor((held - low) / step + 0.5) * step : held;
+  const double limited = anhyst_plant_bound(value, low, high);
+  return step > 0.0 ? low + floor((limited - low) / step + 0.5) * step : limited;
 }
 
 void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value)
@@ -80,8 +80,8 @@ void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value)
   }
 }
 
-static double show(const anhyst_plant_sensor *sensor, const anhyst_plant_sensing *sensing,
-                   double noise)
+static double output(const anhyst_plant_sensor *sensor, const anhyst_plant_sensing *sensing,
+                     double noise)
 {
   const double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & MASK];
   return anhyst_plant_convert(sensor->gain * value + sensor->offset + noise, sensor->low,
@@ -96,11 +96,11 @@ double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_
   } else {
     anhyst_plant_sensor_follow(sensor, sensing, value, value);
   }
-  return show(sensor, sensing, noise);
+  return output(sensor, sensing, noise);
 }
 
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise)
 {
-  return show(sensor, sensing, sensor->noise > 0.0 ? sensor->noise * normal(noise) : 0.0);
+  return output(sensor, sensing, sensor->noise > 0.0 ? sensor->noise * normal(noise) : 0.0);
 }

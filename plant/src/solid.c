@@ -6,12 +6,12 @@
 #include <string.h>
 
 #define VOLUMES ANHYST_PLANT_VOLUMES
-#define STEPS 60
-#define HALVINGS 12
-/* Of the flux density, T: a step that moves no volume's share by more is the last one. */
-#define CLOSE 1e-8
-/* How exactly the sheets carry the flux, T, and by which field that is made sure to have an end. */
-#define SHEETS_CLOSE 1e-11
+#define MAX_STEPS 60
+#define MAX_BISECTIONS 12
+/* Flux density tolerance, T: the last step is the first one with smaller changes in all volumes. */
+#define FLUX_TOLERANCE 1e-8
+/* Flux density tolerance of the laminations, T, and a small coefficient for a unique field. */
+#define SHEETS_TOLERANCE 1e-11
 #define SHEETS_FIELD (1e-9 * ANHYST_PLANT_MU0)
 
 typedef struct {
@@ -21,161 +21,168 @@ typedef struct {
   const anhyst_plant_memory *sheets;
   const anhyst_plant_asked *asked;
   double before[VOLUMES]; /* S_j */
-} problem;
+} slab_problem;
 
-/* At one set of coordinates. */
 typedef struct {
   double field[VOLUMES];
   double density[VOLUMES];
   double field_slope[VOLUMES];
   double density_slope[VOLUMES];
-  double flux[VOLUMES]; /* S_j */
-  double left[VOLUMES]; /* H_j + drag_j*dS_j/dt - H_(j-1) */
-  double surface;       /* field there */
-  double sheets_slope;  /* of their field over the flux */
-} look;
+  double flux[VOLUMES];     /* S_j */
+  double residual[VOLUMES]; /* H_j + drag_j*dS_j/dt - H_(j-1) */
+  double surface;           /* field at the surface */
+  double sheets_slope;      /* slope of the field of the laminations over the flux */
+} slab_state;
 
-static double drag(const problem *of, int j) { return of->solid->drag[j] * of->asked->per_second; }
-
-/* Field of the sheets, which carry all of the flux. */
-static void sheets_follow(const problem *of, double flux, anhyst_plant_soaked *found)
+static double drag_of(const slab_problem *slab, int j)
 {
-  anhyst_plant_field(of->iron, of->sheets, SHEETS_FIELD, 1.0,
-                     flux + SHEETS_FIELD * of->sheets->field, SHEETS_CLOSE, NULL, &found->sheets);
+  return slab->solid->drag[j] * slab->asked->per_second;
 }
 
-static void look_at(const problem *of, anhyst_plant_soaked *found, look *now)
+/* Solves for the field of the laminations, which carry the whole flux. */
+static void solve_sheets(const slab_problem *slab, double flux, anhyst_plant_soaked *found)
 {
-  const anhyst_plant_solid *solid = of->solid;
-  const anhyst_plant_asked *asked = of->asked;
+  anhyst_plant_field(slab->iron, slab->sheets, SHEETS_FIELD, 1.0,
+                     flux + SHEETS_FIELD * slab->sheets->field, SHEETS_TOLERANCE, NULL,
+                     &found->sheets);
+}
+
+static void evaluate(const slab_problem *slab, anhyst_plant_soaked *found, slab_state *state)
+{
+  const anhyst_plant_solid *solid = slab->solid;
+  const anhyst_plant_asked *asked = slab->asked;
   double flux = 0.0;
   double given = asked->r;
   int j;
   for (j = solid->volumes - 1; j >= 0; j--) {
     anhyst_plant_goal goal;
     goal.at = found->at[j];
-    of->iron->family->look(of->iron, &of->volume[j], &goal);
-    now->field[j] = goal.field;
-    now->density[j] = goal.density;
-    now->field_slope[j] = goal.field_slope;
-    now->density_slope[j] = goal.density_slope;
+    slab->iron->family->look(slab->iron, &slab->volume[j], &goal);
+    state->field[j] = goal.field;
+    state->density[j] = goal.density;
+    state->field_slope[j] = goal.field_slope;
+    state->density_slope[j] = goal.density_slope;
     flux += solid->share[j] * goal.density;
-    now->flux[j] = flux;
+    state->flux[j] = flux;
   }
-  now->sheets_slope = 0.0;
+  state->sheets_slope = 0.0;
   given -= asked->b * flux;
   if (solid->part < 1.0) {
-    sheets_follow(of, flux, found);
-    now->sheets_slope = found->sheets.field_slope / found->sheets.density_slope;
+    solve_sheets(slab, flux, found);
+    state->sheets_slope = found->sheets.field_slope / found->sheets.density_slope;
     given -= asked->a * (1.0 - solid->part) * found->sheets.field;
   }
-  now->surface = given / (asked->a * solid->part);
+  state->surface = given / (asked->a * solid->part);
   for (j = 0; j < solid->volumes; j++) {
-    now->left[j] = now->field[j] + drag(of, j) * (now->flux[j] - of->before[j]) -
-                   (j > 0 ? now->field[j - 1] : now->surface);
+    state->residual[j] = state->field[j] + drag_of(slab, j) * (state->flux[j] - slab->before[j]) -
+                         (j > 0 ? state->field[j - 1] : state->surface);
   }
 }
 
-/* Newton's step of all coordinates: a ladder, whose answer to the field outside is found from the
-   middle outwards. Returns the largest change of a volume's share in the flux density. */
-static double newton(const problem *of, const look *now, double *step)
+/* Computes the Newton step of all coordinates: a ladder network, whose response to the outer field
+   is computed from the middle outwards. Returns the largest change of a volume's share. */
+static double newton_step(const slab_problem *slab, const slab_state *state, double *step)
 {
-  const anhyst_plant_solid *solid = of->solid;
-  const anhyst_plant_asked *asked = of->asked;
+  const anhyst_plant_solid *solid = slab->solid;
+  const anhyst_plant_asked *asked = slab->asked;
   const int last = solid->volumes - 1;
-  double own[VOLUMES]; /* of the flux in a volume and deeper, over its field */
-  double rest[VOLUMES + 1];
-  double answer = 0.0;
+  double admittance[VOLUMES]; /* of a volume and all deeper ones */
+  double source[VOLUMES + 1];
+  double admittance_inside = 0.0;
   double outside;
-  double most = 0.0;
+  double max_change = 0.0;
   int j;
-  rest[last + 1] = 0.0;
+  source[last + 1] = 0.0;
   for (j = last; j >= 0; j--) {
-    own[j] = answer + solid->share[j] * now->density_slope[j] / now->field_slope[j];
-    answer = own[j] / (1.0 + drag(of, j) * own[j]);
-    rest[j] = rest[j + 1] - answer * (drag(of, j) * rest[j + 1] + now->left[j]);
+    admittance[j] =
+        admittance_inside + solid->share[j] * state->density_slope[j] / state->field_slope[j];
+    admittance_inside = admittance[j] / (1.0 + drag_of(slab, j) * admittance[j]);
+    source[j] =
+        source[j + 1] - admittance_inside * (drag_of(slab, j) * source[j + 1] + state->residual[j]);
   }
   outside =
-      (asked->a * (1.0 - solid->part) * now->sheets_slope + asked->b) / (asked->a * solid->part);
-  outside *= -rest[0] / (1.0 + outside * answer);
+      (asked->a * (1.0 - solid->part) * state->sheets_slope + asked->b) / (asked->a * solid->part);
+  outside *= -source[0] / (1.0 + outside * admittance_inside);
   for (j = 0; j <= last; j++) {
-    double moved;
-    outside -= drag(of, j) * rest[j + 1] + now->left[j];
-    outside /= 1.0 + drag(of, j) * own[j];
-    step[j] = outside / now->field_slope[j];
-    moved = fabs(solid->share[j] * now->density_slope[j] * step[j]);
-    most = moved > most ? moved : most;
+    double change;
+    outside -= drag_of(slab, j) * source[j + 1] + state->residual[j];
+    outside /= 1.0 + drag_of(slab, j) * admittance[j];
+    step[j] = outside / state->field_slope[j];
+    change = fabs(solid->share[j] * state->density_slope[j] * step[j]);
+    max_change = change > max_change ? change : max_change;
   }
-  return most;
+  return max_change;
 }
 
-/* Slope of what is least, along the way from one set of fluxes to the other. */
-static double along(const problem *of, const look *at, const look *from, const look *to)
+/* Returns the slope of the minimised function along the line between two sets of fluxes. */
+static double directional_slope(const slab_problem *slab, const slab_state *at,
+                                const slab_state *from, const slab_state *to)
 {
-  double left = 0.0;
+  double residual = 0.0;
   double sum = 0.0;
   int j;
-  for (j = 0; j < of->solid->volumes; j++) {
-    left += at->left[j];
-    sum += of->solid->share[j] * left * (to->density[j] - from->density[j]);
+  for (j = 0; j < slab->solid->volumes; j++) {
+    residual += at->residual[j];
+    sum += slab->solid->share[j] * residual * (to->density[j] - from->density[j]);
   }
   return sum;
 }
 
-/* Goes along a step: to its end if that is the last one, and otherwise by less where the slope has
-   turned round by more than half on the way. */
-static void advance(const problem *of, const double *step, int is_last, anhyst_plant_soaked *found,
-                    look *now)
+/* Moves along a step: to its end if it is the last one; otherwise halves it until the slope has not
+   reversed to more than half its initial size. */
+static void advance(const slab_problem *slab, const double *step, int is_last,
+                    anhyst_plant_soaked *found, slab_state *state)
 {
   double start[VOLUMES];
   double part = 1.0;
-  look next;
+  slab_state next;
   int i;
   int j;
-  for (j = 0; j < of->solid->volumes; j++) {
+  for (j = 0; j < slab->solid->volumes; j++) {
     start[j] = found->at[j];
   }
   memset(&next, 0, sizeof next);
-  for (i = 0; i < HALVINGS; i++) {
-    for (j = 0; j < of->solid->volumes; j++) {
+  for (i = 0; i < MAX_BISECTIONS; i++) {
+    for (j = 0; j < slab->solid->volumes; j++) {
       found->at[j] = start[j] + part * step[j];
     }
-    look_at(of, found, &next);
-    if (is_last || along(of, &next, now, &next) <= -0.5 * along(of, now, now, &next)) {
+    evaluate(slab, found, &next);
+    if (is_last || directional_slope(slab, &next, state, &next) <=
+                       -0.5 * directional_slope(slab, state, state, &next)) {
       break;
     }
     part *= 0.5;
   }
-  *now = next;
+  *state = next;
 }
 
 void anhyst_plant_soak(const anhyst_plant_iron *iron, const anhyst_plant_solid *solid,
                        const anhyst_plant_memory *volume, const anhyst_plant_memory *sheets,
                        const anhyst_plant_asked *asked, anhyst_plant_soaked *found)
 {
-  problem of = {iron, solid, volume, sheets, asked, {0.0}};
+  slab_problem slab = {iron, solid, volume, sheets, asked, {0.0}};
   double step[VOLUMES];
   double flux = 0.0;
-  double most = HUGE_VAL;
-  look now;
+  double max_change = HUGE_VAL;
+  slab_state state;
   int i;
   int j;
   for (j = solid->volumes - 1; j >= 0; j--) {
     flux += solid->share[j] * volume[j].density;
-    of.before[j] = flux;
+    slab.before[j] = flux;
     found->at[j] = volume[j].at + volume[j].stride;
   }
-  memset(&now, 0, sizeof now);
-  look_at(&of, found, &now);
-  for (i = 0; i < STEPS && most > CLOSE; i++) {
-    most = newton(&of, &now, step);
-    advance(&of, step, most <= CLOSE, found, &now);
+  memset(&state, 0, sizeof state);
+  evaluate(&slab, found, &state);
+  for (i = 0; i < MAX_STEPS && max_change > FLUX_TOLERANCE; i++) {
+    max_change = newton_step(&slab, &state, step);
+    advance(&slab, step, max_change <= FLUX_TOLERANCE, found, &state);
   }
   if (!(solid->part < 1.0)) {
-    sheets_follow(&of, now.flux[0], found);
+    solve_sheets(&slab, state.flux[0], found);
   }
-  found->density = now.flux[0];
-  found->field = solid->part * now.surface + (1.0 - solid->part) * found->sheets.field;
+  found->density = state.flux[0];
+  found->field = solid->part * state.surface + (1.0 - solid->part) * found->sheets.field;
 }
 
 void anhyst_plant_soaked_move(const anhyst_plant_iron *iron, const anhyst_plant_solid *solid,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Numbers of which nothing is known, and what may be assumed and must be shown of them. */
+/* Arbitrary numbers, assumptions and claims for the proofs. */
 #ifndef PROOF_ANY_H
 #define PROOF_ANY_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A port header for proofs: products give way to what is proved of them, so that a whole step
+/* A port header for proofs: replaces products by their proved properties, so that a whole step
    becomes a problem without products. */
 #ifndef PROOF_CONTRACTS_H
 #define PROOF_CONTRACTS_H

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Every operator of fixed.h but anhyst_scale, for any numbers within its preconditions. */
+/* Proves every operator of fixed.h except anhyst_scale, for all arguments within its
+   preconditions. */
 #include "any.h"
 
 #include "anhyst/numeric/fixed.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A net force shared out: any net force and any valid idle force. PRODUCT and RATIO prove the two
-   functions that the rest leaves to what they show: both answer 0..2^31 - 1. */
+/* Proves the allocation for any net force and any valid idle force. PRODUCT and RATIO prove the two
+   functions that the other proofs replace by their results: both return 0..2^31 - 1. */
 #ifndef ALLOCATE
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The PID of an axis in fixed point: a step from any state, any valid words, any error; the state
-   keeps within its bounds. */
+/* Proves the PID of an axis in fixed point: a step from any state, with any valid coefficients and
+   any error. The state stays within its bounds. */
 #include "any.h"
 
 #include "control/axes_fixed.c"

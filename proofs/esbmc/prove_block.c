@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The check of a parameter block, for any words of any number: nothing is read beyond them, nothing
-   overflows, and what passes is what the proofs of the compensators assume.
-
-   The words lie in memory that ends with the last of them. A loop over words or entries turns as
-   often as the block says: proofs.toml goes to any one turn at the beginning of its body and leaves
-   the loop after it, so that one turn stands for all. The turn of a table is that of
-   `watched`, so that what the check found of every entry is known of that one. */
+/* Proves the check of a parameter block, for any number of any words: nothing is read beyond them,
+   nothing overflows, and a block that passes has the properties that the proofs of the compensators
+   assume. The words are in memory that ends with the last of them. The number of iterations of a
+   loop over words or entries depends on the block. Therefore, proofs.toml selects an arbitrary
+   iteration at the start of the body and leaves the loop after it. For tables, this is the
+   iteration of `watched`, so that the checked properties of any entry are known. */
 #include <stdlib.h>
 
 #ifdef IN_UNIT
@@ -32,20 +31,20 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
 #ifndef TABLE
-/* Any answer: its products are too much for a solver. */
+/* Returns any result, because a solver cannot handle its products. */
 static int does_current_rise(const int16_t *words)
 {
   (void)words;
   return nondet_i16() != 0;
 }
 
-/* Any answer for a table inside the block, which TABLE shows to be enough. */
+/* Returns any result for a table in the block. TABLE proves that this is sufficient. */
 static inline int is_table_rising(const entry *words, entry first, int32_t entries, entry least,
-                                  entry steepest)
+                                  entry max_rise)
 {
   (void)least;
-  (void)steepest;
-  return is_table_inside(words, first, entries) && nondet_i16() != 0;
+  (void)max_rise;
+  return is_table_in_block(words, first, entries) && nondet_i16() != 0;
 }
 #endif
 #endif
@@ -64,7 +63,7 @@ int main(void)
   int16_t before[2]; /* any */
   int16_t words[2];
   ASSUME(is_single(before, 0) && is_single(words, 0));
-  (void)in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
+  (void)convert_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
   return 0;
 }
 
@@ -72,7 +71,7 @@ int main(void)
 
 #ifdef TABLE
 
-/* Of any table that a block names, nothing beyond its words is read. */
+/* Nothing beyond the words is read from any table that a block names. */
 int main(void)
 {
   const uint16_t capacity = nondet_u16();
@@ -87,7 +86,8 @@ int main(void)
 
 #else
 
-/* A table over the gap: inside, and what is known of the entry watched and the one before. */
+/* A table over the gap: inside the block, with known properties of the watched entry and the one
+   before. */
 static void show_over_gap(const int16_t *words, int16_t word, int16_t least)
 {
   const int32_t first = words[word];

@@ -1,40 +1,38 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The kernel of the law of cells, function by function. PART names the one
-   that is proved; those below it are replaced by what their own proof has shown
-   (contracts in proofs.toml), each of them first showing that it may be called so.
-
-   A loop that turns as often as its data say is proved for one turn: proofs.toml puts BEGIN_TURN
-   and END_TURN into its body, which show an invariant, forget everything but that, and leave the
-   loop.
-
-   A path is any that the invariant `is_path` allows, on rows of any size that anhyst_block_check
-   lets through; where a row is read, what the check says of its entries is assumed. */
+/* Proves the kernel of the play-cell law, function by function. PART is the proved function. The
+   functions that it calls are replaced by their proved contracts (proofs.toml), which first show
+   that the call is allowed. A loop whose number of iterations depends on data is proved for one
+   iteration: proofs.toml inserts BEGIN_ITERATION and END_ITERATION, which show an invariant, forget
+   everything except the invariant, and leave the loop. A path is any path that satisfies the
+   invariant `is_path`, on rows of any size that anhyst_block_check accepts. For entries that are
+   read, the properties of that check are assumed. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #define ONE ANHYST_Q30_ONE
 #define is_inside(a) ((a) >= -ONE && (a) < ONE)
 
-#define BEGIN_TURN(invariant, forget, condition)                                                   \
+#define BEGIN_ITERATION(invariant, forget, condition)                                              \
   SHOW(invariant);                                                                                 \
   forget;                                                                                          \
   ASSUME((invariant) && (condition));
-#define END_TURN(invariant, forget)                                                                \
+#define END_ITERATION(invariant, forget)                                                           \
   SHOW(invariant);                                                                                 \
   forget;                                                                                          \
   ASSUME(invariant);                                                                               \
   break;
 
-#define HALVING (segment >= 0 && segment <= end && end <= along->stride - 2 && is_inside(begin))
-#define FORGET_HALVING                                                                             \
+#define BISECTION_INVARIANT                                                                        \
+  (segment >= 0 && segment <= end && end <= path->stride - 2 && is_inside(begin))
+#define FORGET_BISECTION                                                                           \
   segment = nondet_i16();                                                                          \
   begin = nondet_i32();                                                                            \
-  missing = any_within(-MOST_MISSING, ANHYST_Q31_MAX);                                             \
+  residual = any_within(-MAX_SHOWN_RESIDUAL, ANHYST_Q31_MAX);                                      \
   end = nondet_i16()
 
 #define HALF (ONE / 2)
-/* What may be missing of a target. */
-#define MOST_MISSING (ONE + HALF / 2)
+/* Largest residual. */
+#define MAX_SHOWN_RESIDUAL (ONE + HALF / 2)
 
 #include "compensator/cells.c"
 
@@ -55,68 +53,68 @@ static void any_block(int16_t *words)
   for (int16_t i = 0; i < ANHYST_CELLS; i++) {
     words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)any_within(1, ANHYST_Q15_MAX);
   }
-  cell_path along;
-  set_rows(&along, words);
-  const int32_t end = words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * along.stride;
+  cell_path path;
+  read_rows(&path, words);
+  const int32_t end = words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * path.stride;
   words[ANHYST_WORD_LENGTH] = (int16_t)any_within(end, ANHYST_BLOCK_MOST_WORDS);
-  SHOW(along.stride >= 9 && along.outer >= 0 && along.stride > 2 * along.outer);
-  SHOW(along.narrow >= 2 && along.wide <= 13 && along.narrow <= along.wide);
+  SHOW(path.stride >= 9 && path.wide_segments >= 0 && path.stride > 2 * path.wide_segments);
+  SHOW(path.zone_grid >= 2 && path.wide_grid <= 13 && path.zone_grid <= path.wide_grid);
 }
 
-/* The places of rows are numbers here: the first row begins at this one. */
-static int32_t place_of(const cell_path *along, const int16_t *at)
+/* Positions on rows are indexes here, relative to the start of the first row. */
+static int32_t place_of(const cell_path *path, const int16_t *at)
 {
-  return (int32_t)(at - along->rows);
+  return (int32_t)(at - path->rows);
 }
 
-/* A place of a row, before the last of its entries. */
-static int is_on(const cell_path *along, anhyst_spot spot, int32_t row)
+/* Returns whether a position is on a row, before its last entry. */
+static int is_on(const cell_path *path, anhyst_spot spot, int32_t row)
 {
-  const int32_t segment = place_of(along, spot.at) - row * along->stride;
-  return segment >= 0 && segment <= along->stride - 2 && spot.part >= 0 && spot.part <= 0x7FFF;
+  const int32_t segment = place_of(path, spot.at) - row * path->stride;
+  return segment >= 0 && segment <= path->stride - 2 && spot.part >= 0 && spot.part <= 0x7FFF;
 }
 
-static int is_path(const cell_path *along)
+static int is_path(const cell_path *path)
 {
-  return along->active >= 1 && along->active <= along->cells + 1 && along->moved >= 0 &&
-         along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&
-         is_inside(along->low) && (along->mirror == 0 || along->mirror == -1) &&
-         place_of(along, along->row) == (along->active - 1) * along->stride &&
-         is_on(along, along->left, 0);
+  return path->active >= 1 && path->active <= path->cells + 1 && path->prior_active >= 0 &&
+         path->prior_active <= path->cells + 1 && is_inside(path->x) && is_inside(path->rest) &&
+         is_inside(path->last_join) && (path->mirror == 0 || path->mirror == -1) &&
+         place_of(path, path->row) == (path->active - 1) * path->stride &&
+         is_on(path, path->reversal, 0);
 }
 
-/* A segment of a row, of which the first begins at this place. */
-static anhyst_spot any_spot(const cell_path *along, const int16_t *row)
+/* Returns any position on a row that starts here. */
+static anhyst_spot any_spot(const cell_path *path, const int16_t *row)
 {
-  const anhyst_spot spot = {row + any_within(0, along->stride - 2), any_within(0, 0x7FFF)};
+  const anhyst_spot spot = {row + any_within(0, path->stride - 2), any_within(0, 0x7FFF)};
   return spot;
 }
 
 static cell_path any_path(void)
 {
-  cell_path along;
+  cell_path path;
   any_block(block_words);
-  set_rows(&along, block_words);
+  read_rows(&path, block_words);
   for (int16_t i = 0; i < ANHYST_CELLS; i++) {
     rested[i] = nondet_i32();
   }
-  along.plays = rested;
-  along.active = (int16_t)any_within(1, along.cells + 1);
-  along.moved = (int16_t)any_within(0, along.cells + 1);
-  along.row = row_of(&along, along.active);
-  along.left = any_spot(&along, along.rows);
-  along.risen = nondet_i32();
-  along.rest = any_within(-ONE, ONE - 1);
-  along.x = any_within(-ONE, ONE - 1);
-  along.low = any_within(-ONE, ONE - 1);
-  along.mirror = nondet_i16() != 0 ? -1 : 0;
-  along.segment = along.row;
-  SHOW(is_path(&along));
-  return along;
+  path.plays = rested;
+  path.active = (int16_t)any_within(1, path.cells + 1);
+  path.prior_active = (int16_t)any_within(0, path.cells + 1);
+  path.row = row_of(&path, path.active);
+  path.reversal = any_spot(&path, path.rows);
+  path.risen = nondet_i32();
+  path.rest = any_within(-ONE, ONE - 1);
+  path.x = any_within(-ONE, ONE - 1);
+  path.last_join = any_within(-ONE, ONE - 1);
+  path.mirror = nondet_i16() != 0 ? -1 : 0;
+  path.segment = path.row;
+  SHOW(is_path(&path));
+  return path;
 }
 
-/* Targets that a current or a flux can ask for, over 4. */
-#define MOST_TARGET (HALF + HALF / 4)
+/* Largest target of a current or a flux, divided by 4. */
+#define MAX_TARGET (HALF + HALF / 4)
 
 static anhyst_arms any_arms(void)
 {
@@ -126,18 +124,18 @@ static anhyst_arms any_arms(void)
   return arms;
 }
 
-static int is_target(const equation *solve)
+static int is_target(const equation *eq)
 {
-  const int32_t most = solve->arms == 0 ? HALF / 2 + 1 : MOST_TARGET;
-  return solve->target >= -most && solve->target <= most;
+  const int32_t most = eq->arms == 0 ? HALF / 2 + 1 : MAX_TARGET;
+  return eq->target >= -most && eq->target <= most;
 }
 
 static equation any_equation(const anhyst_arms *arms)
 {
-  const equation solve = {(int16_t)any_within(1, ANHYST_Q15_MAX), nondet_i16() != 0 ? arms : 0,
-                          nondet_i32()};
-  ASSUME(is_target(&solve));
-  return solve;
+  const equation eq = {(int16_t)any_within(1, ANHYST_Q15_MAX), nondet_i16() != 0 ? arms : 0,
+                       nondet_i32()};
+  ASSUME(is_target(&eq));
+  return eq;
 }
 
 /* ---- contracts ---- */
@@ -149,52 +147,52 @@ static inline int32_t anhyst_value_at(anhyst_spot spot)
   return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
 }
 
-static inline number between(spot of, const entry *other)
+static inline number between(spot position, const entry *other)
 {
-  SHOW(of.part >= 0 && of.part <= 0x7FFF);
+  SHOW(position.part >= 0 && position.part <= 0x7FFF);
   return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
 }
 #endif
 
 #ifdef SPOT_BY_CONTRACT
-static inline spot spot_on(const cell_path *along, const entry *row, number x)
+static inline spot locate(const cell_path *path, const entry *row, number x)
 {
   SHOW(is_inside(x));
-  SHOW(place_of(along, row) >= 0 && place_of(along, row) <= along->cells * along->stride);
-  return any_spot(along, row);
+  SHOW(place_of(path, row) >= 0 && place_of(path, row) <= path->cells * path->stride);
+  return any_spot(path, row);
 }
 #endif
 
 #ifdef RESIDUAL_BY_CONTRACT
-static inline number missing_at(const equation *solve, number x, number m)
+static inline number residual_at(const equation *eq, number x, number m)
 {
   (void)m;
-  SHOW(is_inside(x) && is_target(solve));
-  return any_within(-MOST_MISSING, MOST_MISSING);
+  SHOW(is_inside(x) && is_target(eq));
+  return any_within(-MAX_SHOWN_RESIDUAL, MAX_SHOWN_RESIDUAL);
 }
 
-static inline number part_with_target(const equation *solve, const entry *segment, grid width,
-                                      number missing)
+static inline number solve_segment(const equation *eq, const entry *segment, grid width,
+                                   number residual)
 {
   (void)segment;
-  SHOW(missing >= -MOST_MISSING && is_target(solve));
+  SHOW(residual >= -MAX_SHOWN_RESIDUAL && is_target(eq));
   SHOW(width >= 2U && width <= 13U);
   return any_within(0, 0x8000);
 }
 #endif
 
 #ifdef PART_BY_CONTRACT
-static inline number ratio_part(number missing, number rise)
+static inline number divide_to_part(number residual, number rise)
 {
-  SHOW(missing >= 0 && missing < rise);
+  SHOW(residual >= 0 && residual < rise);
   return any_within(0, 0x7FFF);
 }
 #endif
 
 #ifdef NODE_BY_CONTRACT
-static number node(const cell_path *along, int segment)
+static number segment_field(const cell_path *path, int segment)
 {
-  SHOW(segment >= 0 && segment <= along->stride - 2);
+  SHOW(segment >= 0 && segment <= path->stride - 2);
   return any_within(-ONE, ONE - 1);
 }
 #endif
@@ -202,45 +200,46 @@ static number node(const cell_path *along, int segment)
 static int is_candidate(const anhyst_candidate *at);
 
 #ifdef TRAVEL_BY_CONTRACT
-static number travel(const entry *words, const cells_memory *from, const number *plays,
-                     const arms_type *arms, number wanted, candidate *to)
+static number solve_from_memory(const entry *words, const cells_memory *from, const number *plays,
+                                const arms_type *arms, number target, candidate *to)
 {
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
-  SHOW(is_target(&solve));
+  const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
+  SHOW(is_target(&eq));
   ASSUME(is_candidate(to));
   return any_within(-ONE, ONE);
 }
 #endif
 
 #ifdef SEGMENT_BY_CONTRACT
-static inline int meet_on_segment(const entry *words, const arms_type *arms, number wanted,
-                                  candidate *at, number *flux)
+static inline int solve_on_segment(const entry *words, const arms_type *arms, number target,
+                                   candidate *at, number *flux)
 {
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
-  SHOW(is_target(&solve) && is_inside(at->memory.cells.joined));
+  const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
+  SHOW(is_target(&eq) && is_inside(at->memory.cells.joined));
   at->memory.cells.x = any_within(-ONE, ONE - 1);
   *flux = nondet_i32();
-  return any_within(NOT_MET, BEYOND);
+  return any_within(NOT_SOLVED, BEYOND_SEGMENT);
 }
 
-static number go_beyond(const entry *words, const cells_memory *from, const number *plays,
-                        const arms_type *arms, number wanted, candidate *at, int met)
+static number solve_beyond_segment(const entry *words, const cells_memory *from,
+                                   const number *plays, const arms_type *arms, number target,
+                                   candidate *at, int result)
 {
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
-  SHOW(is_target(&solve) && met != MET);
+  const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
+  SHOW(is_target(&eq) && result != SOLVED);
   return nondet_i32();
 }
 #endif
 
 #ifdef DESCRIBE_BY_CONTRACT
-static void describe(const entry *words, int segment, number begin, grid width, number rest,
-                     candidate *at)
+static void describe_segment(const entry *words, int segment, number begin, grid width, number rest,
+                             candidate *at)
 {
-  cell_path along;
-  set_rows(&along, words);
+  cell_path path;
+  read_rows(&path, words);
   SHOW(is_inside(begin) && is_inside(rest) && width >= 2U && width <= 13U);
   SHOW(segment >= words[ANHYST_WORD_CELLS_ROWS]);
-  SHOW(segment <= words[ANHYST_WORD_CELLS_ROWS] + (along.cells + 1) * along.stride - 2);
+  SHOW(segment <= words[ANHYST_WORD_CELLS_ROWS] + (path.cells + 1) * path.stride - 2);
   at->of.cells.segment = (int16_t)segment;
   at->of.cells.fineness = (uint16_t)width;
   at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
@@ -250,93 +249,93 @@ static void describe(const entry *words, int segment, number begin, grid width, 
 
 /* ---- proofs ---- */
 
-/* Where a field falls on a row of any size, and back. */
+/* The position of a field on a row of any size, and back. */
 static void prove_rows(void)
 {
-  const cell_path along = any_path();
+  const cell_path path = any_path();
   const int32_t x = any_within(-ONE, ONE - 1);
-  const anhyst_spot spot = spot_on(&along, along.row, x);
-  SHOW(is_on(&along, spot, along.active - 1));
-  const grid width = grid_on(&along, x);
-  const int32_t begin = begin_of(x, width);
+  const anhyst_spot spot = locate(&path, path.row, x);
+  SHOW(is_on(&path, spot, path.active - 1));
+  const grid width = grid_at_field(&path, x);
+  const int32_t begin = segment_begin(x, width);
   SHOW(is_inside(begin) && begin <= x && x - begin < width_of(width));
   SHOW(begin + width_of(width) <= ONE && part_at(x, begin, width) == spot.part);
-  const int16_t segment = (int16_t)any_within(0, along.stride - 2);
-  SHOW(is_inside(node(&along, segment)));
+  const int16_t segment = (int16_t)any_within(0, path.stride - 2);
+  SHOW(is_inside(segment_field(&path, segment)));
 }
 
 static void prove_part(void)
 {
   const int32_t d = any_within(1, ANHYST_Q31_MAX);
-  const int32_t found = ratio_part(any_within(0, d - 1), d);
+  const int32_t found = divide_to_part(any_within(0, d - 1), d);
   SHOW(found >= 0 && found <= 0x7FFF);
 }
 
 static void prove_residual(void)
 {
-  const cell_path along = any_path();
+  const cell_path path = any_path();
   const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
+  const equation eq = any_equation(&arms);
   const int32_t x = any_within(-ONE, ONE - 1);
-  const anhyst_spot spot = any_spot(&along, along.row);
+  const anhyst_spot spot = any_spot(&path, path.row);
   ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
-  const int32_t missing = missing_at(&solve, x, value_at(spot) + along.rest);
-  SHOW(missing >= -MOST_MISSING && missing <= MOST_MISSING);
-  const int32_t left = any_within(-MOST_MISSING, ANHYST_Q31_MAX);
-  const int32_t part = part_with_target(&solve, spot.at, grid_on(&along, x), left);
+  const int32_t residual = residual_at(&eq, x, value_at(spot) + path.rest);
+  SHOW(residual >= -MAX_SHOWN_RESIDUAL && residual <= MAX_SHOWN_RESIDUAL);
+  const int32_t left = any_within(-MAX_SHOWN_RESIDUAL, ANHYST_Q31_MAX);
+  const int32_t part = solve_segment(&eq, spot.at, grid_at_field(&path, x), left);
   SHOW(part >= 0 && part <= 0x8000);
 }
 
 static void prove_joins(void)
 {
-  cell_path along = any_path();
+  cell_path path = any_path();
   const int32_t low = any_within(-ONE, ONE - 1);
-  const int16_t cell = (int16_t)any_within(1, along.cells + 1);
-  const int32_t at = joins_at(&along, cell, low);
+  const int16_t cell = (int16_t)any_within(1, path.cells + 1);
+  const int32_t at = join_field(&path, cell, low);
   SHOW(at >= low && at < ONE);
-  ASSUME(cell <= along.cells);
-  along.active = cell;
-  along.row = row_of(&along, cell);
-  const int32_t with = rests_with(&along, any_spot(&along, along.row), along.cells);
+  ASSUME(cell <= path.cells);
+  path.active = cell;
+  path.row = row_of(&path, cell);
+  const int32_t with = resting_magnetisation(&path, any_spot(&path, path.row), path.cells);
   SHOW(with > -ONE && with < ONE);
 }
 
 static void prove_find_left(void)
 {
-  cell_path along = any_path();
-  ASSUME(along.active <= along.cells);
-  const int16_t active = along.active;
-  find_left(&along, (int16_t)any_within(0, along.cells));
-  SHOW(is_path(&along) && along.moved > active && along.active == active);
+  cell_path path = any_path();
+  ASSUME(path.active <= path.cells);
+  const int16_t active = path.active;
+  find_reversal_group(&path, (int16_t)any_within(0, path.cells));
+  SHOW(is_path(&path) && path.prior_active > active && path.active == active);
 }
 
 static void prove_rejoin(void)
 {
-  cell_path along = any_path();
+  cell_path path = any_path();
   const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
+  const equation eq = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
-  ASSUME(along.active < along.moved);
-  const int32_t last = rejoin(&along, &solve, low);
-  SHOW(is_path(&along) && is_inside(last));
+  ASSUME(path.active < path.prior_active);
+  const int32_t last = rejoin_group(&path, &eq, low);
+  SHOW(is_path(&path) && is_inside(last));
 }
 
 static void prove_turn(void)
 {
-  cell_path along = any_path();
-  turn(&along, any_spot(&along, along.row));
-  SHOW(is_path(&along) && along.active == 1);
+  cell_path path = any_path();
+  reverse_path(&path, any_spot(&path, path.row));
+  SHOW(is_path(&path) && path.active == 1);
 }
 
 static void prove_go(void)
 {
-  cell_path along = any_path();
+  cell_path path = any_path();
   const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
+  const equation eq = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   const int32_t high = any_within(low, ONE - 1);
-  go(&along, &solve, any_spot(&along, along.row).at, low, high);
-  SHOW(is_path(&along) && along.x >= low && along.x <= high);
+  solve_row(&path, &eq, any_spot(&path, path.row).at, low, high);
+  SHOW(is_path(&path) && path.x >= low && path.x <= high);
 }
 
 static int is_memory(const anhyst_cells_memory *to)
@@ -352,7 +351,7 @@ static anhyst_cells_memory any_memory(void)
   return any;
 }
 
-/* What a step leaves that a candidate is taken for. */
+/* Returns whether a trial step has the properties that a search assumes. */
 static int is_candidate(const anhyst_candidate *at)
 {
   return is_memory(&at->memory.cells) && is_inside(at->of.cells.joins) &&
@@ -360,33 +359,34 @@ static int is_candidate(const anhyst_candidate *at)
          at->of.cells.fineness >= 2U && at->of.cells.fineness <= 13U;
 }
 
-/* From the segment of a path on, that of a candidate which knows where it stands. */
+/* A trial step with a known segment, anywhere on a path. */
 static void prove_slid(void)
 {
-  const cell_path along = any_path();
+  const cell_path path = any_path();
   const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
+  const equation eq = any_equation(&arms);
   anhyst_compensator c;
   const anhyst_cells_memory memory = {
-      mirrored(along.x, along.mirror), mirrored(along.rest, along.mirror),
-      along.mirror == 0 ? along.active : -along.active, along.risen, any_within(-ONE, ONE - 1)};
+      mirrored(path.x, path.mirror), mirrored(path.rest, path.mirror),
+      path.mirror == 0 ? path.active : -path.active, path.risen, any_within(-ONE, ONE - 1)};
   anhyst_candidate *at = &c.next;
   c.words = block_words;
   at->memory.cells = memory;
-  at->of.cells.joins = any_within(along.x, ONE - 1);
+  at->of.cells.joins = any_within(path.x, ONE - 1);
   at->of.cells.flux = any_within(-ONE, ONE);
-  at->of.cells.segment = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
+  at->of.cells.segment = (int16_t)(locate(&path, path.row, path.x).at - block_words);
   at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at->of.cells.fineness = (uint16_t)grid_on(&along, along.x);
+  at->of.cells.fineness = (uint16_t)grid_at_field(&path, path.x);
   int32_t flux = 0;
-  const int met = meet_on_segment(block_words, solve.arms, solve.target, at, &flux);
-  if (met != MET) {
-    (void)go_beyond(block_words, &c.memory.cells, c.plays, solve.arms, solve.target, at, met);
+  const int result = solve_on_segment(block_words, eq.arms, eq.target, at, &flux);
+  if (result != SOLVED) {
+    (void)solve_beyond_segment(block_words, &c.memory.cells, c.plays, eq.arms, eq.target, at,
+                               result);
   }
   SHOW(is_candidate(at));
 }
 
-/* From any memory, for any flux and current, under any limits. */
+/* Any memory, flux, current and limits. */
 static void prove_field(void)
 {
   anhyst_compensator c;
@@ -405,7 +405,7 @@ static void prove_keep(void)
 {
   (void)any_path();
   const anhyst_cells_memory from = any_memory();
-  keep_plays(block_words, &from, rested);
+  store_plays(block_words, &from, rested);
 }
 
 int main(void)

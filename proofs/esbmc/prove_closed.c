@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the closed form and Euler's form share, and Euler's step: from any memory at all, for any
-   valid words. The step of a path is left open: any that stays within -1..1. */
+/* Proves the code that the closed form and Euler's form share, and Euler's step: from any memory,
+   for any valid words. The step of a path is replaced by any result within -1..1. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -11,14 +11,14 @@
 #else
 #include "compensator/simplified_fixed.h"
 
-static int32_t start_of(const int16_t *words, int32_t state)
+static int32_t path_start(const int16_t *words, int32_t state)
 {
   SHOW(WITHIN_ONE(state));
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX);
 }
 
-static int32_t state_beyond(const int16_t *words, const anhyst_simplified_memory *path,
-                            int32_t flux)
+static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memory *path,
+                             int32_t flux)
 {
   SHOW(WITHIN_ONE(flux) && WITHIN_ONE(path->turn) && WITHIN_ONE(path->peak) &&
        WITHIN_ONE(path->u) && path->start >= -ANHYST_Q30_ONE);
@@ -29,7 +29,7 @@ static int32_t state_beyond(const int16_t *words, const anhyst_simplified_memory
 #include "compensator/generic/simplified.h"
 #endif
 
-/* A memory as every step leaves it. */
+/* A memory after any step. */
 static int is_memory(const anhyst_simplified_memory *memory)
 {
   return WITHIN_ONE(memory->flux) && WITHIN_ONE(memory->u) && WITHIN_ONE(memory->turn) &&
@@ -136,7 +136,7 @@ static void prove_euler(void)
   ASSUME(words[ANHYST_WORD_EULER_SUBSTEPS] >= 1 && words[ANHYST_WORD_EULER_SUBSTEPS] <= 16);
   const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   ASSUME(flux > path.peak);
-  SHOW(WITHIN_ONE(state_beyond(words, &path, flux)));
+  SHOW(WITHIN_ONE(state_at_flux(words, &path, flux)));
 }
 #endif
 

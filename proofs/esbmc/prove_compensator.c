@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Everything around the kernels: a whole tick of the compensator for any valid head of a block, any
-   demand, gap and applied current, and any kernel that answers within its contract. */
+/* Proves the code around the kernels: a whole tick of the compensator for any valid head of a
+   block, any demand, gap and applied current, and any kernel that satisfies its contract. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #include "compensator/compensator.c"
 
-/* 0 for the kernels that take no negative flux arm. */
+/* 0 for kernels that accept no negative flux arm */
 static int32_t least_flux_arm;
 
-/* Words that name a table, so that what stands in for over_gap() knows what it may hold. */
+/* Different words for each table, so that the replacement of over_gap() knows the range of its
+   entries. */
 enum { GAIN = 101, OFFSET, BIAS, FLUX_ARM, FIELD_ARM, LAG_ARM };
 
 static void any_head(int16_t *words)
@@ -57,7 +58,7 @@ static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 
 /* ---- contracts ---- */
 
 #ifdef LEAVES_BY_CONTRACT
-static int16_t over_gap(place at, int16_t first)
+static int16_t over_gap(gap_position position, int16_t first)
 {
   if (first == GAIN || first == FIELD_ARM) {
     return (int16_t)any_within(1, ANHYST_Q15_MAX);
@@ -120,7 +121,7 @@ static void prove_swap(void)
   SHOW(c.words == other && c.stage == ANHYST_STAGE_UNKNOWN);
 }
 
-/* Any gap, any table over the gap within the block. */
+/* Any gap, and any table over the gap in the block. */
 static void prove_over_gap(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
@@ -128,13 +129,13 @@ static void prove_over_gap(void)
   const int32_t segments = 1 << words[ANHYST_WORD_GAP_SEGMENTS];
   const int16_t first = (int16_t)any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
   ASSUME(first + segments + 1 <= ANHYST_BLOCK_MOST_WORDS);
-  const place at = place_of(words, nondet_i32());
-  SHOW(at.part >= 0 && at.part <= 32767);
-  const int32_t segment = (int32_t)(at.words - words);
+  const gap_position position = locate_gap(words, nondet_i32());
+  SHOW(position.part >= 0 && position.part <= 32767);
+  const int32_t segment = (int32_t)(position.words - words);
   SHOW(segment >= 0 && segment < segments);
   const int32_t change = (int32_t)words[first + segment + 1] - words[first + segment];
   ASSUME(change >= -ANHYST_Q15_MAX && change <= ANHYST_Q15_MAX);
-  (void)over_gap(at, first);
+  (void)over_gap(position, first);
 }
 
 int main(void)

@@ -1,40 +1,39 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The kernel of the full law, function by function from the leaves to the whole step. PART names
-   the function that is proved; those below it are replaced by what their own proof has shown
-   (contracts in proofs.toml), each of them first showing that it may be called so.
-
-   Where a table is read, the words of the block are any that anhyst_block_check lets through. */
+/* Proves the kernel of the Jiles-Atherton law, function by function up to the whole step. PART is
+   the proved function. The functions that it calls are replaced by their proved contracts
+   (proofs.toml), which first show that the call is allowed. Words that are read from tables are any
+   that anhyst_block_check accepts. */
 #ifndef RAW_PRODUCTS
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif
 #include "any.h"
 
-/* The search turns as often as the block says, up to 16 times. In its proof, proofs.toml puts
-   ANY_TURN at the beginning of a turn and NEXT_TURN at its end: the invariant is shown, everything
-   forgotten but the invariant, and so one turn stands for all. */
+/* The search has up to 16 iterations, as the block states. proofs.toml inserts BEGIN_ANY_ITERATION
+   and END_ANY_ITERATION at the start and the end of an iteration: they show the invariant and
+   forget everything else, so that one iteration represents all. */
 #define INVARIANT                                                                                  \
-  (along->x <= within.low && within.low <= next && next <= within.high && within.high < UNIT &&    \
+  (path->x <= within.low && within.low <= next && next <= within.high && within.high < UNIT &&     \
    last_step >= 0)
-#define ANY_TURN                                                                                   \
+#define BEGIN_ANY_ITERATION                                                                        \
   SHOW(INVARIANT);                                                                                 \
-  left = any_within(1, 16);                                                                        \
+  evaluations_left = any_within(1, 16);                                                            \
   within.low = nondet_i32();                                                                       \
   within.high = nondet_i32();                                                                      \
   last_step = nondet_i32();                                                                        \
   next = nondet_i32();                                                                             \
-  is_stuck = nondet_i16();                                                                         \
+  was_rejected = nondet_i16();                                                                     \
   if (limit != 0 && nondet_i16() != 0) {                                                           \
-    of = limit;                                                                                    \
+    eq = limit;                                                                                    \
   }                                                                                                \
   ASSUME(INVARIANT);
-#define NEXT_TURN                                                                                  \
+#define END_ANY_ITERATION                                                                          \
   SHOW(INVARIANT);                                                                                 \
   ASSUME(0);
 
 #define inside(a) ((a) >= -UNIT && (a) < UNIT)
 
-/* The iron's weight in the search, of either sign, or below zero alone where a fault shows there.
- */
+/* Range of the iron weight in the search: either sign, or only negative if the control fault
+   appears only there. */
 #ifdef AGAINST_THE_AIR
 #define MOST_IRON (-1)
 #else
@@ -43,7 +42,7 @@
 
 #include "compensator/full.c"
 
-/* The tables of a path; what stands in for value() tells them by their place. */
+/* The tables of a path. The replacement of interpolate() distinguishes them by their addresses. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
 static int16_t block_words[INVERSE_AT + 1];
 static const int16_t *const curve_words = block_words + CURVE_AT;
@@ -79,81 +78,82 @@ static anhyst_full_memory any_memory(void)
   return any;
 }
 
-/* A path as begin() makes it. */
-static int has_begun(const path *along)
+/* Properties of a path after init_path(). */
+static int has_begun(const branch_path *path)
 {
-  return inside(along->x) && inside(along->y) && inside(along->p) && along->play >= 0 &&
-         along->play <= UNIT && along->tangent_step >= 0 && along->tangent_step <= MAX_TANGENT_STEP;
+  return inside(path->x) && inside(path->y) && inside(path->p) && path->play >= 0 &&
+         path->play <= UNIT && path->tangent_step >= 0 && path->tangent_step <= MAX_TANGENT_STEP;
 }
 
-static int departed(const path *along)
+static int departed(const branch_path *path)
 {
-  return inside(along->departure) && along->offset > -2 * UNIT && along->offset < 2 * UNIT;
+  return inside(path->departure) && path->offset > -2 * UNIT && path->offset < 2 * UNIT;
 }
 
-/* The path as depart() leaves it. */
-static path any_path(void)
+/* A path after find_departure(). */
+static branch_path any_path(void)
 {
-  path along;
-  along.x = nondet_i32();
-  along.y = nondet_i32();
-  along.p = nondet_i32();
-  along.play = nondet_i32();
-  along.tangent_step = nondet_i32();
-  along.curve.at = curve_words;
-  along.curve.n = (uint16_t)any_within(3, 9);
-  along.branch.at = branch_words;
-  along.branch.n = (uint16_t)(along.curve.n + 1U);
-  along.inverse.at = inverse_words;
-  along.inverse.n = (uint16_t)any_within(3, 9);
-  along.fades.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  along.fades.shift = (uint16_t)any_within(0, 12);
-  along.turn = any_within(-UNIT, UNIT - 1);
-  along.level = any_within(-UNIT, UNIT - 1);
-  along.departure = nondet_i32();
-  along.offset = nondet_i32();
-  along.kappa = any_within(0, UNIT);
-  along.lead = nondet_i16();
-  along.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  along.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  along.evaluations = (int16_t)any_within(2, 16);
-  ASSUME(has_begun(&along) && departed(&along));
-  return along;
+  branch_path path;
+  path.x = nondet_i32();
+  path.y = nondet_i32();
+  path.p = nondet_i32();
+  path.play = nondet_i32();
+  path.tangent_step = nondet_i32();
+  path.curve.at = curve_words;
+  path.curve.n = (uint16_t)any_within(3, 9);
+  path.branch.at = branch_words;
+  path.branch.n = (uint16_t)(path.curve.n + 1U);
+  path.inverse.at = inverse_words;
+  path.inverse.n = (uint16_t)any_within(3, 9);
+  path.decay.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  path.decay.shift = (uint16_t)any_within(0, 12);
+  path.turn = any_within(-UNIT, UNIT - 1);
+  path.level = any_within(-UNIT, UNIT - 1);
+  path.departure = nondet_i32();
+  path.offset = nondet_i32();
+  path.kappa = any_within(0, UNIT);
+  path.lead = nondet_i16();
+  path.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  path.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  path.evaluations = (int16_t)any_within(2, 16);
+  ASSUME(has_begun(&path) && departed(&path));
+  return path;
 }
 
 static int is_slope(int32_t slope) { return slope >= 0 && slope <= ANHYST_SLOPE_MAX; }
 
-static int is_answer(const path *along, const answer *at)
+static int is_answer(const branch_path *path, const path_point *point)
 {
-  return inside(at->x) && inside(at->p) && at->p >= along->p && at->y >= along->y && at->y < UNIT &&
-         inside(at->m) && is_slope(at->y_slope) && is_slope(at->m_slope);
+  return inside(point->x) && inside(point->p) && point->p >= path->p && point->y >= path->y &&
+         point->y < UNIT && inside(point->m) && is_slope(point->y_slope) &&
+         is_slope(point->m_slope);
 }
 
-static answer any_answer(const path *along)
+static path_point any_answer(const branch_path *path)
 {
-  const answer at = {nondet_i32(), nondet_i32(), nondet_i32(),
-                     nondet_i32(), nondet_i32(), nondet_i32()};
-  ASSUME(is_answer(along, &at));
-  return at;
+  const path_point point = {nondet_i32(), nondet_i32(), nondet_i32(),
+                            nondet_i32(), nondet_i32(), nondet_i32()};
+  ASSUME(is_answer(path, &point));
+  return point;
 }
 
-static int is_equation(const equation *of)
+static int is_equation(const equation *eq)
 {
-  return of->air > 0 && of->iron >= -ANHYST_Q15_MAX && inside(of->target);
+  return eq->air > 0 && eq->iron >= -ANHYST_Q15_MAX && inside(eq->target);
 }
 
 static equation any_equation(void)
 {
-  const equation of = {(int16_t)any_within(1, ANHYST_Q15_MAX),
+  const equation eq = {(int16_t)any_within(1, ANHYST_Q15_MAX),
                        (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
                        any_within(-UNIT, UNIT - 1)};
-  return of;
+  return eq;
 }
 
 /* ---- contracts ---- */
 
 #ifdef VALUE_BY_CONTRACT
-static inline number value(table t, number u, number *rise)
+static inline number interpolate(table t, number u, number *rise)
 {
   SHOW(u >= 0 && u < UNIT);
   const int32_t least = t.at == branch_words ? -ANHYST_Q15_MAX : 0;
@@ -164,7 +164,7 @@ static inline number value(table t, number u, number *rise)
 #endif
 
 #ifdef SMALL_BY_CONTRACT
-static inline number forgotten(int32_t t)
+static inline number decayed_share(int32_t t)
 {
   SHOW(t >= 0);
   return any_within(0, UNIT);
@@ -176,7 +176,7 @@ static inline slope slope_of(table curve, number rise)
   return any_within(0, ANHYST_SLOPE_MAX);
 }
 
-static inline slope pulled(number above, entry steepness)
+static inline slope irreversible_slope(number above, entry steepness)
 {
   SHOW(steepness > 0 && above >= -2 * UNIT && above <= 2 * UNIT);
   return any_within(-262144, 262144);
@@ -196,25 +196,27 @@ static inline number quotient(number n, number d)
 #endif
 
 #ifdef CURVE_BY_CONTRACT
-static number follow_curve(const path *along, const equation *of, number x, number residual)
+static number guess_along_curve(const branch_path *path, const equation *eq, number x,
+                                number residual)
 {
-  SHOW(inside(x) && is_equation(of) && residual > -2 * UNIT && residual < 2 * UNIT);
+  SHOW(inside(x) && is_equation(eq) && residual > -2 * UNIT && residual < 2 * UNIT);
   return any_within(-UNIT, UNIT - 1);
 }
 #endif
 
 #ifdef STEPS_BY_CONTRACT
-static inline answer evaluate(const path *along, number x)
+static inline path_point evaluate(const branch_path *path, number x)
 {
-  SHOW(inside(x) && departed(along));
-  answer at = any_answer(along);
-  ASSUME(at.x == x);
-  return at;
+  SHOW(inside(x) && departed(path));
+  path_point point = any_answer(path);
+  ASSUME(point.x == x);
+  return point;
 }
 
-static number leave_hold(const path *along, const equation *of, number end, interval *within)
+static number guess_after_hold(const branch_path *path, const equation *eq, number end,
+                               interval *within)
 {
-  SHOW(inside(end) && is_equation(of) && within->low <= end && end <= within->high);
+  SHOW(inside(end) && is_equation(eq) && within->low <= end && end <= within->high);
   if (nondet_i16() != 0) {
     within->low = end;
   } else {
@@ -223,37 +225,40 @@ static number leave_hold(const path *along, const equation *of, number end, inte
   return any_within(within->low, within->high);
 }
 
-static number look_elsewhere(const path *along, const equation *of, const interval *within,
-                             number x, number residual, int is_stuck)
+static number guess_after_rejection(const branch_path *path, const equation *eq,
+                                    const interval *within, number x, number residual,
+                                    int was_rejected)
 {
-  SHOW(inside(x) && is_equation(of) && residual > -2 * UNIT && residual < 2 * UNIT);
+  SHOW(inside(x) && is_equation(eq) && residual > -2 * UNIT && residual < 2 * UNIT);
   SHOW(within->low <= within->high && inside(within->low) && inside(within->high));
   return any_within(within->low, within->high);
 }
 
-static inline void slide(const path *along, number goal, answer *at)
+static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
 {
   SHOW(inside(goal));
-  *at = any_answer(along);
+  *point = any_answer(path);
 }
 #endif
 
 #ifdef RISE_BY_CONTRACT
-static int rise(const path *along, const equation *of, const equation *limit, answer *found)
+static int search_path(const branch_path *path, const equation *eq, const equation *limit,
+                       path_point *found)
 {
-  SHOW(has_begun(along) && departed(along) && inside(found->x) && found->x >= along->x);
-  SHOW(inside(found->m) && is_slope(found->m_slope) && is_equation(of));
+  SHOW(has_begun(path) && departed(path) && inside(found->x) && found->x >= path->x);
+  SHOW(inside(found->m) && is_slope(found->m_slope) && is_equation(eq));
   SHOW(limit == 0 || is_equation(limit));
-  *found = any_answer(along);
+  *found = any_answer(path);
   return nondet_i16();
 }
 #endif
 
 #ifdef REMEMBER_BY_CONTRACT
-static inline void remember(compensator *c, const path *along, mirror way, const answer *at)
+static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
+                              const path_point *point)
 {
-  SHOW(inside(at->x) && inside(at->y) && inside(at->p) && inside(at->m));
-  SHOW(is_slope(at->y_slope) && is_slope(at->m_slope));
+  SHOW(inside(point->x) && inside(point->y) && inside(point->p) && inside(point->m));
+  SHOW(is_slope(point->y_slope) && is_slope(point->m_slope));
   c->next.memory.full = any_memory();
   c->next.memory.full.x = any_within(-UNIT, UNIT - 1) * 4;
   c->next.of.full.m = any_within(-UNIT, UNIT - 1);
@@ -261,9 +266,9 @@ static inline void remember(compensator *c, const path *along, mirror way, const
 #endif
 
 #ifdef END_BY_CONTRACT
-static int find_from_end(compensator *c, number wanted)
+static int solve_from_last_step(compensator *c, number target)
 {
-  SHOW(wanted >= -3 * UNIT && wanted <= 3 * UNIT);
+  SHOW(target >= -3 * UNIT && target <= 3 * UNIT);
   c->next.memory.full = any_memory();
   c->next.memory.full.x = any_within(-UNIT, UNIT - 1) * 4;
   c->next.of.full.m = any_within(-UNIT, UNIT - 1);
@@ -273,7 +278,8 @@ static int find_from_end(compensator *c, number wanted)
 
 #ifdef UNIT_BY_CONTRACT
 /* Proved in prove_block.c. */
-static inline number in_unit(number a, const entry *before, const entry *words, int16_t word)
+static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
+                                  int16_t word)
 {
   SHOW(a >= -ANHYST_Q30_ONE && a <= ANHYST_Q30_ONE);
   return nondet_i32();
@@ -281,21 +287,22 @@ static inline number in_unit(number a, const entry *before, const entry *words, 
 #endif
 
 #ifdef CARRIED_BY_CONTRACT
-static number carried_to(path *along, const entry *words, const carried *from, number shift,
-                         number flux)
+static number shift_state(branch_path *path, const entry *words, const old_state *from,
+                          number shift, number flux)
 {
-  SHOW(inside(from->x) && inside(from->p) && inside(from->equal_field));
-  SHOW(from->rest > -2 * UNIT && from->rest < 2 * UNIT && shift >= -2 * UNIT && shift <= 2 * UNIT);
-  along->x = any_within(1 - UNIT, UNIT - 1);
-  along->y = any_within(1 - UNIT, UNIT - 1);
-  along->p = any_within(1 - UNIT, UNIT - 1);
+  SHOW(inside(from->x) && inside(from->p) && inside(from->anhysteretic_field));
+  SHOW(from->inverse_error > -2 * UNIT && from->inverse_error < 2 * UNIT && shift >= -2 * UNIT &&
+       shift <= 2 * UNIT);
+  path->x = any_within(1 - UNIT, UNIT - 1);
+  path->y = any_within(1 - UNIT, UNIT - 1);
+  path->p = any_within(1 - UNIT, UNIT - 1);
   return nondet_i32();
 }
 #endif
 
 /* ---- proofs ---- */
 
-/* Any entry of any table within the block. */
+/* Any entry of any table in the block. */
 static void prove_place(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
@@ -308,23 +315,24 @@ static void prove_place(void)
   int32_t rise;
   ASSUME(words[i] >= -ANHYST_Q15_MAX && words[i] <= words[i + 1]);
   ASSUME(words[i + 1] - words[i] <= ANHYST_Q15_MAX);
-  (void)value(t, u, &rise);
+  (void)interpolate(t, u, &rise);
   SHOW(rise == words[i + 1] - words[i]);
 }
 
 static void prove_forgotten(void)
 {
-  const int32_t gone = forgotten(any_within(0, ANHYST_Q31_MAX));
-  SHOW(gone >= 0 && gone <= UNIT);
+  const int32_t decayed = decayed_share(any_within(0, ANHYST_Q31_MAX));
+  SHOW(decayed >= 0 && decayed <= UNIT);
 }
 
 static void prove_slopes(void)
 {
-  const path along = any_path();
-  const int32_t rise = any_within(0, steepest(along.curve.n));
-  SHOW(is_slope(slope_of(along.curve, rise)));
-  const int32_t pull = pulled(any_within(-2 * UNIT, 2 * UNIT), along.steepness);
-  SHOW(pull >= -262144 && pull <= 262144);
+  const branch_path path = any_path();
+  const int32_t rise = any_within(0, steepest(path.curve.n));
+  SHOW(is_slope(slope_of(path.curve, rise)));
+  const int32_t anhysteretic_m =
+      irreversible_slope(any_within(-2 * UNIT, 2 * UNIT), path.steepness);
+  SHOW(anhysteretic_m >= -262144 && anhysteretic_m <= 262144);
 }
 
 static void prove_quotient(void)
@@ -335,74 +343,74 @@ static void prove_quotient(void)
 
 static void prove_evaluate(void)
 {
-  const path along = any_path();
+  const branch_path path = any_path();
   const int32_t x = any_within(-UNIT, UNIT - 1);
-  const answer at = evaluate(&along, x);
-  SHOW(at.x == x);
-  SHOW(is_answer(&along, &at));
+  const path_point point = evaluate(&path, x);
+  SHOW(point.x == x);
+  SHOW(is_answer(&path, &point));
 }
 
 static void prove_depart(void)
 {
   const anhyst_full_memory from = any_memory();
-  const mirror way = nondet_i16() != 0 ? -1 : 0;
-  path along;
-  answer at = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
+  const mirror_type mirror = nondet_i16() != 0 ? -1 : 0;
+  branch_path path;
+  path_point point = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
   fill_words(block_words);
-  begin(&along, block_words, &from, way);
-  SHOW(has_begun(&along));
-  depart(&along, block_words, &from, way);
-  SHOW(departed(&along) && along.kappa >= 0 && along.kappa <= UNIT);
-  find_start_slopes(&along, any_within(0, steepest(along.curve.n)), &at);
-  SHOW(is_slope(at.y_slope) && is_slope(at.m_slope));
+  init_branch_path(&path, block_words, &from, mirror);
+  SHOW(has_begun(&path));
+  find_departure(&path, block_words, &from, mirror);
+  SHOW(departed(&path) && path.kappa >= 0 && path.kappa <= UNIT);
+  find_start_slopes(&path, any_within(0, steepest(path.curve.n)), &point);
+  SHOW(is_slope(point.y_slope) && is_slope(point.m_slope));
 }
 
 static void prove_steps(void)
 {
-  const path along = any_path();
-  answer at = any_answer(&along);
-  const equation of = any_equation();
-  const int32_t residual = sum_at(&of, at.x, at.m) - of.target;
+  const branch_path path = any_path();
+  path_point point = any_answer(&path);
+  const equation eq = any_equation();
+  const int32_t residual = left_side(&eq, point.x, point.m) - eq.target;
   SHOW(residual > -2 * UNIT && residual < 2 * UNIT);
-  const int32_t step = step_against(residual, sum_slope(&of, at.m_slope));
+  const int32_t step = step_against(residual, left_side_slope(&eq, point.m_slope));
   SHOW(step > -4 * UNIT && step < 4 * UNIT);
-  slide(&along, any_within(-UNIT, UNIT - 1), &at);
-  SHOW(is_answer(&along, &at));
+  follow_tangent(&path, any_within(-UNIT, UNIT - 1), &point);
+  SHOW(is_answer(&path, &point));
 }
 
 static void prove_curve(void)
 {
-  const path along = any_path();
-  const equation of = any_equation();
+  const branch_path path = any_path();
+  const equation eq = any_equation();
   const int32_t x = any_within(-UNIT, UNIT - 1);
-  SHOW(inside(follow_curve(&along, &of, x, any_within(1 - 2 * UNIT, 2 * UNIT - 1))));
+  SHOW(inside(guess_along_curve(&path, &eq, x, any_within(1 - 2 * UNIT, 2 * UNIT - 1))));
 }
 
 static void prove_guesses(void)
 {
-  const path along = any_path();
-  const equation of = any_equation();
+  const branch_path path = any_path();
+  const equation eq = any_equation();
   const int32_t end = any_within(-UNIT, UNIT - 1);
   interval within = {any_within(-UNIT, end), any_within(end, UNIT - 1)};
   const interval before = within;
-  const int32_t first = leave_hold(&along, &of, end, &within);
+  const int32_t first = guess_after_hold(&path, &eq, end, &within);
   SHOW((within.low == end && within.high == before.high) ||
        (within.low == before.low && within.high == end));
   SHOW(first >= within.low && first <= within.high);
-  const int32_t other = look_elsewhere(&along, &of, &before, any_within(-UNIT, UNIT - 1),
-                                       any_within(1 - 2 * UNIT, 2 * UNIT - 1), nondet_i16());
+  const int32_t other = guess_after_rejection(&path, &eq, &before, any_within(-UNIT, UNIT - 1),
+                                              any_within(1 - 2 * UNIT, 2 * UNIT - 1), nondet_i16());
   SHOW(other >= before.low && other <= before.high);
 }
 
 static void prove_rise(void)
 {
-  const path along = any_path();
-  const equation of = any_equation();
+  const branch_path path = any_path();
+  const equation eq = any_equation();
   const equation limit = any_equation();
-  answer at = any_answer(&along);
-  ASSUME(at.x >= along.x);
-  (void)rise(&along, &of, nondet_i16() != 0 ? &limit : 0, &at);
-  SHOW(is_answer(&along, &at));
+  path_point point = any_answer(&path);
+  ASSUME(point.x >= path.x);
+  (void)search_path(&path, &eq, nondet_i16() != 0 ? &limit : 0, &point);
+  SHOW(is_answer(&path, &point));
 }
 
 static int is_memory(const anhyst_full_memory *memory)
@@ -414,25 +422,25 @@ static int is_memory(const anhyst_full_memory *memory)
 
 static void prove_remember(void)
 {
-  const path along = any_path();
-  const answer at = any_answer(&along);
+  const branch_path path = any_path();
+  const path_point point = any_answer(&path);
   anhyst_compensator c;
   c.memory.full = any_memory();
-  remember(&c, &along, nondet_i16() != 0 ? -1 : 0, &at);
+  store_step(&c, &path, nondet_i16() != 0 ? -1 : 0, &point);
   SHOW(is_memory(&c.next.memory.full));
   SHOW(is_slope(c.next.of.full.y_slope) && is_slope(c.next.of.full.m_slope));
 }
 
 static void prove_carried(void)
 {
-  path along = any_path();
-  const carried from = {any_within(1 - UNIT, UNIT - 1), any_within(1 - UNIT, UNIT - 1),
-                        any_within(1 - UNIT, UNIT - 1), any_within(1 - 2 * UNIT, 2 * UNIT - 1)};
+  branch_path path = any_path();
+  const old_state from = {any_within(1 - UNIT, UNIT - 1), any_within(1 - UNIT, UNIT - 1),
+                          any_within(1 - UNIT, UNIT - 1), any_within(1 - 2 * UNIT, 2 * UNIT - 1)};
   fill_words(block_words);
-  (void)carried_to(&along, block_words, &from, any_within(-2 * UNIT, 2 * UNIT),
-                   any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-  SHOW(inside(along.x) && inside(along.y) && inside(along.p));
-  SHOW(along.x - along.p <= along.play && along.p - along.x <= along.play);
+  (void)shift_state(&path, block_words, &from, any_within(-2 * UNIT, 2 * UNIT),
+                    any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(inside(path.x) && inside(path.y) && inside(path.p));
+  SHOW(path.x - path.p <= path.play && path.p - path.x <= path.play);
 }
 
 static void prove_carry(void)
@@ -443,11 +451,11 @@ static void prove_carry(void)
   anhyst_compensator c;
   c.words = block_words;
   c.memory.full = any_memory();
-  carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  transfer_state(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
   SHOW(is_memory(&c.memory.full));
 }
 
-/* A compensator as a kernel finds it. */
+/* A compensator before a call of its kernel. */
 static anhyst_compensator any_compensator(void)
 {
   anhyst_compensator c;
@@ -470,7 +478,7 @@ static anhyst_compensator any_compensator(void)
 static void prove_end(void)
 {
   anhyst_compensator c = any_compensator();
-  (void)find_from_end(&c, any_within(-3 * UNIT, 3 * UNIT));
+  (void)solve_from_last_step(&c, any_within(-3 * UNIT, 3 * UNIT));
 }
 
 static void prove_field(void)

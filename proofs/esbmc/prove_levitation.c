@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A command, a fault from outside and a whole tick of what a levitating actuator does when, from
-   any state within the invariant, for any valid limits and settings and any input. */
+/* Proves a command, an external fault and a whole tick of the levitation sequence, from any state
+   within the invariant, for any valid limits and settings and any input. */
 #include "any.h"
 #include "control/levitation.c"
 #include "control/supervisor.c"
 
-/* Any answer; its product is tried with every number (proofs/exhaustive/reach.c). */
+/* Returns any result; proofs/exhaustive/reach.c tries its product with every number. */
 static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   SHOW(step > 0);
   return nondet_i16() != 0;
 }
 
-/* What a state always is. A sequence counts no further than it is long. */
+/* The invariant of a state. A sequence counts at most to its length. */
 static int holds(const anhyst_levitation *l)
 {
   const anhyst_supervisor *s = &l->supervisor;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole tick of the fixed-point controller, and the two functions beside it, from any state
-   within the invariant, for any valid gains and any signals. */
+/* Proves a whole tick of the fixed-point controller, and its start and change functions, from any
+   state within the invariant, for any valid gains and any signals. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "control/pidd2.c"
 

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole tick of the controller of a levitating armature, a swap of blocks, a switch of the
-   compensation, or other gains: any valid limits and settings, any state, any sample, one magnet or
-   two. Levitation, PIDD2 and force controllers
-   give way to what their own proofs show of them: each call is shown to be allowed, and answers
-   anything. The currents stay within the limits of the board. PART names the function that is
-   proved. */
+/* Proves a whole tick of the controller of a levitating armature, a swap of blocks, a switch of the
+   compensation, or a change of gains, for any valid limits and settings, any state, any sample, and
+   one magnet or two. Levitation, PIDD2 and force controllers are replaced by their proved
+   contracts: each call is shown to be allowed, and returns any result. The currents stay within the
+   limits of the board. PART is the proved function. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -21,16 +20,17 @@ static int is_current(int32_t current)
 
 /* ---- contracts ---- */
 
-/* All but the remainder of the converter's steps, on which on_grid alone depends. */
-static int are_valid(const anhyst_position_limits_q31 *of,
-                         const anhyst_position_settings_q31 *to)
+/* Everything except that the range is a multiple of the converter's step, which only round_to_grid
+   needs. */
+static int are_settings_valid(const anhyst_position_limits_q31 *of,
+                              const anhyst_position_settings_q31 *to)
 {
   return anhyst_factor_is_valid(to->units.gap[0].factor) &&
          anhyst_factor_is_valid(to->units.gap[1].factor) && of->current_low < of->current_high &&
          of->current_step > 0 && of->release >= of->current_step && nondet_i16() != 0;
 }
 
-static int32_t on_grid(const anhyst_position_limits_q31 *of, int32_t current)
+static int32_t round_to_grid(const anhyst_position_limits_q31 *of, int32_t current)
 {
   SHOW(of == &limits && is_current(current));
   return any_within(limits.current_low, limits.current_high);
@@ -125,7 +125,7 @@ anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map)
   return nondet_i16() != 0 ? ANHYST_BAD_PARAMETER : ANHYST_OK;
 }
 
-/* Any method of a force controller: its functions answer anything. */
+/* A force controller with any method: its functions return any result. */
 static int32_t any_current(anhyst_force_controller_q31 *magnet, int32_t demand, int32_t gap,
                            int32_t flux)
 {

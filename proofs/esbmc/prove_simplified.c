@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The step of the closed form: from any path of a memory, for any valid words and any
-   table that never falls below zero. */
+/* Proves the step of the closed form: from any path of a memory, for any valid words and any table
+   that never falls below zero. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-/* What the check of a block says of every entry; proofs.toml puts it where one is read. */
+/* The properties of every entry that the check of a block guarantees; proofs.toml inserts this
+   where an entry is read. */
 #define VALID_ENTRY(entry) ASSUME((entry) >= 0);
 
 #include "compensator/simplified.c"
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 
-/* Valid words; the table of the curve lies anywhere in the block. */
+/* Valid words, with the table of the curve anywhere in the block. */
 static void any_words(int16_t *words)
 {
   ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);
@@ -29,13 +30,13 @@ static void any_words(int16_t *words)
 /* ---- contracts ---- */
 
 #ifdef LEAVES_BY_CONTRACT
-static number state_of(const entry *words, number z)
+static number state_at_distance(const entry *words, number z)
 {
   SHOW(z >= 0);
   return any_within(0, ANHYST_Q30_ONE);
 }
 
-static number distance_of(const entry *words, number state)
+static number distance_at_state(const entry *words, number state)
 {
   SHOW(state >= 0 && state <= ANHYST_Q30_ONE);
   return any_within(0, ANHYST_Q31_MAX);
@@ -59,7 +60,7 @@ static void prove_state_of(void)
   int16_t words[WORDS];
   any_words(words);
   block = words;
-  const int32_t state = state_of(words, any_within(0, ANHYST_Q31_MAX));
+  const int32_t state = state_at_distance(words, any_within(0, ANHYST_Q31_MAX));
   SHOW(state >= 0 && state <= ANHYST_Q30_ONE);
 }
 #endif
@@ -69,12 +70,12 @@ static void prove_step(void)
   int16_t words[WORDS];
   any_words(words);
   const int32_t state = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  SHOW(start_of(words, state) >= -ANHYST_Q30_ONE);
+  SHOW(path_start(words, state) >= -ANHYST_Q30_ONE);
   anhyst_simplified_memory path = {0, state, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), 0,
                                    any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX)};
   const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   ASSUME(flux > path.turn);
-  const int32_t found = state_beyond(words, &path, flux);
+  const int32_t found = state_at_flux(words, &path, flux);
   SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 }
 
@@ -82,7 +83,7 @@ static void prove_distance_of(void)
 {
   int16_t words[WORDS];
   any_words(words);
-  SHOW(distance_of(words, any_within(0, ANHYST_Q30_ONE)) >= 0);
+  SHOW(distance_at_state(words, any_within(0, ANHYST_Q30_ONE)) >= 0);
 }
 
 int main(void)

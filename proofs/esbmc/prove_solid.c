@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron: what a pass through its layers is made of, for any fluxes, fields, slopes and
-   targets, whatever the law of cells answers within its range. The law shows that it may be called
-   so. */
+/* Proves the parts of a pass through the layers of solid iron, for any fluxes, fields, slopes and
+   targets, and any result of the play-cell law within its range. The replacement of the law shows
+   that each call is allowed. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #include "compensator/lookup.h"
 
-#define MOST_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
+#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
 
 static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 {
@@ -18,10 +18,10 @@ static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 
 #include "compensator/cells.c"
 
-static number reach_current(const entry *words, const cells_memory *from, const number *plays,
-                            const arms_type *arms, number wanted, candidate *at, int is_known)
+static number solve_current(const entry *words, const cells_memory *from, const number *plays,
+                            const arms_type *arms, number target, candidate *at, int is_known)
 {
-  SHOW(wanted >= -MOST_TARGET && wanted <= MOST_TARGET && arms->field_arm >= 0);
+  SHOW(target >= -MAX_TARGET && target <= MAX_TARGET && arms->field_arm >= 0);
   SHOW(arms->flux_arm > -ANHYST_Q15_MAX - 1);
   at->memory.cells.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
@@ -35,10 +35,10 @@ static number flux_of_candidate(const entry *words, const candidate *at) { retur
 static void any_block(int16_t *words)
 {
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  ASSUME(solid_is_valid(words));
+  ASSUME(is_solid_valid(words));
 }
 
-/* Any place in the search for a compensator, its own shares and slopes apart. */
+/* Any state of the search of a compensator, with any shares and slopes. */
 static void any_tick(solid_tick *tick, anhyst_compensator *c)
 {
   const int16_t *words = c->words;
@@ -48,10 +48,10 @@ static void any_tick(solid_tick *tick, anhyst_compensator *c)
   tick->is_flux_given = nondet_i16() != 0;
   tick->layers = layers_of(words);
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  tick->hold = any_within(1, ANHYST_Q30_ONE);
-  tick->own = own_of(words);
+  tick->hold_slope = any_within(1, ANHYST_Q30_ONE);
+  tick->own_slope = read_own_slope(words);
   for (int16_t i = 0; i < ANHYST_MEMORIES; i++) {
-    tick->share[i] = (int16_t)any_within(SHARE_MIN, ANHYST_Q15_MAX);
+    tick->share[i] = (int16_t)any_within(MIN_SHARE, ANHYST_Q15_MAX);
     tick->stiffness[i] = any_within(1, ANHYST_Q31_MAX);
   }
 }
@@ -65,9 +65,9 @@ static void prove_layer(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  line = behind(&tick, 0, line);
-  SHOW(line.falls >= 0);
-  meet_line(&tick, 1, line, nondet_i32());
+  line = line_below_layer(&tick, 0, line);
+  SHOW(line.slope >= 0);
+  solve_layer_for_line(&tick, 1, line, nondet_i32());
   SHOW(tick.stiffness[1] >= 1);
 }
 
@@ -79,9 +79,9 @@ static void prove_surface(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  meet_flux(&tick, 0, whole_of(nondet_i32(), tick.share[0]));
+  solve_layer_for_flux(&tick, 0, divide_by_share(nondet_i32(), tick.share[0]));
   set_circuit(&tick);
-  SHOW(outside(&tick).falls >= 0);
+  SHOW(line_at_surface(&tick).slope >= 0);
 }
 
 static void prove_owed(void)
@@ -92,9 +92,9 @@ static void prove_owed(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  const int32_t owed = owed_flux(words, nondet_i32(), MAX_OWED);
-  SHOW(owed >= -MAX_OWED && owed <= MAX_OWED);
-  (void)is_met(&tick);
+  const int32_t owed = owed_flux(words, nondet_i32(), MAX_OWED_FLUX);
+  SHOW(owed >= -MAX_OWED_FLUX && owed <= MAX_OWED_FLUX);
+  (void)are_equations_solved(&tick);
 }
 
 int main(void)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* anhyst_scale for any two numbers. */
+/* Proves anhyst_scale for any two numbers. */
 #include "any.h"
 
 #include "anhyst/numeric/fixed.h"

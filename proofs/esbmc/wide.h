@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What stands in for a product in 64 bits, of which frama_c/wide.c shows that its size is at most
-   that of the first number times 2^31. */
+/* Replacement of a 64-bit product. frama_c/wide.c proves that its size is at most that of the first
+   number times 2^31. */
 #ifndef PROOF_WIDE_H
 #define PROOF_WIDE_H
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation over the gap, for every two neighbours of a valid table and every place between
-   them: the result lies between the two, and nothing overflows on the way. Neighbours differ by at
-   most 32767; what is added to the first depends on their difference alone, so 0 stands for it. */
+/* Checks the interpolation over the gap, for all neighbours of a valid table and every position
+   between them: the result is between the two entries, and nothing overflows. Neighbours differ by
+   at most 32767. The interpolated term depends only on their difference, so that a first entry of 0
+   is sufficient. */
 #include "compensator/compensator.c"
 
 int main(void)
@@ -12,8 +13,8 @@ int main(void)
     const int32_t low = change < 0 ? change : 0;
     const int32_t high = change < 0 ? 0 : change;
     for (int32_t part = 0; part <= 0x7FFF; part++) {
-      const place at = {words, part};
-      const int32_t found = over_gap(at, 0);
+      const gap_position position = {words, part};
+      const int32_t found = over_gap(position, 0);
       wrong += found < low || found > high;
     }
   }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The root of the compensator, for every number there is: its divisions are too much for a solver.
-   Compiled so that undefined behaviour stops the program. Only numbers from 2^29 on are tried:
-   smaller ones are first shifted up to one of these. */
+/* Checks the root of the compensator for every argument, because a solver cannot handle its
+   divisions. Compiled so that undefined behaviour stops the program. Only arguments from 2^29 on
+   are tried: smaller ones are first shifted up to one of these. */
 #include "compensator/compensator.c"
 
 int main(void)

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows of cells: what stands between two entries of a row, and by how much two rows differ there,
-   stays below 1. Every rise and every change of the difference at every place; both are straight in
-   the entries, of which so the outermost stand for all. */
+/* Checks the rows of the play-cell law: the value between two entries, and the difference between
+   two rows there, are below 1. Tries every rise and every change of the difference at every
+   position. Both are linear in the entries, so that the extreme entries are sufficient. */
 #include "compensator/cells_fixed.h"
 
 #define MOST ((int32_t)ANHYST_Q15_MAX * 32768)
 
 static int is_within(int32_t a) { return a >= -MOST && a <= MOST; }
 
-/* Two entries that rise by so much. */
+/* Two entries with this rise. */
 static int value_is_within(int32_t low, int32_t rise, int32_t part)
 {
   const int16_t entries[2] = {(int16_t)low, (int16_t)(low + rise)};
@@ -16,10 +16,10 @@ static int value_is_within(int32_t low, int32_t rise, int32_t part)
   return is_within(anhyst_value_at(spot));
 }
 
-/* Two rows that differ by so much at an entry, and by so much more at the next one. */
+/* Two rows with a difference at one entry, and a change of the difference up to the next entry. */
 static int difference_is_within(int32_t low, int32_t change, int32_t part)
 {
-  const int32_t half = low / 2; /* no entry is beyond 16 bits */
+  const int32_t half = low / 2; /* no entry exceeds 16 bits */
   const int32_t next = (low + change) / 2;
   const int16_t of[2] = {(int16_t)-half, (int16_t)-next};
   const int16_t other[2] = {(int16_t)(low - half), (int16_t)(low + change - next)};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Two functions of the full law where int has 16 bits, whose products are more than ESBMC can bound
-   in time. Their contracts stand in proofs.toml and are put before them in the copy that is read.
-   A table is read in its first segment, which stands for all: only the place of the two entries
-   depends on the segment, and that is "full: place in a table". */
+/* Two functions of the Jiles-Atherton law with an int of 16 bits, whose products ESBMC cannot bound
+   in acceptable time. proofs.toml contains their contracts and inserts them in the copy that is
+   read. Tables are read in their first segment, which represents all: only the address of the two
+   entries depends on the segment, and the proof "full: place in a table" covers it. */
 #include <stdint.h>
 
 /* A lemma, called where it is needed. */

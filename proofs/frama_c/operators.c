@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The operators of fixed.h where int has 16 bits: no overflow in any expression, and what each
-   returns, as exact integers. The contract of anhyst_scale is the one that proofs/esbmc/contracts.h
-   puts in its place. */
+/* The operators of fixed.h with an int of 16 bits: no expression overflows, and the contracts state
+   the results as exact integers. proofs/esbmc/contracts.h uses the contract of anhyst_scale. */
 #include <stdint.h>
 
 /*@ assigns \nothing;

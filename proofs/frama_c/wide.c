@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Products and limits in 64 bits: no overflow, and what each returns, as exact integers. The
-   contract of anhyst_wide is the one that proofs/esbmc/wide.h puts in its place. */
+/* Products and limits of 64 bits: no overflow, and the contracts state the results as exact
+   integers. proofs/esbmc/wide.h uses the contract of anhyst_wide. */
 #include <stdint.h>
 
 /*@ assigns \nothing;

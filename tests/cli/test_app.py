@@ -87,7 +87,7 @@ def test_wrong_usage_is_bad_input(
         (
             OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "m.toml"),
             2,
-            "anhyst: error: m.toml: No space left on device; make room\n",
+            "anhyst: error: m.toml: No space left on device; free some space\n",
         ),
     ],
 )

@@ -254,7 +254,7 @@ def test_a_file_that_says_no_kind_is_asked_for_it_alone(
         for verb in ("simulate", "tune", "excite", "force-control"):
             complaint = refusal(verb, path, monkeypatch, capsys)
             assert f": {key}: must be " in complaint
-            assert "wrong as well" not in complaint
+            assert "also wrong" not in complaint
 
 
 def test_an_ending_of_measurements_is_one_that_is_read() -> None:

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of play cells in fixed point, f32 and f64, over the same words. */
+/* The play-cell law in fixed point, f32 and f64, with the same words. */
 #ifndef TEST_CELL_LAW_FORMATS_H
 #define TEST_CELL_LAW_FORMATS_H
 
@@ -12,7 +12,7 @@
 static float words_f32[1024];
 static double words_f64[1024];
 
-/* Gives the words in floating point the numbers of those in fixed point. */
+/* Sets the floating-point words to the values of the fixed-point words. */
 static inline void fill_real_words(void)
 {
   for (int i = 0; i < 1024; i++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The words of a block of play cells with known curves, for the tests of the law. */
+/* The words of a play-cell block with known curves, for the tests of the law. */
 #ifndef TEST_CELL_WORDS_H
 #define TEST_CELL_WORDS_H
 
@@ -8,7 +8,7 @@
 
 #include "anhyst/compensator/layout.h"
 
-/* 64 narrow segments on each side of zero up to a half, 32 wide ones beyond. */
+/* 64 narrow segments on each side of zero up to a field of 1/2, 32 wide ones beyond. */
 enum { CELLS = 3, BITS = 6, OUTER = 32, STRIDE = (2 << BITS) + 2 * OUTER + 1 };
 static const double THRESHOLDS[CELLS + 1] = {0.0, 0.05, 0.11, 0.2};
 static const double WEIGHTS[CELLS + 1] = {0.1, 0.3, 0.35, 0.2};
@@ -18,7 +18,7 @@ static int16_t words[1024];
 
 static inline double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
 
-/* Where a row has an entry. */
+/* Returns the field of an entry of a row. */
 static inline double field_of(int column)
 {
   const int middle = STRIDE / 2;
@@ -27,7 +27,7 @@ static inline double field_of(int column)
   return beyond > 0.0 ? copysign(0.5 + 2.0 * beyond, from_middle) : from_middle;
 }
 
-/* Fills the words that the law reads. */
+/* Sets the words that the law reads. */
 static inline void fill_cell_words(void)
 {
   const int16_t thresholds = ANHYST_BLOCK_LEAST_WORDS;
@@ -53,7 +53,7 @@ static inline void fill_cell_words(void)
   }
 }
 
-/* The number that a word of the block is, in floating point. */
+/* Returns the value of a word of the block in floating point. */
 static inline double number_of(int word)
 {
   switch (word) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims: what was measured against what is promised, printed whether it holds or not. */
+/* Claims: compares a measured value with its limit, and prints both in any case. */
 #ifndef TEST_CHECK_H
 #define TEST_CHECK_H
 
@@ -9,7 +9,7 @@
 
 static int failures = 0;
 
-/* A claim does not hold; where one is to be found, the first that does not will do. */
+/* Counts a claim that does not hold. In tests of seeded faults, stops at the first one. */
 static inline void fail(void)
 {
   failures++;
@@ -41,7 +41,7 @@ static inline void check_below(const char *what, double measured, double limit, 
   }
 }
 
-/* Keeps the largest value; something that is not a number counts as infinite. */
+/* Keeps the largest value; NaN counts as infinite. */
 static inline void keep_worst(double *worst, double value)
 {
   if (!(value <= *worst)) {

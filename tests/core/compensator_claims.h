@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the compensator and of the check of a block, for a format that is defined before:
-   entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH. The law is a straight line that
-   records how it is called. */
+/* Claims of the compensator and of the check of a block, for one number format. Defined before:
+   entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH. The law is linear and records how
+   it is called. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -17,7 +17,7 @@ typedef FORMAT(anhyst_kernel) law_type;
 
 static int field_calls;
 static int flux_calls;
-static int worst_stage; /* the highest that `field` saw */
+static int worst_stage; /* the highest stage in a call of `field` */
 
 static number straight_field(compensator_type *c)
 {
@@ -55,7 +55,7 @@ static const law_type straight = {.kind = ANHYST_KIND_FULL,
 
 /* ---- its block ---- */
 
-/* CRC-32 of bytes, by the division of polynomials from the textbook. */
+/* CRC-32 of bytes by polynomial division, as in textbooks. */
 static uint32_t crc_of(const entry *words)
 {
   uint32_t crc = 0xFFFFFFFFU;
@@ -87,7 +87,7 @@ static void table(entry *words, int word, int at, double low, double high, doubl
   words[at + 1] = word_of(high, one);
 }
 
-/* Demand, current and flux are 0.9 at most, twice the current is the flux. */
+/* Demand, current and flux are at most 0.9; the flux is twice the current. */
 static void make_block(entry *words)
 {
   memset(words, 0, WORDS * sizeof *words);
@@ -126,7 +126,7 @@ static void flip(entry *word, unsigned bit)
 
 static void every_damaged_bit_is_refused(void)
 {
-  entry words[WORDS]; /* a sanitizer sees a read beyond */
+  entry words[WORDS]; /* a sanitizer detects a read outside */
   compensator_type c;
   int accepted = 0;
   make_block(words);
@@ -156,7 +156,7 @@ static compensator_type started(void)
   return c;
 }
 
-/* What the law is called for, in a solve and the commit of its current. */
+/* Calls of the law in a solve and the commit of its current. */
 static void what_was_solved_is_committed_by_a_copy(void)
 {
   compensator_type c = started();
@@ -180,7 +180,7 @@ static void what_was_solved_is_committed_by_a_copy(void)
   CHECK(flux_calls == 2);
 }
 
-/* Calls in any order against the table of stage.h. */
+/* Calls in any order, compared with the table of stage.h. */
 static void stages_are_those_of_the_table(void)
 {
   compensator_type c = started();
@@ -219,7 +219,7 @@ static void stages_are_those_of_the_table(void)
     wrong += c.stage != stage || (c.flags & ANHYST_FLAG_BUSY) != 0U;
   }
   CHECK_BELOW("wrong stages", wrong, 0);
-  CHECK(worst_stage == 0); /* no search of a field begins at a step that nobody took */
+  CHECK(worst_stage == 0); /* no search of a field starts at an uncommitted step */
 }
 
 static uint16_t flags_of_solve(compensator_type *c, signal demand, signal gap)
@@ -248,7 +248,7 @@ static void signals_out_of_range_raise_flags(void)
   CHECK(flags_of_commit(&c, FULL_CURRENT / 7, GAP) == ANHYST_CURRENT_LIMITED);
   CHECK(flags_of_commit(&c, -(FULL_CURRENT / 7), GAP) == ANHYST_CURRENT_LIMITED);
   CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP_BELOW) == ANHYST_GAP_LIMITED);
-  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve: its own flags alone */
+  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve: only its own flags */
   CHECK(c.flags == 0U);
   format_claims(&c);
 }
@@ -268,7 +268,7 @@ static void conditioning_keeps_the_limits(void)
   CHECK(!(CONDITIONING(&c, -1) > 0) && !(CONDITIONING(&c, length) > 0));
 }
 
-/* The output that is expected after a commit is the demand. */
+/* The expected output after a commit is the demand. */
 static void output_is_the_demand(void)
 {
   compensator_type c = started();
@@ -286,7 +286,7 @@ static void output_is_the_demand(void)
   CHECK_BELOW("output minus demand, of full scale", worst, 1e-4);
 }
 
-/* Every single solve without a commit is flagged by the next one, and by no other. */
+/* Each solve without a commit sets the flag in the next solve, and in no other. */
 static void a_forgotten_commit_is_flagged(void)
 {
   compensator_type c = started();
@@ -300,7 +300,7 @@ static void a_forgotten_commit_is_flagged(void)
   }
 }
 
-/* The start-up by the tick gives the same currents, and says when it is through. */
+/* The tick-by-tick start-up gives the same currents, and reports its end. */
 static void conditioning_by_the_tick_is_the_sequence(void)
 {
   compensator_type c = started();
@@ -327,7 +327,8 @@ static void a_current_that_does_not_follow_is_seen(void)
   CHECK(!SIGNALS(anhyst_compensator_follows)(&c, -(FULL_CURRENT / 10), FULL_CURRENT / 100));
 }
 
-/* Iron without layers or a lag takes missed ticks for one; with a lag each counts, 64 at most. */
+/* Iron without layers or a lag needs one commit for missed ticks; with a lag, each tick counts, at
+   most 64. */
 static void missed_ticks_are_made_up_for_where_time_matters(void)
 {
   compensator_type c = started();
@@ -348,7 +349,7 @@ static void missed_ticks_are_made_up_for_where_time_matters(void)
   CHECK(flux_calls == 1);
 }
 
-/* A lag asks for more current while the flux rises, and for none at rest. */
+/* A lag requires more current while the flux rises, and none at rest. */
 static void a_lag_costs_current_while_the_flux_moves(void)
 {
   compensator_type c = started();
@@ -360,7 +361,7 @@ static void a_lag_costs_current_while_the_flux_moves(void)
     const signal current = SOLVE(&c, FULL_DEMAND / 16, GAP);
     const double more = (double)current / (double)(FULL_CURRENT)-still;
     COMMIT(&c, current, GAP);
-    if (i == 0) { /* 0.1 beside 0.25 for the flux and 0.25 for the field */
+    if (i == 0) { /* 0.1 besides 0.25 for the flux and 0.25 for the field */
       CHECK_BELOW("current of a lag", fabs(more / still - 0.2), 1e-3);
     } else {
       CHECK_BELOW("current of a lag at rest", fabs(more), 1e-6);
@@ -368,7 +369,8 @@ static void a_lag_costs_current_while_the_flux_moves(void)
   }
 }
 
-/* What is saved brings back output, flux and memory; any damage, or another block, is refused. */
+/* Restoring a saved state restores output, flux and hysteresis state. Any damage and any other
+   block are rejected. */
 static void memory_survives_a_power_cycle(void)
 {
   static FORMAT(anhyst_saved_memory) saved;

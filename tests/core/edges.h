@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* 32-bit numbers where fixed-point arithmetic goes wrong first: around zero, around every power
-   of two, at both ends. */
+/* 32-bit numbers at which fixed-point errors are likely: around zero, around every power of two,
+   and at both ends. */
 #ifndef TEST_EDGES_H
 #define TEST_EDGES_H
 
@@ -8,8 +8,8 @@
 
 enum { EDGE_REACH = 2, EDGE_CENTRES = 65, EDGE_COUNT = EDGE_CENTRES * (2 * EDGE_REACH + 1) };
 
-/* Number i of the edges, 0 <= i < EDGE_COUNT: 0, 2^k or -2^k, up to EDGE_REACH beside it. What
-   would lie outside 32 bits wraps to the other end, which is an edge as well. */
+/* Returns edge i, 0 <= i < EDGE_COUNT: 0, 2^k or -2^k, plus or minus up to EDGE_REACH. Numbers
+   outside 32 bits wrap to the other end, which is also an edge. */
 static inline int32_t edge(int i)
 {
   const int centre = i % EDGE_CENTRES;

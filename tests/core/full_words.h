@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The words of a block of the law of Jiles and Atherton, as far as the law reads them. */
+/* The words of a block that the Jiles-Atherton law reads. */
 #ifndef TEST_FULL_WORDS_H
 #define TEST_FULL_WORDS_H
 
@@ -11,7 +11,7 @@
 
 enum { MOST_SEGMENTS = 512 };
 
-/* The law with tables of 2^9 segments, x reaching to 4 times its shape field. */
+/* The law with tables of 2^9 segments; x reaches 4 times the shape field. */
 static const double REACH = 4.0;
 static int16_t words[ANHYST_BLOCK_LEAST_WORDS + 3 * (2 * MOST_SEGMENTS + 1)];
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A law in fixed point, f32 and f64 on the same path. Before it: LAW_FORMATS,
-   one FORMAT(...) for each, over the words of the law. */
+/* A law in fixed point, f32 and f64 on the same path. Defined before: LAW_FORMATS, one FORMAT(...)
+   for each, with the words of the law. */
 #ifndef TEST_LAW_FORMATS_H
 #define TEST_LAW_FORMATS_H
 
@@ -17,7 +17,7 @@
 static int flux_arm = 12000;
 static int field_arm = 16000;
 
-/* A compensator of each format, and its steps in fractions. */
+/* A compensator of each format, with steps in fractions of full scale. */
 #define FORMAT(name, type, arms_type, kernel_of_law, number, words_of_law, one, weight)            \
   static type name;                                                                                \
   static void name##_start(void)                                                                   \
@@ -62,10 +62,11 @@ static double double_of(int arm) { return arm / 65536.0; }
 
 LAW_FORMATS
 
-/* The numbers of a walk are multiples of 2^-20: the same in every format. */
+/* The numbers of a random path are multiples of 2^-20: the same in every format. */
 static double rounded(double a) { return floor(a * 1048576.0) / 1048576.0; }
 
-/* A flux of the walk: steps of any size, down to noise, and jumps over the range. */
+/* Returns the next flux of a random path: steps of any size, down to noise, and jumps over the
+   range. */
 static inline double next_flux(double flux, double most, uint64_t *seed)
 {
   const int shift = (int)(random_bits(seed) % 18U);
@@ -85,8 +86,8 @@ static const format FORMATS[3] = {{fixed_start, fixed_field, fixed_flux, fixed_k
                                   {f32_start, f32_field, f32_flux, f32_keep, "f32"},
                                   {f64_start, f64_field, f64_flux, f64_keep, "f64"}};
 
-/* Solves for a flux, and applies the current on the grid of a converter if there is one; returns
-   the solved current. */
+/* Solves for a flux, and applies the current, rounded to a converter's grid if there is one.
+   Returns the solved current. */
 static inline double tick(const format *law, double flux, int has_converter)
 {
   const double x = law->field(flux);
@@ -98,7 +99,7 @@ static inline double tick(const format *law, double flux, int has_converter)
   return current;
 }
 
-/* The iron comes to a demand over a rise, or over a descent from above. */
+/* Moves the iron to a demand on an ascending branch, or on a descending one from above. */
 static inline void approach(const format *law, double flux, int descends)
 {
   law->start();

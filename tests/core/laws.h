@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Random laws, states and irons of every kind, in the format a test is compiled for. */
+/* Random laws, states and irons of every kind, in the number format of the test. */
 #ifndef TEST_LAWS_H
 #define TEST_LAWS_H
 
@@ -7,18 +7,18 @@
 
 #include "truth.h"
 
-/* What a set may contain. */
+/* Properties that a sample may have. */
 enum { MAY_JUMP = 1, WITH_PLAY = 2, EXTREME = 4 };
 
 typedef struct {
   anhyst_iron_f64 iron;
   anhyst_operator_f64 law;
   anhyst_branch_f64 branch;
-  double amplitude; /* of the field to drive it with, A/m */
+  double amplitude; /* of the field that drives it, A/m */
 } sample_iron;
 
-/* Fills a sample; its iron points into it, so it must not be copied. Returns 0 if the set drawn is
-   outside what the core accepts. */
+/* Fills a sample. Its iron contains pointers into it, so it must not be copied. Returns 0 if the
+   core does not accept the random parameters. */
 static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_iron *out)
 {
   const int extreme = (what & EXTREME) != 0;
@@ -27,7 +27,7 @@ static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_i
   const double lowest = step == ANHYST_STEP_JA1986 ? 0.1 : 0.05;
   const double kappa = log_uniform(seed, extreme ? 1.1e-3 : lowest, extreme ? 900.0 : 5.0);
   const double c = random_bits(seed) % 10 == 0 ? 0.0 : uniform(seed, 0.0, extreme ? 1.0 : 0.9);
-  /* alpha*A: above 1 the magnetisation jumps; the reversible part must not, c*alpha*A < 1. */
+  /* alpha*A: above 1 the magnetisation jumps. The reversible part must not jump: c*alpha*A < 1. */
   double coupling = uniform(seed, 0.0, 0.95);
   if ((what & MAY_JUMP) != 0) {
     coupling = uniform(seed, 1.05, 6.0);
@@ -49,7 +49,7 @@ static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_i
                               play, &out->branch) == ANHYST_OK;
 }
 
-/* A state reached by wandering from the demagnetised one, by effective field. */
+/* Returns a state after random effective fields from the demagnetised state. */
 static inline anhyst_state_f64 wander(uint64_t *seed, const anhyst_operator_f64 *law, double spread)
 {
   anhyst_state_f64 state = {0.0, 0.0, 0.0};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fixed-point maps and signals of any kind. */
+/* Random fixed-point maps and signals. */
 #ifndef TEST_MAPS_H
 #define TEST_MAPS_H
 
@@ -38,7 +38,7 @@ static inline void fill(const anhyst_map_q31 *map, int16_t *table, int32_t step)
   }
 }
 
-/* A valid table whose neighbours along the force are up to so far apart. */
+/* Returns a valid table with neighbours along the force that differ by up to a given step. */
 static inline anhyst_map_q31 any_map(int16_t *table, uint16_t n, uint16_t m, int32_t step)
 {
   const anhyst_map_q31 map = {table, n, m};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parameter blocks of a map with a play, of any kind, in fixed and in floating point. */
+/* Random parameter blocks of a map with a play, in fixed and in floating point. */
 #ifndef TEST_PLAYS_H
 #define TEST_PLAYS_H
 
@@ -12,18 +12,18 @@
 
 enum { FIRST = ANHYST_BLOCK_LEAST_WORDS, MOST_ENTRIES = MOST_COLUMNS * MOST_ROWS };
 
-/* One block in three formats: the same numbers, in floating point with a full scale of 1. */
+/* One block in three formats: the same numbers, with a full scale of 1 in floating point. */
 typedef struct {
   uint16_t count; /* of words */
   anhyst_map_q31 map;
   anhyst_map_q31 half;
-  double radius; /* of 1.0 */
+  double radius; /* radius for a full scale of 1.0 */
   int16_t fixed[FIRST + 2 * MOST_ENTRIES];
   float single[FIRST + 2 * MOST_ENTRIES];
   double real[FIRST + 2 * MOST_ENTRIES];
 } any_play;
 
-/* CRC-32 from its polynomial, byte by byte. */
+/* CRC-32 by polynomial division, byte by byte. */
 static inline uint32_t crc_of(uint32_t crc, uint64_t bits, int bytes)
 {
   for (int i = 0; i < 8 * bytes; i++) {
@@ -35,7 +35,7 @@ static inline uint32_t crc_of(uint32_t crc, uint64_t bits, int bytes)
 
 static inline int is_counted(int i) { return i != ANHYST_WORD_CRC && i != ANHYST_WORD_CRC + 1; }
 
-/* Closes the blocks of all formats with their checksums. */
+/* Sets the checksums of the blocks of all formats. */
 static inline void close_play(any_play *play)
 {
   uint32_t fixed = 0xFFFFFFFFU;
@@ -59,7 +59,7 @@ static inline void close_play(any_play *play)
   }
 }
 
-/* Sets a word of all formats to a whole number. */
+/* Sets a word of all formats to an integer. */
 static inline void set_word(any_play *play, int word, int32_t value)
 {
   play->fixed[word] = (int16_t)(uint16_t)(uint32_t)value;
@@ -67,7 +67,8 @@ static inline void set_word(any_play *play, int word, int32_t value)
   play->single[word] = (float)value;
 }
 
-/* Half-widths that a map allows: no steeper than it, and within the format. */
+/* Sets half-widths that a map allows: they change by at most its rise, and stay within the
+   format. */
 static inline void fill_halves(const any_play *play, int16_t *halves)
 {
   const int16_t *entries = play->map.entries;
@@ -97,8 +98,8 @@ static inline void set_head(any_play *play, uint16_t n, uint16_t m, int entries)
   play->real[ANHYST_WORD_SCALE_GAP_HIGH] = 1.0;
 }
 
-/* Makes a block whose neighbours along the force are up to a step apart, with limits of the
-   current that are not in the way. */
+/* Makes a block with neighbours along the force that differ by up to a step, without effective
+   current limits. */
 static inline void make_play(any_play *play, uint16_t n, uint16_t m, int32_t step)
 {
   const int entries = ((1 << n) + 1) * ((1 << m) + 1);

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a floating-point format adds to compensator_claims.h: words, and signals that are not
-   numbers. */
+/* Additional claims of the floating-point formats: words and signals that are NaN. */
 #include <stdint.h>
 
 static entry integer_word(uint32_t value) { return (entry)value; }

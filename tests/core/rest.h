@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Noise of demand and gap at rest, after a rise and after a descent, with and without a converter
-   of 12 bits. Afterwards the same demand needs the same current as after the first ticks: what
-   noise can move has been moved by then, and nothing creeps. The same claim for every format. */
+   of 12 bits. At the end, the same demand needs the same current as after the first ticks: the
+   noise has no more effect, and nothing drifts. The claim is the same for every format. */
 #ifndef TEST_REST_H
 #define TEST_REST_H
 

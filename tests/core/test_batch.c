@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/batch.h, for every instruction set this processor has. */
+/* Claims of anhyst/law/batch.h for every instruction set of this processor. */
 #include "anhyst/law/batch.h"
 
 #include <stdlib.h>
@@ -43,7 +43,7 @@ typedef struct {
   double distance; /* of m from the scalar linear step */
 } errors;
 
-/* The worst over one and a half loops of `samples` each, with r up to 3. */
+/* Returns the largest errors over 1.5 loops of `samples` each, with r up to 3. */
 static errors against_scalar(anhyst_batch_level level, size_t sets, size_t samples)
 {
   uint64_t seed = 61;
@@ -177,7 +177,7 @@ static void level_that_the_processor_lacks_is_refused(void)
   CHECK(anhyst_batch_functions_f64(lacking, 1, drive, x, y) == ANHYST_BAD_PARAMETER);
 }
 
-/* A drive that is no number spoils the states it touches, and ends. */
+/* A drive that is NaN damages only the states of its sets, and the run ends. */
 static void drive_that_is_no_number_ends(void)
 {
   uint64_t seed = 65;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the law of cells in fixed point, f32 and f64 together: the formats agree on random
+/* Claims of the play-cell law in fixed point, f32 and f64 together: the formats agree on random
    paths, none of them drifts at rest, and damaged states and signals do no harm. */
 #include "cell_law_formats.h"
 #include "check.h"
@@ -13,8 +13,8 @@ static void fill(void)
   fill_real_words();
 }
 
-/* The gap moves the arms; a third of the currents is on the grid of a converter of 12 bits, and now
-   and then another current is applied. */
+/* The gap changes the arms. A third of the currents is rounded to a converter of 12 bits, and
+   sometimes another current is applied. */
 static void formats_agree_on_random_paths(void)
 {
   uint64_t seed = 3;
@@ -49,7 +49,7 @@ static void formats_agree_on_random_paths(void)
   CHECK_BELOW("flux, f32", flux_error[1], 4e-5);
 }
 
-/* Noise of demand and gap widens the range of the path in its first ticks, and that is all. */
+/* Noise of demand and gap widens the range of the path only in its first ticks. */
 static void no_format_drifts_at_rest(const format *law)
 {
   const double flux = 0.5;
@@ -73,7 +73,7 @@ static void no_format_drifts_at_rest(const format *law)
   CHECK_BELOW("drift of the current at rest", drift, 1e-6);
 }
 
-/* Whether a constant demand leaves the memory as it is, from the second tick on. */
+/* Returns whether a constant demand leaves the state unchanged from the second tick on. */
 static void a_constant_demand_reverses_no_path(void)
 {
   uint64_t seed = 21;
@@ -100,8 +100,8 @@ static void a_constant_demand_reverses_no_path(void)
   CHECK(changes == 0);
 }
 
-/* Fields and fluxes stay numbers within their range, and no word out of the block is read, which
-   sanitizers see. */
+/* Fields and fluxes stay finite and within their range, and no word outside the block is read, as
+   sanitizers check. */
 static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
 {
   const double odd[4] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e30};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/cells.h, over random cells of both shapes. */
+/* Claims of anhyst/law/cells.h for random cells of both shapes. */
 #include <float.h>
 #include <stdlib.h>
 #include <string.h>
@@ -26,7 +26,7 @@ static void build(sample *s)
   anhyst_cells_tabulate_f64(&s->cells, &s->weights, s->rows);
 }
 
-/* Cells with widths and thresholds over a decade; some weights are missing. */
+/* Random cells with widths and thresholds over a decade; some weights are zero. */
 static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
 {
   const double scale = log_uniform(seed, 1.0, 1e4);
@@ -41,7 +41,7 @@ static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
     const int some = i == 0 || random_bits(seed) % 3 == 0;
     s->weight[i] = some ? 1e4 * log_uniform(seed, 0.01, 1.0) : 0.0;
   }
-  /* Half of the samples have centres: of all curves but the first. */
+  /* Half of the samples have centres for all curves except the first. */
   const int has_centres = (int)(random_bits(seed) % 2);
   for (int j = 0; j < WIDTHS; j++) {
     s->centre[j] = j > 0 && has_centres ? scale * log_uniform(seed, 0.1, 2.0) : 0.0;
@@ -59,7 +59,7 @@ static double curve(anhyst_shape shape, double z)
                                     : 1.0 / tanh(z) - 1.0 / z;
 }
 
-/* Magnetisation of x, p_1..p_n by direct sums. */
+/* Returns the magnetisation of x, p_1..p_n by direct sums. */
 static double direct(const sample *s, const double *numbers)
 {
   double sum = 0.0;
@@ -80,7 +80,7 @@ static double any_field(uint64_t *seed, const sample *s)
   return random_bits(seed) % 2 == 0 ? size : -size;
 }
 
-/* A state reached by wandering; omega above the onset of jumps. */
+/* Returns a state after a random path; omega is above the onset of jumps. */
 static anhyst_cells_state_f64 wander(uint64_t *seed, const sample *s)
 {
   anhyst_cells_state_f64 state;
@@ -137,7 +137,7 @@ static void solutions_meet_the_equation_and_the_sums(anhyst_shape shape)
   CHECK_BELOW("  m against direct sums after 300 steps, over the saturation", off, 2e-11);
 }
 
-/* No place before the one that was found meets the equation. */
+/* Returns whether an earlier position also solves the equation. */
 static int passes_a_solution(const sample *s, const anhyst_cells_state_f64 *from, double omega,
                              double r, double x)
 {

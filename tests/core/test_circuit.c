@@ -92,7 +92,7 @@ static void failure_leaves_the_state_of_the_last_good_sample(void)
   }
 }
 
-/* A gap ratio or eddy term that is no number must not pass for a solution. */
+/* A gap ratio or an eddy term that is NaN must not give a solution. */
 static void circuit_that_is_no_number_is_refused(void)
 {
   uint64_t seed = 53;

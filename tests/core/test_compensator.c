@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the fixed-point compensator, and of calls inside other ones. */
-static int nested; /* calls that found another one running */
+/* Claims of the fixed-point compensator, and of nested calls. */
+static int nested; /* calls that found another call in progress */
 #define ANHYST_ASSERT(is_true) (nested += (is_true) ? 0 : 1)
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */
 
@@ -34,7 +34,7 @@ static void format_claims(anhyst_compensator *c);
 static int32_t nesting_field(anhyst_compensator *c)
 {
   static int deep = 0;
-  if (deep++ == 0) { /* as an interrupt would */
+  if (deep++ == 0) { /* as an interrupt would do */
     (void)anhyst_compensator_solve_q31(c, FULL_DEMAND / 9, GAP);
   }
   return straight_field(c);

@@ -11,7 +11,7 @@
 
 #define DRAWS 200000
 
-/* Error in units of the last place that the true value's magnitude has. */
+/* Returns the error in units of the last place of the true value. */
 static double units(double found, long double truth)
 {
   int exponent;
@@ -66,7 +66,7 @@ static void atan_is_right_to_0_7_units(void)
   CHECK_BELOW("atan", worst, 0.7);
 }
 
-/* Where a table's entry, an octave or the range of the format ends. */
+/* Arguments at the ends of table entries, of octaves and of the range. */
 static void seams_are_right_too(void)
 {
   double exp_worst = 0.0;

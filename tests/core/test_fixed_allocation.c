@@ -10,7 +10,7 @@
 
 #define ONE 2147483648.0
 
-/* The error of either force, in units in the last place; 0 where the larger one saturates. */
+/* Returns the larger error of the two forces, LSB; 0 if the larger force saturates. */
 static double error_of_class_ab(int32_t net, int32_t idle)
 {
   const anhyst_allocation_q31 fixed = {idle, ANHYST_ALLOCATE_CLASS_AB};

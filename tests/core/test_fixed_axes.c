@@ -8,7 +8,7 @@
 
 enum { DRIVES = ANHYST_WRENCH_DRIVES, AXES = ANHYST_WRENCH_AXES, HEADS = ANHYST_AXES_HEADS };
 
-/* Words of a controller: any that are valid. */
+/* Random valid words of a controller. */
 static int32_t numbers[AXES * HEADS * HEADS];
 static uint16_t shifts[AXES * HEADS];
 static int32_t apart[DRIVES * DRIVES];
@@ -205,7 +205,7 @@ static anhyst_axes_settings_q31 any_settings(void)
   return settings;
 }
 
-/* Forces of what any words make of any wrench, with some drives lost. */
+/* Checks the forces for random words and a random wrench, with some drives lost. */
 static void check_forces(const anhyst_wrench_layout_q31 *layout, const anhyst_wrench_q31 *w,
                          const int32_t *force)
 {
@@ -300,7 +300,7 @@ static void a_head_that_says_nothing_moves_no_pid(void)
   CHECK(held > 100);
 }
 
-/* One word out of its range, everything else as it was. */
+/* Checks that one word out of its range is rejected. */
 static void check_refused(const anhyst_axes_settings_q31 *settings, int32_t *word, int32_t value)
 {
   const int32_t kept = *word;

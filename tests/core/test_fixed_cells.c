@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the law of cells in fixed point, against sums of its curves in double precision, which
-   follow the fields that come out. */
+/* Claims of the play-cell law in fixed point, compared with sums of its curves in double precision
+   at the resulting fields. */
 /* Their static functions are meant. */
 #include "compensator/cells.c"       /* NOLINT(bugprone-suspicious-include) */
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */
@@ -9,14 +9,15 @@
 #include "check.h"
 #include "truth.h"
 
-/* Straight lines over segments of 1/128 and 1/64 of this curve, and 16 bits, are off by less. */
+/* Maximum error of linear interpolation over segments of 1/128 and 1/64 of this curve, with 16
+   bits. */
 static const double OFF = 2.5e-4;
 
 enum { STEPS = 20000 };
 
 static double plays[CELLS + 1];
 
-/* Moves the plays to a field; h*x + m there. */
+/* Moves the plays to a field; returns h*x + m. */
 static double follow(double x)
 {
   double flux = AIR * x;
@@ -30,7 +31,8 @@ static double follow(double x)
 
 static double as_number(int32_t q30) { return (double)q30 / (double)ANHYST_Q30_ONE; }
 
-/* A flux of the walk: steps of any size, and now and then a jump over the range. */
+/* Returns the next flux of a random path: steps of any size, and sometimes a jump over the
+   range. */
 static int32_t next_flux(int32_t flux, uint64_t *seed)
 {
   const int shift = (int)(random_bits(seed) % 12U);
@@ -38,7 +40,7 @@ static int32_t next_flux(int32_t flux, uint64_t *seed)
   return (int32_t)(fmin(fmax(as_number(flux) + step, -0.85), 0.85) * (double)ANHYST_Q30_ONE);
 }
 
-/* A memory of zeros, which does not say what rests. */
+/* Returns a state of zeros, in which the cells at rest are unknown. */
 static anhyst_compensator demagnetised(void)
 {
   const anhyst_compensator none = {.kernel = &anhyst_kernel_cells, .words = words};
@@ -78,7 +80,7 @@ static void a_field_gives_the_flux_that_was_asked_for(void)
   CHECK_BELOW("flux", worst, OFF);
 }
 
-/* Whether the current is near the solved one, as on a converter's grid, or any. */
+/* The current is near the solved one, as after a converter, or any current. */
 static void a_current_leads_where_it_must(void)
 {
   const anhyst_arms arms = {0, 12000, 16000};
@@ -106,7 +108,7 @@ static void a_current_leads_where_it_must(void)
   CHECK_BELOW("flux and current", worst, OFF);
 }
 
-/* And no other one: where the current is within its limits, the flux is what was asked for. */
+/* Only such a flux: if the current is within its limits, the flux is the demanded one. */
 static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
 {
   const anhyst_arms arms = {0, 12000, 16000};

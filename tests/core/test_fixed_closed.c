@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
-   the way, the slope. The oracle is the equation z = -ln v + nu*v - nu itself, in double. */
+   the distance, and the slope. The reference is the equation z = -ln v + nu*v - nu in double
+   precision. */
 #include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include "check.h"
@@ -12,7 +13,7 @@ static const double NUS[] = {0.0, 0.5, 0.9, 0.98};
 enum { NU_COUNT = 4, MOST_ENTRIES = 15 * 64 + 1 };
 static int16_t words[ANHYST_BLOCK_LEAST_WORDS + MOST_ENTRIES];
 
-/* z of 0 < v <= 1, and the v of a z by bisection. */
+/* Return z for 0 < v <= 1, and v for a z by bisection. */
 static double true_distance(double nu, double v) { return -log(v) + nu * v - nu; }
 
 static double v_of(double nu, double z)
@@ -30,7 +31,7 @@ static double v_of(double nu, double z)
   return sqrt(low * high);
 }
 
-/* First z of a segment, from what the layout says of the octaves. */
+/* Returns the first z of a segment from the layout of the octaves. */
 static double segment_begin(int octaves, int n, int index)
 {
   const int octave = index >> n;
@@ -52,8 +53,8 @@ static int prepare(double nu, int octaves, int n)
   return segments;
 }
 
-/* Units in the last place by which state_of leaves the straight line, over the rise of its segment.
- */
+/* Returns the deviation of state_at_distance from the straight line, LSB per rise of its
+   segment. */
 static double bend(int octaves, int n, int segments, int32_t z)
 {
   const double place = (double)z / FULL_Q27;
@@ -66,7 +67,7 @@ static double bend(int octaves, int n, int segments, int32_t z)
   const double low = words[ANHYST_BLOCK_LEAST_WORDS + index];
   const double rise = words[ANHYST_BLOCK_LEAST_WORDS + index + 1] - low;
   const double exact = (low + rise * share) * 32768.0;
-  return fabs((double)state_of(words, z) - exact) / (rise + 1e-6);
+  return fabs((double)state_at_distance(words, z) - exact) / (rise + 1e-6);
 }
 
 static void look_at_table(int octaves, int n, int segments, double *worst, double *lost)
@@ -77,7 +78,7 @@ static void look_at_table(int octaves, int n, int segments, double *worst, doubl
     keep_worst(worst, bend(octaves, n, segments, z));
     const int32_t p = (int32_t)(random_bits(&seed) % (uint64_t)ANHYST_Q30_ONE);
     const int32_t top = words[ANHYST_BLOCK_LEAST_WORDS + segments] * 32768;
-    const int32_t back = state_of(words, distance_of(words, p));
+    const int32_t back = state_at_distance(words, distance_at_state(words, p));
     CHECK(back <= p);
     keep_worst(lost, (double)((p < top ? p : top) - back) / FULL_Q30);
   }
@@ -91,9 +92,9 @@ static void table_and_search_agree(void)
     for (int n = 2; n <= 6; n += 2) {
       const int segments = prepare(NUS[(octaves + n) % NU_COUNT], octaves, n);
       look_at_table(octaves, n, segments, &worst, &lost);
-      CHECK(state_of(words, 0) == 0);
-      CHECK(state_of(words, ANHYST_Q31_MAX) >= 32766 * 32768);
-      CHECK(state_of(words, distance_of(words, 0)) == 0);
+      CHECK(state_at_distance(words, 0) == 0);
+      CHECK(state_at_distance(words, ANHYST_Q31_MAX) >= 32766 * 32768);
+      CHECK(state_at_distance(words, distance_at_state(words, 0)) == 0);
     }
   }
   CHECK_BELOW("p over z, units in the last place over the rise of a segment", worst, 1.0);
@@ -107,7 +108,8 @@ static void the_table_is_the_law(void)
     (void)prepare(NUS[i], 12, 4);
     for (int step = 0; step < 5500; step++) {
       const double z = 1e-6 * pow(1.003, step); /* up to 14 */
-      const double found = (double)state_of(words, (int32_t)lrint(z * FULL_Q27)) / FULL_Q30;
+      const double found =
+          (double)state_at_distance(words, (int32_t)lrint(z * FULL_Q27)) / FULL_Q30;
       keep_worst(&worst, fabs(found - (1.0 - v_of(NUS[i], z))));
     }
   }
@@ -122,7 +124,7 @@ static void ways_are_stretched(void)
     const int16_t weight = (int16_t)(1 + random_bits(&seed) % 32767);
     const int16_t shift = (int16_t)(random_bits(&seed) % 13);
     const double exact = (double)way * weight * (double)(1 << shift) / 65536.0;
-    const double found = (double)stretched(way, weight, shift);
+    const double found = (double)scale_travel(way, weight, shift);
     const int is_short = (double)way * (double)(1 << shift) < 2147483648.0;
     if (exact >= 2147483647.0) {
       CHECK(found >= 2147483647.0 - (double)(1 << shift));

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the drive in fixed point, of the methods map and flux, and of a compensator fused with
-   the measured flux. */
+/* Claims of the fixed-point force controller: the methods map and flux, and a compensator fused
+   with the measured flux. */
 #include "anhyst/compensator/force_controller.h"
 
 #include "check.h"
@@ -24,7 +24,7 @@ static void check_tick(anhyst_force_controller_q31 *drive, int tick)
   CHECK(!free || applied != current || output == (demand > 0 ? demand : 0));
 }
 
-/* Under sanitizers: no signal, gain or state makes anything overflow. */
+/* With sanitizers: no signal, gain or state causes an overflow. */
 static void any_signal_is_answered_within_the_limits(void)
 {
   for (int i = 0; i < 200; i++) {
@@ -46,7 +46,7 @@ static void any_signal_is_answered_within_the_limits(void)
   }
 }
 
-/* An iron whose field goes with its flux, and says nothing of where it has been. */
+/* An iron whose field is proportional to its flux, without hysteresis. */
 static int32_t straight_field(anhyst_compensator *c) { return c->flux - (c->flux >> 2); }
 
 static int32_t straight_flux(anhyst_compensator *c, int32_t current)
@@ -56,7 +56,7 @@ static int32_t straight_flux(anhyst_compensator *c, int32_t current)
 
 static const anhyst_kernel straight = {.field = straight_field, .flux = straight_flux};
 
-/* A compensator of that iron with any valid numbers of its head. */
+/* A compensator of that iron with random valid numbers in its head. */
 static anhyst_force_controller_q31 any_compensated(int16_t *words)
 {
   static const int tables[] = {ANHYST_WORD_GAP_GAIN, ANHYST_WORD_GAP_OFFSET, ANHYST_WORD_GAP_BIAS,
@@ -99,7 +99,7 @@ static void check_fused_tick(anhyst_force_controller_q31 *drive, int tick)
   CHECK(drive->integral >= -(most >> 1) && drive->integral <= most >> 1);
 }
 
-/* Under sanitizers, likewise. */
+/* With sanitizers, as above. */
 static void what_a_probe_adds_to_a_compensator_is_bounded(void)
 {
   for (int i = 0; i < 200; i++) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the parts of the full law in fixed point: table, fading, and one evaluation of a path,
-   against double and long double precision. */
+/* Claims of the parts of the Jiles-Atherton law in fixed point (table, decay, one evaluation of a
+   path), compared with double and long double precision. */
 /* Their static functions are meant. */
 #include "compensator/full.c" /* NOLINT(bugprone-suspicious-include) */
 
@@ -22,7 +22,7 @@ static void fill(int16_t *entries, int count, uint64_t *seed)
   }
 }
 
-/* Straight between the entries; off by less than the rise of a segment times 2^-28. */
+/* Linear between the entries, with an error below the rise of a segment times 2^-28. */
 static void tables_are_straight_between_their_entries(void)
 {
   static int16_t entries[MOST_SEGMENTS + 1];
@@ -39,14 +39,14 @@ static void tables_are_straight_between_their_entries(void)
       const double step = (double)entries[segment + 1] - entries[segment];
       const double exact = (entries[segment] + step * (place - segment)) * 8192.0;
       int32_t rise;
-      const double found = (double)value(t, u, &rise);
+      const double found = (double)interpolate(t, u, &rise);
       CHECK(rise == entries[segment + 1] - entries[segment]);
       keep_worst(&worst, fabs(found - exact) / (step + 1e-9));
       CHECK(found <= exact);
     }
     for (int i = 0; i < count; i++) {
       int32_t rise;
-      CHECK(value(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
+      CHECK(interpolate(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
     }
   }
   CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);
@@ -61,7 +61,7 @@ static void forgetting_is_exponential(void)
   for (int64_t way = 0; way <= ANHYST_Q31_MAX; way += way < 4096 ? 1 : 1009) {
     const double octaves = (double)way / FULL_Q26;
     const double exact = -expm1(-octaves * log(2.0));
-    const int32_t found = forgotten((int32_t)way);
+    const int32_t found = decayed_share((int32_t)way);
     keep_worst(&worst, fabs((double)found / FULL_Q28 - exact));
     if (way > 0 && octaves < 1.0) {
       keep_worst(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
@@ -82,7 +82,7 @@ static double lagged(double kappa, double x0, double y0, double x1)
                                    (long double)x1);
 }
 
-/* Error of y and of m after one straight way from a place on the demagnetised curve. */
+/* Errors of y and m after one monotone path from a point on the initial magnetisation curve. */
 static void walk(double kappa, double c, double *error_y, double *error_m)
 {
   uint64_t seed = 23;
@@ -91,20 +91,20 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     const double x0 = uniform(&seed, -3.5, 3.5);
     const double y0 = lagged(kappa, 0.0, 0.0, x0);
     const double x1 = uniform(&seed, x0, 3.9);
-    path along;
+    branch_path path;
     anhyst_full_memory from;
     from.x = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
     from.y = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
     from.p = from.x;
     from.turn = from.x;
     from.level = from.y;
-    begin(&along, words, &from, 0);
-    depart(&along, words, &from, 0);
-    const answer at = evaluate(&along, (int32_t)lrint(x1 / REACH * FULL_Q28));
+    init_branch_path(&path, words, &from, 0);
+    find_departure(&path, words, &from, 0);
+    const path_point point = evaluate(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));
     const double y1 = lagged(kappa, x0, y0, x1);
     const double m1 = (1.0 - c) * y1 + c * langevin(x1);
-    keep_worst(error_y, fabs((double)at.y / FULL_Q28 - y1));
-    keep_worst(error_m, fabs((double)at.m / FULL_Q28 - m1));
+    keep_worst(error_y, fabs((double)point.y / FULL_Q28 - y1));
+    keep_worst(error_m, fabs((double)point.m / FULL_Q28 - m1));
   }
 }
 
@@ -120,7 +120,7 @@ static void one_straight_way_is_exact(void)
   CHECK_BELOW("magnetisation", error_m, 2e-4);
 }
 
-/* What magnetisation a straight way from a demagnetised-like start has at x1. */
+/* Returns the magnetisation at x1 after a monotone path from a given start. */
 static double magnetised(double kappa, double c, const double *start, double x1)
 {
   const double sign = x1 < start[0] ? -1.0 : 1.0;
@@ -128,8 +128,9 @@ static double magnetised(double kappa, double c, const double *start, double x1)
   return (1.0 - c) * y + c * langevin(x1);
 }
 
-/* Worst distance, over the reach, of what is solved from what bisection finds in the true law, for
-   iron that counts against the air by so much of what would make the sum stand still. */
+/* Returns the largest distance, over the reach, between the solved field and a bisection of the
+   true law, for iron with a negative weight: `share` of the weight at which the left side would be
+   constant. */
 static double against_the_air(double kappa, double c, double share, int16_t evaluations)
 {
   uint64_t seed = 31;
@@ -163,7 +164,7 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
   return worst;
 }
 
-/* The true law has one solution, so that the place it was made from must be found again. */
+/* The true law has one solution, so that the start point must be found again. */
 static void iron_against_the_air_is_solved(void)
 {
   CHECK_BELOW("a quarter against the air, 5 evaluations", against_the_air(0.5, 0.2, 0.25, 5), 1e-4);
@@ -181,7 +182,7 @@ static void a_current_that_falls_is_refused(void)
   words[ANHYST_WORD_GAP_SEGMENTS] = 0;
   words[ANHYST_WORD_GAP_FLUX_ARM] = (int16_t)first;
   words[ANHYST_WORD_GAP_FIELD_ARM] = (int16_t)(first + 2);
-  double steepest = 0.0; /* dm/dx over a field that reaches to 1 */
+  double steepest = 0.0; /* dm/dx for fields up to 1 */
   for (int i = 0; i < 300; i++) {
     const double x = 0.01 * i;
     const double irreversible = (langevin(x) - branch_at(0.5, x)) / 0.5;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the map over force and gap, in fixed point. The oracle of a
-   map is the same table interpolated in double, which holds such numbers exactly enough. */
+/* Claims of the map over force and gap in fixed point. The reference is the same table,
+   interpolated in double precision, which is sufficiently exact. */
 #include "compensator/lookup.h"
 
 #include "check.h"
@@ -28,7 +28,7 @@ static double value_of(const anhyst_map_q31 *map, double force, double gap)
   return low + (place - column) * (entry_of(map, gap, column + 1) - low);
 }
 
-/* Largest change of the value for one unit of the force, at this gap. */
+/* Returns the largest change of the value per unit of the force at this gap. */
 static double steepest(const anhyst_map_q31 *map, double gap)
 {
   const int segments = 1 << map->force_segments;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the map with one play, in fixed point. The oracle is the same law in double, its tables
-   read by the map that test_fixed_map.c holds against exact arithmetic. */
+/* Claims of the map with one play in fixed point. The reference is the same law in double
+   precision. It reads its tables by the map that test_fixed_map.c compares with exact
+   arithmetic. */
 #include "check.h"
 #include "edges.h"
 #include "plays.h"
@@ -8,7 +9,7 @@
 static const double FULL = 2147483648.0;
 static any_play made;
 
-/* Starts with a block of any kind. */
+/* Starts with a random block. */
 static anhyst_play_map_q31 any_start(uint16_t n, uint16_t m, int32_t step)
 {
   anhyst_play_map_q31 c = {0};
@@ -44,7 +45,7 @@ static void a_solve_is_the_law(void)
   CHECK_BELOW("solve beyond 2^-15 of half, units in the last place", worst, 4.0);
 }
 
-/* What the play is after a commit must have led to the current that was applied. */
+/* The play after a commit must be consistent with the applied current. */
 static void a_commit_finds_the_force_of_any_current(void)
 {
   double worst = 0.0;
@@ -113,7 +114,7 @@ static void a_commit_adds_what_was_beyond_a_range(void)
   close_play(&made);
   anhyst_play_map_q31 c;
   CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
-  anhyst_play_map_commit_q31(&c, most + 65536, 0); /* a converter may round it up to there */
+  anhyst_play_map_commit_q31(&c, most + 65536, 0); /* a converter may round up to this current */
   CHECK(c.flags == 0U);
   anhyst_play_map_commit_q31(&c, most + 65537, 0);
   CHECK(c.flags == ANHYST_CURRENT_LIMITED);
@@ -140,7 +141,7 @@ static void every_damaged_bit_is_refused(void)
   }
 }
 
-/* Sets a word, closes the block and returns whether it is refused, with nothing changed. */
+/* Sets a word, updates the checksum, and returns whether the block is rejected without a change. */
 static int is_refused(int word, int16_t value)
 {
   anhyst_play_map_q31 c;

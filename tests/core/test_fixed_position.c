@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the position controller in fixed point, for settings and signals of any kind. */
+/* Claims of the position controller in fixed point for random settings and signals. */
 #include "anhyst/control/position.h"
 
 #include <string.h>
@@ -39,7 +39,7 @@ static anhyst_position_limits_q31 any_limits(void)
   limits.levitation.max_missing_samples = (uint16_t)any_within(0, 4);
   limits.levitation.hold = (uint16_t)any_within(0, 40);
   limits.levitation.selftest = (uint16_t)any_within(1, 4);
-  /* At most the whole range of the numbers, in steps from one code to all of it. */
+  /* A range of up to all numbers, with steps from one code up to the whole range. */
   limits.current_step = any_within(1, 1 << any_within(0, 30));
   limits.current_low = any_within(ANHYST_Q31_MIN, ANHYST_Q31_MAX / 4);
   const uint32_t most =
@@ -71,7 +71,7 @@ static anhyst_position_settings_q31 any_settings(void)
   return settings;
 }
 
-/* Mostly positions that can be, so that every state is reached. */
+/* Most positions are plausible, so that every state is reached. */
 static anhyst_position_sample_q31 any_sample(const anhyst_position_limits_q31 *limits, int tick)
 {
   anhyst_position_sample_q31 sample;
@@ -99,7 +99,7 @@ static int is_drivable(const anhyst_position_limits_q31 *limits, int32_t current
 
 static long seen[8]; /* ticks in each phase */
 
-/* Runs one controller on signals of any kind. */
+/* Runs one controller with random signals. */
 static void run(anhyst_position_q31 *controller, const anhyst_position_limits_q31 *limits, int pair)
 {
   for (int tick = 0; tick < SIGNALS; tick++) {
@@ -113,7 +113,7 @@ static void run(anhyst_position_q31 *controller, const anhyst_position_limits_q3
   }
 }
 
-/* Under sanitizers: nothing overflows, no current leaves its limits or the converter's grid. */
+/* With sanitizers: nothing overflows, and no current leaves its limits or the converter's grid. */
 static void any_signal_is_answered_within_the_limits(void)
 {
   for (int i = 0; i < 3000; i++) {
@@ -137,7 +137,7 @@ static void any_signal_is_answered_within_the_limits(void)
 
 static int16_t entries_of_one[MOST_COLUMNS * MOST_ROWS];
 
-/* Whether these are refused, and the controller left as it was. */
+/* Returns whether these are rejected without a change of the controller. */
 static int are_refused(const anhyst_position_limits_q31 *limits,
                        const anhyst_position_settings_q31 *settings)
 {
@@ -223,8 +223,8 @@ static void without_a_plain_map_the_compensation_stays_on(void)
   CHECK(magnet.method == &anhyst_force_by_compensator_q31 && magnet.map == &map);
 }
 
-/* Under sanitizers, from any state: the wanted output of the next tick is the same to the bit as
-   long as nothing saturates, and invalid gains are refused. */
+/* With sanitizers, from any state: without saturation, the demanded output of the next tick is
+   exactly the same, and invalid gains are rejected. */
 static void gains_change_without_a_jump(void)
 {
   long same = 0;
@@ -264,7 +264,7 @@ static void gains_change_without_a_jump(void)
   CHECK(same > 10000);
 }
 
-/* A method of its own, as another project would write one: it asks a force controller of any other
+/* A new method, as another project would write it: it calls a force controller with any other
    method. */
 static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, int32_t gap,
                               int32_t flux)

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the 16-bit operators of anhyst/numeric/fixed.h, over every pair of numbers there is.
-
-   What a result must be is written down as an inequality of exact integers. The loops over one
-   factor count contradictions without a branch, so that 2^32 pairs take seconds. */
+/* Claims of the 16-bit operators of anhyst/numeric/fixed.h for every pair of numbers. The required
+   results are inequalities of exact integers. The loops over one factor count contradictions
+   without a branch, so that 2^32 pairs take seconds. */
 #include "anhyst/numeric/fixed.h"
 
 #include "check.h"
@@ -10,18 +9,18 @@
 enum { LOW = -32768, HIGH = 32767 };
 
 #ifdef TEST_SANITIZED
-enum { STRIDE = 251 }; /* a prime: every residue of b meets every residue of a */
+enum { STRIDE = 251 }; /* a prime, so that every residue of b meets every residue of a */
 #else
 enum { STRIDE = 1 };
 #endif
 
-/* Whether r is the number of the format nearest to the exact integer. */
+/* Returns whether r is the number of the format nearest to the exact integer. */
 static inline int is_nearest(int32_t r, int32_t exact)
 {
   return (r == exact) | ((exact > HIGH) & (r == HIGH)) | ((exact < LOW) & (r == LOW));
 }
 
-/* Whether r is p/32768 rounded, halves upwards: r - 1/2 <= p/32768 < r + 1/2. */
+/* Returns whether r is p/32768 rounded, halves upwards: r - 1/2 <= p/32768 < r + 1/2. */
 static inline int is_rounded(int32_t r, int32_t p)
 {
   const int32_t left = p - 32768 * r; /* cannot overflow: both within 2^30 */

@@ -26,12 +26,12 @@ static int64_t nearest(int64_t exact)
   return exact < LOW ? LOW : exact;
 }
 
-/* Whether r = floor(p/q), q > 0. */
+/* Returns whether r = floor(p/q), q > 0. */
 static int is_floor(int64_t r, int64_t p, int64_t q) { return r * q <= p && p < (r + 1) * q; }
 
 static int32_t random_word(uint64_t *seed)
 {
-  /* All magnitudes alike: uniform numbers alone would hardly ever be small. */
+  /* All magnitudes with equal probability; uniform numbers are almost never small. */
   const uint64_t bits = random_bits(seed);
   return (int32_t)(uint32_t)(bits >> 32) >> (bits % 32);
 }

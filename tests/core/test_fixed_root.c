@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the way from demand to flux and back: root, square, and the quotient of Newton's steps,
-   against double precision. */
+/* Claims of the conversion from demand to flux and back: root, square, and the quotient of Newton
+   steps, compared with double precision. */
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include <stdlib.h>
@@ -20,7 +20,7 @@ static const int32_t STRIDE = 99991;
 static const int32_t STRIDE = 997;
 #endif
 
-/* Units in the last place by which the root is off, less what its relative error allows. */
+/* Returns the error of the root, LSB, minus the allowed relative error. */
 static double excess_of_root(int32_t a, int16_t knee)
 {
   const double exact = sqrt((double)a / FULL_Q31) * FULL_Q30;
@@ -94,7 +94,7 @@ static void square_undoes_the_root(void)
   CHECK_BELOW("square of the root", back, 1.0 / 32768.0 + 1e-8);
 }
 
-/* Relative error of a quotient beyond a unit in its last place; none where it saturates rightly. */
+/* Returns the relative error of a quotient above one LSB; 0 if it saturates correctly. */
 static double error_of_quotient(int32_t numerator, int32_t denominator)
 {
   const double exact = (double)numerator * 65536.0 / (double)denominator;

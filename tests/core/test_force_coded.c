@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of a force controller in SI units that asks one in fixed point. The inner one is a method
-   of its own that says which codes it was asked with. */
+/* Claims of a force controller in SI units that calls one in fixed point. The inner one has its own
+   method, which records its input codes. */
 #include "anhyst/compensator/force_coded_real.h"
 
 #include <float.h>
@@ -33,7 +33,7 @@ static const anhyst_force_method_q31 telling = {.solve = solve, .commit = commit
 
 static double any_part(void) { return (double)any_code() / CODES; }
 
-/* A code less its signal, beyond what the format of epsilon has to leave of it: codes. */
+/* Returns a code minus its signal, above the error that the outer format permits, in codes. */
 static double missed(int32_t code, double signal, double epsilon)
 {
   return fabs((double)code - signal * CODES) - 2.0 * epsilon * fabs(signal) * CODES;
@@ -114,8 +114,8 @@ static double missed(int32_t code, double signal, double epsilon)
 CLAIMS(f64, double, DBL_EPSILON)
 CLAIMS(f32, float, (double)FLT_EPSILON)
 
-/* With the method map inside: the current is that of the inner one, the whole table of functions
-   is there, and what is expected is what was asked for. */
+/* With the method map inside: the current is that of the inner controller, all functions of the
+   method exist, and the expected force is the demand. */
 static void a_map_behind_codes_is_the_map(void)
 {
   static const int16_t entries[] = {0, 16384, 32767, 0, 8192, 24576};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the law of Jiles and Atherton in fixed point, f32 and f64 together: the formats agree
-   on random paths, none of them creeps at rest, and damaged states and signals do no harm. The
-   number of ticks at rest may be given as an argument. */
+/* Claims of the Jiles-Atherton law in fixed point, f32 and f64 together: the formats agree on
+   random paths, none of them drifts at rest, and damaged states and signals do no harm. An argument
+   may give the number of ticks at rest. */
 #include <string.h>
 
 #include "anhyst/compensator/compensator.h"
@@ -16,7 +16,7 @@ enum { STEPS = 100000, WORDS = sizeof words / sizeof words[0] };
 static float words_f32[WORDS];
 static double words_f64[WORDS];
 
-/* The number that a word of the block is, in floating point. */
+/* Returns the value of a word of the block in floating point. */
 static double number_of(int word)
 {
   switch (word) {
@@ -62,8 +62,8 @@ static void fill(void)
          1.0, double_of)
 #include "law_formats.h"
 
-/* The gap moves the arms; a third of the currents is on the grid of a converter of 12 bits, and now
-   and then another current is applied. An error of a step decays along the path. */
+/* The gap changes the arms. A third of the currents is rounded to a converter of 12 bits, and
+   sometimes another current is applied. An error of a step decays along the path. */
 static void formats_agree_on_random_paths(int arm)
 {
   uint64_t seed = 3;
@@ -104,7 +104,7 @@ static void formats_agree_on_random_paths(int arm)
   CHECK_BELOW("flux, f32", flux_error[1], 2e-3);
 }
 
-/* Noise of demand and gap widens the range of the path in its first ticks, and that is all. */
+/* Noise of demand and gap widens the range of the path only in its first ticks. */
 static void no_format_creeps_at_rest(const format *law, long ticks)
 {
   const double flux = 0.4;
@@ -130,7 +130,7 @@ static void no_format_creeps_at_rest(const format *law, long ticks)
   CHECK_BELOW("drift of the current at rest", drift, 2e-6);
 }
 
-/* Without noise the iron stays where it is, bit for bit. */
+/* Without noise, the state stays exactly the same. */
 static void a_constant_demand_moves_nothing(void)
 {
   uint64_t seed = 21;
@@ -155,8 +155,8 @@ static void a_constant_demand_moves_nothing(void)
               changes / ((double)STEPS / 5.0), 1e-3);
 }
 
-/* Fields and fluxes stay numbers within their range, and no word out of the block is read, which
-   sanitizers see. */
+/* Fields and fluxes stay finite and within their range, and no word outside the block is read, as
+   sanitizers check. */
 static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
 {
   const double odd[4] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e30};

@@ -88,7 +88,8 @@ static void law_of_1986_agrees_with_fine_steps(void)
   CHECK_BELOW("error of m, law of 1986", error, 2e-6);
 }
 
-/* Its sub-steps must not be lost to rounding far out, nor be too many to wait for. */
+/* At large fields, sub-steps must not be lost to rounding, and their number must stay
+   acceptable. */
 static void law_of_1986_ends_at_any_distance(void)
 {
   const double kappas[] = {1e-3, 1e-2, 1.0, 1e3};
@@ -102,7 +103,7 @@ static void law_of_1986_ends_at_any_distance(void)
   }
 }
 
-/* Slopes lie in their bounds and are the derivatives of what path_at returns. */
+/* Slopes are within their bounds, and are the derivatives of the results of path_at. */
 static void slopes_are_bounded_derivatives(anhyst_step step)
 {
   uint64_t seed = 14 + (uint64_t)step;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The map with one play for 10^7 ticks at rest: about 8 minutes at 20 kHz. */
+/* The map with one play for 10^7 ticks at rest, about 8 minutes at 20 kHz. */
 #include "rest.h"
 
 int main(void)

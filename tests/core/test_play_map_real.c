@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the map with one play in floating point: it is the fixed-point one with less rounding,
-   no damage of its block is accepted, and no signal leads beyond the limits. */
+/* Claims of the map with one play in floating point: it agrees with fixed point except for
+   rounding, no damage of its block is accepted, and no signal exceeds the limits. */
 #include "edges.h"
 #include "rest.h"
 
@@ -8,8 +8,8 @@ static any_play made;
 
 static const double FULL = 2147483648.0;
 
-/* The same signals in every format, from one block. The fixed-point one is the oracle, which
-   test_fixed_play_map.c holds against the law. */
+/* The same signals in every format, from one block. The reference is fixed point, which
+   test_fixed_play_map.c compares with the law. */
 static void the_formats_agree(void)
 {
   double solve = 0.0;
@@ -41,7 +41,7 @@ static void the_formats_agree(void)
   CHECK_BELOW("solve in single precision, beyond 2^-12 of half", single, 1e-6);
 }
 
-/* The distance of a current from those of the forces up to some room beside a force. */
+/* Returns the distance of a current from the currents of forces within a tolerance. */
 static double current_beside(anhyst_play_map_f64 c, double applied, double force, double gap,
                              double room)
 {
@@ -100,7 +100,7 @@ static void every_damaged_bit_is_refused(void)
   }
 }
 
-/* Sets a word, closes the block and returns whether it is refused, with nothing changed. */
+/* Sets a word, updates the checksum, and returns whether the block is rejected without a change. */
 static int is_refused(int word, double value)
 {
   anhyst_play_map_f32 c;

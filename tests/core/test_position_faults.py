@@ -60,13 +60,13 @@ FAULTS = [
     ("control/levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
     ("control/levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
     ("control/levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
-    ("control/position.c", "rest >= step - rest ?", "rest >= step ?"),
+    ("control/position.c", "remainder >= step - remainder ?", "remainder >= step ?"),
     ("control/position.c", "anhyst_shl_q31(anhyst_factor_product(", "(2 + anhyst_factor_product("),
     ("control/position.c", "return a >> 1;", "return a >> 2;"),
     ("control/generic/position.h", "c->limited != 0U ? force : c->candidate.output", "force - 64"),
     ("control/generic/position.h", "(force[0], c->demand);", "(c->settings->bias, c->demand);"),
     ("control/pidd2.c", "anhyst_clamp(anhyst_shl_q31(u, 3),", "anhyst_clamp(8 * (u >> 1 << 1),"),
-    ("control/pidd2.c", "anhyst_factor_product(missing, gains->back)", "missing"),
+    ("control/pidd2.c", "anhyst_factor_product(not_applied, gains->back)", "not_applied"),
 ]
 
 
@@ -165,6 +165,6 @@ def test_a_seeded_fault_is_found(tmp_path: Path, fault: tuple[str, str, str]) ->
     core = tmp_path / "core"
     shutil.copytree(ROOT / "core", core)
     text = (core / "src" / name).read_text(encoding="utf-8")
-    assert text.count(right) == 1, "the source has changed: seed the fault anew"
+    assert text.count(right) == 1, "the source has changed: adapt the fault"
     (core / "src" / name).write_text(text.replace(right, wrong), encoding="utf-8")
     assert not is_exact(built(core, tmp_path))

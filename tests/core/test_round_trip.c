@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Forward and inverse undo each other, for thousands of sets at 12 samples a loop.
-   They are also held against what double precision can say: last places of H_max + B_max/mu0,
-   since a rounded flux density tells no more than that about the field. Most sets stay below 20 of
-   them; where M is held and M_s/a is 1e6, the rounding of y counts a thousandfold. For the extreme
-   sets this is the only claim: with B_max/mu0 = 1e7*H_max, B itself has no digits left. */
+/* Forward and inverse solutions undo each other, for thousands of sets at 12 samples per loop. The
+   limit is the resolution of double precision: last places of H_max + B_max/mu0, because a rounded
+   flux density contains no more information about the field. Most sets stay below 20 of them; if M
+   is constant and M_s/a is 1e6, the rounding of y is amplified a thousandfold. For the extreme
+   sets, this is the only claim: with B_max/mu0 = 1e7*H_max, B itself has no digits left. */
 #include <float.h>
 #include <string.h>
 
@@ -67,7 +67,7 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
     keep_worst(&most_flux, fabs(flux[i]));
     keep_worst(&worst, fabs(again[i] - drive[i]));
   }
-  /* Everything the drive is the sum of: field, gap, eddy currents. */
+  /* Sum of all terms of the drive: field, gap, eddy currents. */
   const double terms = largest + most_flux * (1.0 / ANHYST_MU0 * (1.0 + rho) + eddy);
   keep_worst(&out->field, worst / largest);
   keep_worst(&out->units, worst / terms / DBL_EPSILON);

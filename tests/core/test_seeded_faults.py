@@ -1,4 +1,4 @@
-"""Faults put into copies of the fixed-point sources: the C tests must find every one."""
+"""Faults in copies of the fixed-point sources: the C tests must detect every one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.depends("core", "tests/core")
 
 @dataclass(frozen=True)
 class Fault:
-    """A text replaced by another in one file of core/, and the test that must notice."""
+    """A replacement of a text in one file of core/, and the test that must detect it."""
 
     name: str
     file: str
@@ -35,14 +35,14 @@ FAULTS = [
         "test_fixed_q31",
     ),
     Fault(
-        "no saturation at the top",
+        "no saturation at the upper end",
         FIXED,
         "return a > ANHYST_Q31_MAX - b ? ANHYST_Q31_MAX : a + b;",
         "return (int32_t)((uint32_t)a + (uint32_t)b);",
         "test_fixed_q31",
     ),
     Fault(
-        "a shift out of range missed",
+        "undetected overflow of a shift",
         FIXED,
         "if ((shifted >> n) != a) {",
         "if ((shifted >> n) > a) {",
@@ -63,7 +63,7 @@ FAULTS = [
         "test_fixed_q31",
     ),
     Fault(
-        "halves downwards",
+        "halves rounded downwards",
         FIXED,
         "return anhyst_sat_q15(((int32_t)a * b + 0x4000) >> 15);",
         "return anhyst_sat_q15(((int32_t)a * b + 0x3FFF) >> 15);",
@@ -84,21 +84,21 @@ FAULTS = [
         "test_fixed_q31",
     ),
     Fault(
-        "root a step short",
+        "one Newton step of the root missing",
         "src/compensator/compensator.c",
-        "  r = (r + (full >> 1) / r) >> 1;\n  r = (r + (full >> 1) / r) >> 1;\n",
-        "  r = (r + (full >> 1) / r) >> 1;\n",
+        "  r = (r + (normalised >> 1) / r) >> 1;\n  r = (r + (normalised >> 1) / r) >> 1;\n",
+        "  r = (r + (normalised >> 1) / r) >> 1;\n",
         "test_fixed_root",
     ),
     Fault(
-        "knee half as high",
+        "knee of half the height",
         "src/compensator/compensator.c",
         "if ((a >> (31 - 2 * knee)) == 0) {",
         "if ((a >> (30 - 2 * knee)) == 0) {",
         "test_fixed_root",
     ),
     Fault(
-        "an octave forgotten twice",
+        "an octave of decay counted twice",
         "src/compensator/full_fixed.h",
         "(uint16_t)(t >> 26) & 31U;",
         "(uint16_t)(t >> 25) & 31U;",
@@ -107,15 +107,15 @@ FAULTS = [
     Fault(
         "reversible part too small",
         "src/compensator/generic/full_path.h",
-        "return y + part_of(anhysteretic - y, reversible);",
-        "return y + part_of(anhysteretic - y, reversible) / 2;",
+        "return y + multiply_by_part(anhysteretic - y, reversible);",
+        "return y + multiply_by_part(anhysteretic - y, reversible) / 2;",
         "test_fixed_full",
     ),
     Fault(
-        "iron against the air followed the wrong way",
+        "wrong sign of a negative iron weight",
         "src/compensator/generic/full_search.h",
-        "residual + scaled(risen, of->iron)",
-        "residual - scaled(risen, of->iron)",
+        "residual + scaled(risen, eq->iron)",
+        "residual - scaled(risen, eq->iron)",
         "test_fixed_full",
     ),
     Fault(
@@ -126,7 +126,7 @@ FAULTS = [
         "test_fixed_full",
     ),
     Fault(
-        "a current that may fall at the last gap",
+        "no check of the current at the last gap",
         "src/compensator/generic/full_block.h",
         "i <= gaps; i++",
         "i < gaps; i++",
@@ -140,14 +140,14 @@ FAULTS = [
         "test_fixed_closed",
     ),
     Fault(
-        "slope cut off at 32",
+        "slope limited to 32",
         "src/compensator/simplified_fixed.h",
         "return slope > MAX_LAG_SLOPE ? MAX_LAG_SLOPE : slope;",
         "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
         "test_fixed_closed",
     ),
     Fault(
-        "a path that begins where the dead band begins, not where it ends",
+        "a path from the start of the dead band",
         "src/compensator/generic/simplified.h",
         "path.peak = sum(from->peak, band);",
         "path.peak = from->peak;",
@@ -156,29 +156,29 @@ FAULTS = [
     Fault(
         "no dead band",
         "src/compensator/generic/simplified.h",
-        "const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);",
+        "const number band = weight_to_number(words[ANHYST_WORD_SIMPLE_BAND]);",
         "const number band = 0;",
         "test_simplified_formats",
     ),
     Fault(
-        "a damaged flux without limits",
+        "no limits of a damaged flux",
         "src/compensator/generic/simplified.h",
-        "within(memory->flux, -ONE, ONE),",
+        "clamp(memory->flux, -ONE, ONE),",
         "memory->flux,",
         "test_simplified_formats",
     ),
     Fault(
-        "a map between two forces without their last digits",
+        "interpolation of a map without the last digits",
         "src/compensator/lookup.h",
         "return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);",
         "return 2 * anhyst_scale(a, high);",
         "test_fixed_map",
     ),
     Fault(
-        "the inverse of a map a step of its search short",
+        "search of the inverse map one step too short",
         "src/compensator/generic/map.h",
-        "while (above - at.index > 1U) {",
-        "while (above - at.index > 2U) {",
+        "while (above - position.index > 1U) {",
+        "while (above - position.index > 2U) {",
         "test_fixed_map",
     ),
     Fault(
@@ -189,7 +189,7 @@ FAULTS = [
         "test_fixed_map",
     ),
     Fault(
-        "a map that may fall",
+        "no check of a falling map",
         "src/compensator/generic/map.h",
         "rise >= 0 &&",
         "rise >= -100 &&",
@@ -198,8 +198,8 @@ FAULTS = [
     Fault(
         "a loop steeper than its map",
         "src/compensator/generic/play_block.h",
-        "if (wider > rise || -wider > rise) {",
-        "if (wider > rise) {",
+        "if (half_rise > rise || -half_rise > rise) {",
+        "if (half_rise > rise) {",
         "test_fixed_play_map",
     ),
     Fault(
@@ -210,100 +210,100 @@ FAULTS = [
         "test_fixed_play_map",
     ),
     Fault(
-        "a corner of the play left out",
+        "a missing corner of the play",
         "src/compensator/generic/play_map.h",
-        "if (in.near->side == -ONE || in.far->side == -ONE) {",
+        "if (span.start->side == -ONE || span.end->side == -ONE) {",
         "if (0) {",
         "test_fixed_play_map",
     ),
     Fault(
-        "one step of Newton too few",
+        "too few Newton steps",
         "src/compensator/play_map.c",
         "#define PLAY_STEPS ANHYST_PLAY_STEPS",
         "#define PLAY_STEPS 1",
         "test_fixed_play_map",
     ),
     Fault(
-        "an applied current that is not a number",
+        "an applied current of NaN",
         "src/compensator/generic/play_map_real.h",
-        "return a >= -LARGEST && a <= LARGEST;",
-        "return a > -LARGEST || a <= LARGEST;",
+        "return a >= -MAX_ENTRY && a <= MAX_ENTRY;",
+        "return a > -MAX_ENTRY || a <= MAX_ENTRY;",
         "test_play_map_real",
     ),
     Fault(
-        "a turn that forgets what moved",
+        "a reversal with the moving cells subtracted",
         "src/compensator/generic/cells.h",
-        "along->rest = mirrored(inside(along->rest + left), -1);",
-        "along->rest = mirrored(inside(along->rest - left), -1);",
+        "path->rest = mirrored(saturate(path->rest + moving_m), -1);",
+        "path->rest = mirrored(saturate(path->rest - moving_m), -1);",
         "test_fixed_cells",
     ),
     Fault(
-        "cells left at the wrong side",
+        "reversal point with the wrong sign",
         "src/compensator/generic/cells.h",
-        "along->left = spot_on(along, along->rows, mirrored(x, -1));",
-        "along->left = spot_on(along, along->rows, x);",
+        "path->reversal = locate(path, path->rows, mirrored(x, -1));",
+        "path->reversal = locate(path, path->rows, x);",
         "test_fixed_cells",
     ),
     Fault(
-        "cells that join taken off twice",
+        "wrong sign of a joining cell",
         "src/compensator/generic/cells.h",
-        "inside(along->rest - rests_with(along, here, last));",
-        "inside(along->rest + rests_with(along, here, last));",
+        "saturate(path->rest - resting_magnetisation(path, position, last));",
+        "saturate(path->rest + resting_magnetisation(path, position, last));",
         "test_fixed_cells",
     ),
     Fault(
-        "the last play not kept",
+        "the last play not stored",
         "src/compensator/generic/cells_block.h",
-        "for (int cell = 1; cell < moved; cell++) {",
-        "for (int cell = 1; cell + 1 < moved; cell++) {",
+        "for (int cell = 1; cell < moving; cell++) {",
+        "for (int cell = 1; cell + 1 < moving; cell++) {",
         "test_fixed_cells",
     ),
     Fault(
-        "rest counted in the other direction",
+        "resting cells recorded in the wrong direction",
         "src/compensator/generic/cells.h",
-        "along->mirror == 0 ? others | moved : others",
-        "along->mirror != 0 ? others | moved : others",
+        "path->mirror == 0 ? resting_mask | moving_mask : resting_mask",
+        "path->mirror != 0 ? resting_mask | moving_mask : resting_mask",
         "test_fixed_cells",
     ),
     Fault(
-        "cells that rejoin taken off twice",
+        "wrong sign of cells that join again",
         "src/compensator/generic/cells.h",
-        "inside(begin + between(now, along->left.at + rows_on(along, cells - 1)));",
-        "inside(begin - between(now, along->left.at + rows_on(along, cells - 1)));",
+        "saturate(\n        resting_before + between(reversal_now, path->reversal.at + row_offset(path, cells - 1)));",
+        "saturate(resting_before - between(reversal_now, path->reversal.at + row_offset(path, cells - 1)));",
         "test_fixed_cells",
     ),
     Fault(
-        "a cell left at the wrong sign",
+        "wrong sign of a cell from the other direction",
         "src/compensator/generic/cells.h",
-        "  return -beyond(along, there);",
-        "  return beyond(along, there);",
+        "  return -cell_magnetisation(path, rest_position);",
+        "  return cell_magnetisation(path, rest_position);",
         "test_fixed_cells",
     ),
     Fault(
-        "a step on a segment that goes the wrong way",
+        "wrong sign of a step on a segment",
         "src/compensator/generic/cells.h",
-        "unsafe_difference(mirrored(wanted, mirror), left_side(&solve, at->of.cells.flux, begin));",
-        "unsafe_sum(mirrored(wanted, mirror), left_side(&solve, at->of.cells.flux, begin));",
+        "unsafe_difference(mirrored(target, mirror), left_side(&eq, at->of.cells.flux, begin));",
+        "unsafe_sum(mirrored(target, mirror), left_side(&eq, at->of.cells.flux, begin));",
         "test_fixed_cells",
     ),
     Fault(
-        "wide segments taken for narrow ones",
+        "wrong index of wide segments",
         "src/compensator/generic/cells_path.h",
-        "row += x > 0 ? along->outer : -along->outer;",
-        "row -= along->outer;",
+        "row += x > 0 ? path->wide_segments : -path->wide_segments;",
+        "row -= path->wide_segments;",
         "test_fixed_cells",
     ),
     Fault(
-        "rows apart without what lies between entries",
+        "difference of rows without interpolation",
         "src/compensator/cells_fixed.h",
-        "return low * 32768 + (high - low) * of.part;",
+        "return low * 32768 + (high - low) * position.part;",
         "return low * 32768;",
         "test_fixed_cells",
     ),
     Fault(
-        "the second digit of a ratio forgotten",
+        "second digit of a ratio missing",
         "src/control/allocation.c",
-        "return anhyst_add_q31(digit * 65536, fine * 4);",
+        "return anhyst_add_q31(digit * 65536, second_digit * 4);",
         "return digit * 65536;",
         "test_fixed_allocation",
     ),
@@ -315,14 +315,14 @@ FAULTS = [
         "test_fixed_allocation",
     ),
     Fault(
-        "a probe that adds to a compensator what it likes",
+        "unlimited correction by a flux probe",
         "src/compensator/force_controller.c",
         "anhyst_clamp(c->correction, -c->loop->most, c->loop->most)",
         "c->correction",
         "test_fixed_force_controller",
     ),
     Fault(
-        "an integral without end",
+        "unlimited integral",
         "src/compensator/force_controller.c",
         "anhyst_clamp(c->integral, -(c->loop->most >> 1), c->loop->most >> 1)",
         "c->integral",
@@ -332,7 +332,7 @@ FAULTS = [
 
 
 BLOCKS = ("compensator/block",)
-"""Sources of a test that includes the one it is about."""
+"""Further sources of a test that includes the tested source."""
 BESIDE = {
     "test_simplified_formats": tuple(
         f"compensator/{name}" for name in ("simplified", "simplified_f32", "simplified_f64")
@@ -348,13 +348,13 @@ BESIDE = {
         f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")
     ),
 }
-"""Sources of a test that does not."""
+"""Further sources of the other tests."""
 
 
 def passes(core: Path, test: str, folder: Path) -> bool:
-    """Build one C test against that copy of core/ and tell whether its claims hold."""
+    """Build one C test with a copy of core/, and return whether its claims hold."""
     program = folder / test
-    # Strict flags are for the sources as they are; a fault may leave a variable unused.
+    # No warning flags, because a fault may leave a variable unused.
     command = [tool("cc", "gcc"), "-std=c99", "-O1", "-DTEST_SANITIZED", "-DTEST_UP_TO_THE_FIRST"]
     command += [f"-I{core / 'include'}", f"-I{core / 'src'}"]
     sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
@@ -372,6 +372,6 @@ def test_a_seeded_fault_is_found(tmp_path: Path, fault: Fault) -> None:
     shutil.copytree(ROOT / "core", core)
     broken = core / fault.file
     text = broken.read_text(encoding="utf-8")
-    assert text.count(fault.right) == 1, "the source has changed: seed the fault anew"
+    assert text.count(fault.right) == 1, "the source has changed: adapt the fault"
     broken.write_text(text.replace(fault.right, fault.wrong), encoding="utf-8")
     assert not passes(core, fault.test, tmp_path)

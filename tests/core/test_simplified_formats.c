@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the simplified law in all formats: they agree within the rounding of 16-bit words,
    small steps and reversals within the dead band accumulate nothing, and damaged numbers never lead
-   out of -1..1. All formats compute with the numbers of the same fixed-point block. */
+   outside -1..1. All formats use the numbers of the same fixed-point block. */
 #include <string.h>
 
 #include "anhyst/compensator/compensator.h"
@@ -27,7 +27,7 @@ static anhyst_compensator fixed;
 static anhyst_compensator_f32 f32;
 static anhyst_compensator_f64 f64;
 
-/* Puts a number into all blocks, rounded to a word in which 1.0 is `one`. */
+/* Sets a number in all blocks, rounded to a word in which 1.0 is `one`. */
 static void put(int word, double value, double one)
 {
   fixed_words[word] = (int16_t)lrint(fmin(value * one, 32767.0));
@@ -35,7 +35,7 @@ static void put(int word, double value, double one)
   f32_words[word] = (float)f64_words[word];
 }
 
-/* Puts a weight, and its exponent in the next word. */
+/* Sets a weight, and its exponent in the next word. */
 static void put_weight(int word, double value, int shift)
 {
   put(word, value / pow(2.0, shift), 65536.0);

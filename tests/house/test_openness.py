@@ -159,7 +159,7 @@ def test_prediction_report_and_comparison_know_it(
     text = page.read_text()
     assert "single play operator" in text
     assert "half-width of the play" in text
-    assert "the two models compute the same" in run("diff", found, found)
+    assert "the two models give the same results" in run("diff", found, found)
 
 
 @pytest.mark.slow

@@ -162,7 +162,7 @@ def test_a_format_that_cannot_be_used_says_why(tmp_path: Path) -> None:
     (tmp_path / "loops.bad").write_text("I_A,F_N\n0,0\n")
     refused = anhyst(tmp_path / "site", tmp_path, "inspect", "loops.bad")
     assert refused.returncode == 2
-    assert "loops.bad: other adds it, and it is no function; update it" in refused.stderr
+    assert "loops.bad: other adds it, and it is not a function; update it" in refused.stderr
 
 
 HELLO = '''print("imported")

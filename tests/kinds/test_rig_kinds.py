@@ -209,7 +209,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
         ("oven = other:OVEN", "import none_such", "other adds it and cannot be loaded"),
         ("oven = other:NONE", "", "other adds it and cannot be loaded"),
         ("oven = other:OVEN", "raise SystemExit(3)", "other adds it and cannot be loaded"),
-        ("oven = other:OVEN", "OVEN = 1", "other adds it, and its record is no kind of rig"),
+        ("oven = other:OVEN", "OVEN = 1", "other adds it, and its record is not a kind of rig"),
         (
             "oven = other:OVEN",
             OVEN.replace('"oven"', '"stove"'),

@@ -95,7 +95,7 @@ def test_a_model_is_refused_where_loops_are_needed(argument: str) -> None:
 @pytest.mark.parametrize("value", ["", [], {}], ids=repr)
 def test_empty_argument_is_refused_with_its_name(argument: str, value: object) -> None:
     message = refusal((LOOP_VERBS | MODEL_VERBS | PATH_VERBS)[argument], value)
-    assert message.startswith(argument) or message.startswith("nothing to begin with")
+    assert message.startswith(argument) or message.startswith("no loops are given")
 
 
 COLUMNS = {

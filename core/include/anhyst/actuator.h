@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The actuator that a program is built around, under one set of names: what anhyst compile called
-   magnet is named by -DACTUATOR_NAME=magnet -DACTUATOR_MACRO=MAGNET. */
+/* The names of the actuator that a program is built for. The options -DACTUATOR_NAME=magnet
+   -DACTUATOR_MACRO=MAGNET select the actuator that `anhyst compile` named magnet. All programs then
+   use the same names below. */
 #ifndef ANHYST_ACTUATOR_NAMES_H
 #define ANHYST_ACTUATOR_NAMES_H
 
@@ -15,7 +16,7 @@
 
 #define ACTUATOR_PARAMETERS ACTUATOR_JOIN(ACTUATOR_NAME, _parameters)
 
-/* An actuator without a name is called actuator: its own macros are these. */
+/* Without a name, `anhyst compile` calls the actuator actuator and defines these macros itself. */
 #ifndef ACTUATOR_KERNEL
 #define ACTUATOR_KERNEL ACTUATOR_JOIN(ACTUATOR_MACRO, _KERNEL)
 #define ACTUATOR_PARAMETERS_WORDS ACTUATOR_JOIN(ACTUATOR_MACRO, _PARAMETERS_WORDS)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The check of a block in fixed point; its text is generic/block.h. */
+/* The check of a block in fixed point, made from generic/block.h. */
 #include "formats/block_fixed.h"
 #include "generic/block.h"
 
@@ -11,5 +11,5 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
 
 uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
 {
-  return misfit(words, scales);
+  return find_misfit(words, scales);
 }

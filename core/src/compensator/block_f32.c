@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The check of a block in single precision; its text is generic/block.h. */
+/* The check of a block in single precision, made from generic/block.h. */
 #include "formats/f32.h"
 
 #include "generic/block_real.h"
@@ -13,5 +13,5 @@ anhyst_status anhyst_block_check_f32(const anhyst_kernel_f32 *kernel, const floa
 
 uint16_t anhyst_block_misfit_f32(const float *words, const float *scales)
 {
-  return misfit(words, scales);
+  return find_misfit(words, scales);
 }

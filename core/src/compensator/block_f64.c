@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The check of a block in double precision; its text is generic/block.h. */
+/* The check of a block in double precision, made from generic/block.h. */
 #include "formats/f64.h"
 
 #include "generic/block_real.h"
@@ -13,5 +13,5 @@ anhyst_status anhyst_block_check_f64(const anhyst_kernel_f64 *kernel, const doub
 
 uint16_t anhyst_block_misfit_f64(const double *words, const double *scales)
 {
-  return misfit(words, scales);
+  return find_misfit(words, scales);
 }

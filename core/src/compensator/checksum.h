@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* CRC-32 (IEEE 802.3, reflected) of a parameter block, without a table. The bits of every word
-   count, low byte first. The two words of the checksum itself are left out. */
+/* CRC-32 (IEEE 802.3, reflected) of a parameter block, without a table. It covers the bits of every
+   word, low byte first, except the two words of the checksum itself. */
 #ifndef ANHYST_CHECKSUM_H
 #define ANHYST_CHECKSUM_H
 
 #include <stdint.h>
 
-#define ANHYST_CHECKSUM_START 0xFFFFFFFFUL /* the checksum is the complement of the last sum */
+/* Start value; the checksum is the complement of the final value. */
+#define ANHYST_CHECKSUM_START 0xFFFFFFFFUL
 
-/* Adds 16 bits to a sum. */
+/* Adds 16 bits to a running checksum. */
 static inline uint32_t anhyst_checksum_add(uint32_t sum, uint16_t bits)
 {
   sum ^= bits;

@@ -5,33 +5,36 @@
 
 #include <stddef.h>
 
-static int is_known(int32_t a)
+static int is_finite(int32_t a)
 {
   (void)a;
-  return 1; /* every code is a number */
+  return 1; /* every code is finite */
 }
 
-static int is_valid(const anhyst_flux_loop_q31 *loop)
+static int is_loop_valid(const anhyst_flux_loop_q31 *loop)
 {
   return anhyst_factor_is_valid(loop->proportional) && anhyst_factor_is_valid(loop->integral) &&
          anhyst_factor_is_valid(loop->back) && loop->back.mantissa >= 0 &&
          anhyst_factor_is_share(loop->smoothing) && loop->most >= 0;
 }
 
-static int32_t limited(const anhyst_force_controller_q31 *c, int32_t current)
+static int32_t limit_current(const anhyst_force_controller_q31 *c, int32_t current)
 {
   return anhyst_clamp(current, c->low, c->high);
 }
 
-/* The nearest force of the map, which only pulls; the largest code is its last column. */
-static int32_t pulling(const anhyst_map_q31 *map, int32_t demand)
+/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
+static int32_t limit_demand(const anhyst_map_q31 *map, int32_t demand)
 {
   (void)map;
   return demand > 0 ? demand : 0;
 }
 
-/* What the integral of the measured flux adds to the current. */
-static int32_t held(const anhyst_force_controller_q31 *c) { return anhyst_shl_q31(c->integral, 1); }
+/* Returns the current that the integral of the flux error adds. */
+static int32_t integral_current(const anhyst_force_controller_q31 *c)
+{
+  return anhyst_shl_q31(c->integral, 1);
+}
 
 static int32_t conditioning_length(const anhyst_compensator *compensator)
 {
@@ -48,10 +51,10 @@ static void swap(anhyst_compensator *compensator, const int16_t *words)
   anhyst_compensator_swap(compensator, words);
 }
 
-/* What the measured flux adds to the current. Compared is what should show by now, not what is
-   wanted: the difference between those is delay, which no current removes. Halved, so that no
-   difference leaves the format. */
-static void correct(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
+/* Updates the current that the measured flux adds. The measured flux is compared with the flux that
+   is expected at present, not with the demanded one: their difference is a delay, which no current
+   removes. Fluxes are halved, so that no difference leaves the format. */
+static void update_correction(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
 {
   c->flux = anhyst_map_value_q31(&c->loop->wanted, anhyst_root_q31(c->demand), gap) >> 1;
   c->error = flux == ANHYST_NO_FLUX ? 0 : c->expected - (flux >> 1);
@@ -60,28 +63,31 @@ static void correct(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
   c->correction = anhyst_shl_q31(half, 1);
 }
 
-/* Only a limit leads the integral back: a current that was measured differs from the wanted one by
-   the error of its sensor too, and by how far the amplifier is behind. */
+/* Advances the expected flux and the integral. Only a limit drives the integral back: a measured
+   current differs from the solved one also by the error of its sensor and by the lag of the
+   amplifier. */
 static void advance_flux(anhyst_force_controller_q31 *c, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = c->loop;
-  const int32_t behind = c->expected - c->flux;
-  int32_t learnt = anhyst_factor_product(c->error, loop->integral);
+  const int32_t flux_lag = c->expected - c->flux;
+  int32_t integral_change = anhyst_factor_product(c->error, loop->integral);
   if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
-    const int32_t missing = (applied >> 1) - (c->wanted >> 1);
-    learnt = anhyst_add_q31(learnt, anhyst_factor_product(missing, loop->back));
+    const int32_t cut_current = (applied >> 1) - (c->wanted >> 1);
+    integral_change =
+        anhyst_add_q31(integral_change, anhyst_factor_product(cut_current, loop->back));
   }
-  c->expected += anhyst_factor_product(behind, loop->smoothing);
-  c->integral = anhyst_add_q31(c->integral, learnt);
+  c->expected += anhyst_factor_product(flux_lag, loop->smoothing);
+  c->integral = anhyst_add_q31(c->integral, integral_change);
 }
 
-/* What is added to a compensator is bounded, so that a probe that fails costs no more than that. */
-static void bound_correction(anhyst_force_controller_q31 *c)
+/* Limits the current that is added to a compensator, so that a failed probe has a limited
+   effect. */
+static void limit_correction(anhyst_force_controller_q31 *c)
 {
   c->correction = anhyst_clamp(c->correction, -c->loop->most, c->loop->most);
 }
 
-static void bound_integral(anhyst_force_controller_q31 *c)
+static void limit_integral(anhyst_force_controller_q31 *c)
 {
   c->integral = anhyst_clamp(c->integral, -(c->loop->most >> 1), c->loop->most >> 1);
 }
@@ -92,11 +98,12 @@ anhyst_status anhyst_force_controller_init_compensator_q31(anhyst_force_controll
                                                            const anhyst_kernel *kernel,
                                                            const int16_t *words, uint16_t capacity)
 {
-  anhyst_force_controller_q31 found = {0};
-  found.method = &anhyst_force_by_compensator_q31;
-  const anhyst_status status = anhyst_compensator_init(&found.compensator, kernel, words, capacity);
+  anhyst_force_controller_q31 initial = {0};
+  initial.method = &anhyst_force_by_compensator_q31;
+  const anhyst_status status =
+      anhyst_compensator_init(&initial.compensator, kernel, words, capacity);
   if (status == ANHYST_OK) {
-    *c = found;
+    *c = initial;
   }
   return status;
 }

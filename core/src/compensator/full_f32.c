@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of Jiles and Atherton in single precision; its text is generic/full.h. */
+/* The Jiles-Atherton law in single precision, made from generic/full.h. */
 #include "formats/f32.h"
 
 #define MAX_TANGENT_STEP (UNIT / 256)
@@ -8,4 +8,4 @@
 #include "generic/full.h"
 
 const anhyst_kernel_f32 anhyst_kernel_full_f32 = {
-    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_valid, carry, 0, 0, 0};
+    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_valid, transfer_state, 0, 0, 0};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of Jiles and Atherton in double precision; its text is generic/full.h. */
+/* The Jiles-Atherton law in double precision, made from generic/full.h. */
 #include "formats/f64.h"
 
 /* So short that a solution is as exact as the format. */
@@ -9,4 +9,4 @@
 #include "generic/full.h"
 
 const anhyst_kernel_f64 anhyst_kernel_full_f64 = {
-    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_valid, carry, 0, 0, 0};
+    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_valid, transfer_state, 0, 0, 0};

@@ -1,21 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a parameter block, the quotient of Newton's steps, and ratios that
-   have to be exact. */
+/* Interpolation in tables of a parameter block, quotients for Newton steps, exact ratios. */
 #ifndef ANHYST_LOOKUP_H
 #define ANHYST_LOOKUP_H
 
 #include "anhyst/numeric/fixed.h"
 
-/* Slopes are counted in 1/1024. */
+/* maximum slope, in units of 1/1024 */
 #define ANHYST_SLOPE_MAX 32767
 
-/* Where a number falls in a table of equal segments. */
+/* Position of a number in a table of equal segments. */
 typedef struct {
   const int16_t *at; /* lower end of the segment */
-  int32_t part;      /* of the segment, 0..32768 */
+  int32_t part;      /* position on the segment, 0..32768 */
 } anhyst_spot;
 
-/* The value there: q15 in, q30 out, exact between the entries but for its last place. */
+/* Returns the value at a position: entries q15, result q30, exact except for the last place. */
 static inline int32_t anhyst_value_at(anhyst_spot spot)
 {
   const int32_t low = spot.at[0];
@@ -23,7 +22,7 @@ static inline int32_t anhyst_value_at(anhyst_spot spot)
   return low * 32768 + rise * spot.part;
 }
 
-/* numerator*65536/denominator, both positive, to 14 bits; saturates. */
+/* Returns numerator*65536/denominator with 14 bits. Requires positive arguments. Saturates. */
 static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
 {
   const uint16_t up = anhyst_headroom(numerator);
@@ -34,7 +33,7 @@ static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
   return down >= up ? anhyst_shl_q31(ratio, (uint16_t)(down - up)) : ratio >> (up - down);
 }
 
-/* a*part, part a q31 that is not negative: within 4 units in the last place, floor. */
+/* Returns a*part, rounded down, with an error within 4 LSB. part is a q31 that is not negative. */
 static inline int32_t anhyst_share(int32_t a, int32_t part)
 {
   const int16_t high = (int16_t)(part >> 16);
@@ -42,7 +41,8 @@ static inline int32_t anhyst_share(int32_t a, int32_t part)
   return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
 }
 
-/* numerator/denominator as a q31, floor, digit by digit; 0 <= numerator < denominator. */
+/* Returns numerator/denominator, q31, rounded down, bitwise. Requires 0 <= numerator <
+   denominator. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
 {
   const uint32_t whole = (uint32_t)denominator;

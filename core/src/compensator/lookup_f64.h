@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a compensator in double precision, and what its parts share. */
+/* Interpolation in the tables of a compensator, and shared functions, in double precision. */
 #ifndef ANHYST_LOOKUP_F64_H
 #define ANHYST_LOOKUP_F64_H
 

@@ -7,7 +7,7 @@
 
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map)
 {
-  return is_map(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  return is_map_valid(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 int32_t anhyst_map_value_q31(const anhyst_map_q31 *map, int32_t force, int32_t gap)

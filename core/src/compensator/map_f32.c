@@ -12,7 +12,7 @@ typedef anhyst_map_f32 map_type;
 
 anhyst_status anhyst_map_check_f32(const anhyst_map_f32 *map)
 {
-  return is_map(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  return is_map_valid(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 float anhyst_map_value_f32(const anhyst_map_f32 *map, float force, float gap)

@@ -12,7 +12,7 @@ typedef anhyst_map_f64 map_type;
 
 anhyst_status anhyst_map_check_f64(const anhyst_map_f64 *map)
 {
-  return is_map(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  return is_map_valid(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 double anhyst_map_value_f64(const anhyst_map_f64 *map, double force, double gap)

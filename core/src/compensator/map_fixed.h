@@ -13,37 +13,37 @@ typedef int32_t number; /* q31 */
 typedef int16_t entry;  /* q15 */
 typedef anhyst_map_q31 map_type;
 
-#define LARGEST ((number)ANHYST_Q15_MAX) /* size of an entry, and of the step to its neighbour */
+/* Maximum size of an entry, and of the difference between neighbours. */
+#define MAX_ENTRY ((number)ANHYST_Q15_MAX)
 
-/* A signal among 2^n equal segments. */
+/* Position of a signal in 2^n equal segments. */
 typedef struct {
   size_t index; /* of the segment */
-  number part;  /* of the segment, 0..1 */
-} place;
+  number part;  /* position on the segment, 0..1 */
+} table_position;
 
-static inline place place_of(number signal, uint16_t n)
+static inline table_position locate(number signal, uint16_t n)
 {
   const uint32_t code = signal > 0 ? (uint32_t)signal : 0U;
-  const place at = {(size_t)(code >> (31U - n)), (number)((code << n) & 0x7FFFFFFFUL)};
+  const table_position at = {(size_t)(code >> (31U - n)), (number)((code << n) & 0x7FFFFFFFUL)};
   return at;
 }
 
-static inline place gap_place(const map_type *map, number gap)
+static inline table_position locate_gap(const map_type *map, number gap)
 {
-  return place_of(gap, map->gap_segments);
+  return locate(gap, map->gap_segments);
 }
 
-static inline place force_place(const map_type *map, number force)
+static inline table_position locate_force(const map_type *map, number force)
 {
-  return place_of(force, map->force_segments);
+  return locate(force, map->force_segments);
 }
 
 static inline size_t columns_of(const map_type *map) { return (size_t)1U << map->force_segments; }
-
 static inline size_t rows_of(const map_type *map) { return (size_t)1U << map->gap_segments; }
 
-/* The force at a part of a segment. */
-static inline number force_of(const map_type *map, place at)
+/* Returns the force at a position. */
+static inline number force_at(const map_type *map, table_position at)
 {
   return (number)((uint32_t)at.index << (31U - map->force_segments)) +
          (at.part >> map->force_segments);
@@ -55,17 +55,17 @@ static inline int has_shape(const map_type *map)
          map->gap_segments <= ANHYST_MAP_GAP_SEGMENTS;
 }
 
-/* a*part, floor, within 4 units in the last place. */
-static inline number times(number a, number part) { return anhyst_share(a, part); }
+/* Returns a*part, rounded down, with an error within 4 LSB. */
+static inline number multiply_by_part(number a, number part) { return anhyst_share(a, part); }
 
-/* The number at a part of the way from one entry to another. */
+/* Interpolates between two entries. */
 static inline number interpolate(entry from, entry to, number part)
 {
   const int16_t rise = (int16_t)((int32_t)to - from);
   return (number)from * 65536 + 2 * anhyst_scale(part, rise);
 }
 
-/* numerator/denominator, floor; 0 < numerator < denominator. */
+/* Returns numerator/denominator, rounded down. Requires 0 < numerator < denominator. */
 static inline number ratio_of(number numerator, number denominator)
 {
   return anhyst_ratio(numerator, denominator);

@@ -10,45 +10,42 @@ typedef anhyst_play_map_q31 play_type;
 
 #define PLAY_STEPS ANHYST_PLAY_STEPS
 
-static int is_known(number a)
+static int is_finite(number a)
 {
   (void)a;
-  return 1; /* every code is a number */
+  return 1; /* every code is finite */
 }
 
-static number size_of(number a) { return anhyst_abs_q31(a); }
-
+static number absolute(number a) { return anhyst_abs_q31(a); }
 static number add(number a, number b) { return anhyst_add_q31(a, b); }
-
 static number subtract(number a, number b) { return anhyst_sub_q31(a, b); }
+static number limit(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
-static number limited(number a, number low, number high) { return anhyst_clamp(a, low, high); }
-
-/* The nearest force of the map, which only pulls; the largest code is its last column. */
-static number pulling(const map_type *map, number demand)
+/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
+static number limit_demand(const map_type *map, number demand)
 {
   (void)map;
   return demand > 0 ? demand : 0;
 }
 
-static int is_gap(const map_type *map, number gap)
+static int is_gap_in_range(const map_type *map, number gap)
 {
   (void)map;
   return gap >= 0;
 }
 
-/* distance/radius; |distance| is less than the radius, so that no product leaves the format. */
-static number side_of(const law_type *law, number distance)
+/* Returns distance/radius. Requires |distance| < radius, so that no product overflows. */
+static number side_from_distance(const law_type *law, number distance)
 {
   return 4 * anhyst_scale(distance * ((int32_t)1 << law->shift), law->steepness);
 }
 
-/* The difference of two currents over 4, so that it stays within the format; to be compared with
-   others of its kind. */
+/* Returns a difference of two currents, divided by 4 so that it stays in the format. It is compared
+   only with other results of this function. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
-/* numerator/denominator to 14 bits, at most 1, never too large; the numerator is above 0. */
-static number share_of(number numerator, number denominator)
+/* Returns numerator/denominator with 14 bits, at most 1, rounded down. Requires numerator > 0. */
+static number quotient_up_to_one(number numerator, number denominator)
 {
   if (numerator >= denominator) {
     return ONE;
@@ -57,47 +54,47 @@ static number share_of(number numerator, number denominator)
   const uint16_t down = anhyst_headroom(denominator);
   const int32_t top = (int32_t)((uint32_t)numerator << up);
   const int32_t bottom = ((int32_t)((uint32_t)denominator << down) >> 16) + 1;
-  const uint32_t ratio = (uint32_t)(top / bottom); /* below 2^17; below 2^16 if up is down */
+  const uint32_t ratio = (uint32_t)(top / bottom); /* below 2^17; below 2^16 if up = down */
   /* up >= down, as the numerator is smaller. NOLINTNEXTLINE(clang-analyzer-core.BitwiseShift) */
   return (int32_t)((ratio << 15) >> (up - down));
 }
 
-/* The same to 28 bits: a second digit comes from the rest. The numerator is not negative. */
-static number fraction_of(number numerator, number denominator)
+/* Returns the same quotient with 28 bits: the remainder gives a second digit. numerator >= 0. */
+static number fine_quotient(number numerator, number denominator)
 {
   if (numerator == 0) {
     return 0;
   }
-  const number first = share_of(numerator, denominator);
-  const number rest = numerator - times(denominator, first);
-  return rest > 0 ? add(first, share_of(rest, denominator)) : first;
+  const number first = quotient_up_to_one(numerator, denominator);
+  const number rest = numerator - multiply_by_part(denominator, first);
+  return rest > 0 ? add(first, quotient_up_to_one(rest, denominator)) : first;
 }
 
-/* Whether a difference of currents is rounding. */
-static int is_rounding(number left, number near, number far)
+/* Returns whether a difference of two currents is only rounding. */
+static int is_rounding(number left, number start, number end)
 {
-  (void)near;
-  (void)far;
+  (void)start;
+  (void)end;
   return left <= ANHYST_PLAY_NEAR / 4 && left >= -(ANHYST_PLAY_NEAR / 4);
 }
 
-static int is_word(entry word, uint16_t value) { return (uint16_t)word == value; }
+static int is_word_equal(entry word, uint16_t value) { return (uint16_t)word == value; }
 
-static uint32_t add_bits(uint32_t sum, entry word)
+static uint32_t add_word_to_checksum(uint32_t sum, entry word)
 {
   return anhyst_checksum_add(sum, (uint16_t)word);
 }
 
-static number current_of(entry word) { return (number)word * 65536; }
+static number word_to_current(entry word) { return (number)word * 65536; }
 
-/* 2^-15 of full scale: what a converter may add to a limit of the current. */
-static number room_of(const entry *words)
+/* Returns 2^-15 of full scale: rounding of a D/A converter may exceed a limit by this. */
+static number current_tolerance(const entry *words)
 {
   (void)words;
   return 65536;
 }
 
-/* Reads sizes and play; the range of forces begins at 0. */
+/* Reads the sizes and the play; the range of forces starts at 0. Returns whether they are valid. */
 static int read_scales(law_type *law, const entry *words)
 {
   const entry steepness = words[ANHYST_WORD_PLAY_STEEPNESS];

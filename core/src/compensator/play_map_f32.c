@@ -13,11 +13,10 @@ typedef anhyst_play_law_f32 law_type;
 typedef anhyst_play_point_f32 point;
 typedef anhyst_play_map_f32 play_type;
 
-#define EPSILON 1.1920929e-7f /* distance from 1 to the next number */
+#define EPSILON 1.1920929e-7f /* distance from 1 to the next larger number */
 
 #include "generic/map_real.h"
 #include "generic/play_map_real.h"
-/* Their templates. */
 #include "generic/map.h"
 #include "generic/play_block.h"
 #include "generic/play_map.h"

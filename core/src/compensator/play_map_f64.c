@@ -13,11 +13,10 @@ typedef anhyst_play_law_f64 law_type;
 typedef anhyst_play_point_f64 point;
 typedef anhyst_play_map_f64 play_type;
 
-#define EPSILON 2.220446049250313e-16 /* distance from 1 to the next number */
+#define EPSILON 2.220446049250313e-16 /* distance from 1 to the next larger number */
 
 #include "generic/map_real.h"
 #include "generic/play_map_real.h"
-/* Their templates. */
 #include "generic/map.h"
 #include "generic/play_block.h"
 #include "generic/play_map.h"

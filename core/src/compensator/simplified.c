@@ -8,7 +8,7 @@
 const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED,
                                                 simplified_field,
                                                 simplified_flux,
-                                                simplified_is_valid,
+                                                is_simplified_valid,
                                                 simplified_carry,
                                                 0,
                                                 0,

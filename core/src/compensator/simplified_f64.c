@@ -9,7 +9,7 @@
 const anhyst_kernel_f64 anhyst_kernel_simplified_f64 = {ANHYST_KIND_SIMPLIFIED,
                                                         simplified_field,
                                                         simplified_flux,
-                                                        simplified_is_valid,
+                                                        is_simplified_valid,
                                                         simplified_carry,
                                                         0,
                                                         0,

@@ -25,7 +25,7 @@ int anhyst_compensator_follows_q15(const anhyst_compensator *c, int16_t measured
 void anhyst_compensator_commit_after_q15(anhyst_compensator *c, int16_t applied, int16_t gap,
                                          uint16_t ticks)
 {
-  for (uint16_t left = commits_for(c, ticks); left > 0U; left--) {
+  for (uint16_t remaining = count_commits(c, ticks); remaining > 0U; remaining--) {
     anhyst_compensator_commit_q15(c, applied, gap);
   }
 }
@@ -33,7 +33,7 @@ void anhyst_compensator_commit_after_q15(anhyst_compensator *c, int16_t applied,
 void anhyst_compensator_commit_after_q31(anhyst_compensator *c, int32_t applied, int32_t gap,
                                          uint16_t ticks)
 {
-  for (uint16_t left = commits_for(c, ticks); left > 0U; left--) {
+  for (uint16_t remaining = count_commits(c, ticks); remaining > 0U; remaining--) {
     anhyst_compensator_commit_q31(c, applied, gap);
   }
 }

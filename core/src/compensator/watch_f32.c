@@ -10,13 +10,13 @@ float anhyst_conditioning_step_f32(anhyst_compensator_f32 *c)
 
 int anhyst_compensator_follows_f32(const anhyst_compensator_f32 *c, float measured, float tolerance)
 {
-  return size_of(measured * c->per_current - c->applied) <= tolerance * c->per_current;
+  return absolute(measured * c->per_current - c->applied) <= tolerance * c->per_current;
 }
 
 void anhyst_compensator_commit_after_f32(anhyst_compensator_f32 *c, float applied, float gap,
                                          uint16_t ticks)
 {
-  for (uint16_t left = commits_for(c, ticks); left > 0U; left--) {
+  for (uint16_t remaining = count_commits(c, ticks); remaining > 0U; remaining--) {
     anhyst_compensator_commit_f32(c, applied, gap);
   }
 }

@@ -11,13 +11,13 @@ double anhyst_conditioning_step_f64(anhyst_compensator_f64 *c)
 int anhyst_compensator_follows_f64(const anhyst_compensator_f64 *c, double measured,
                                    double tolerance)
 {
-  return size_of(measured * c->per_current - c->applied) <= tolerance * c->per_current;
+  return absolute(measured * c->per_current - c->applied) <= tolerance * c->per_current;
 }
 
 void anhyst_compensator_commit_after_f64(anhyst_compensator_f64 *c, double applied, double gap,
                                          uint16_t ticks)
 {
-  for (uint16_t left = commits_for(c, ticks); left > 0U; left--) {
+  for (uint16_t remaining = count_commits(c, ticks); remaining > 0U; remaining--) {
     anhyst_compensator_commit_f64(c, applied, gap);
   }
 }

@@ -4,11 +4,10 @@
 #include "anhyst/numeric/fixed.h"
 #include "anhyst/numeric/q31.h"
 
-static int is_force(int32_t a) { return a > 0; }
-
+static int is_force_valid(int32_t a) { return a > 0; }
 static int32_t half(int32_t a) { return a >> 1; }
 
-/* a*b, neither below 0; floor, error below 4 units in the last place. */
+/* Returns a*b, rounded down, with an error below 4 LSB. Requires a >= 0 and b >= 0. */
 static int32_t product(int32_t a, int32_t b)
 {
   const int16_t high = (int16_t)(b >> 16);
@@ -16,24 +15,24 @@ static int32_t product(int32_t a, int32_t b)
   return anhyst_add_q31(2 * anhyst_scale(a, high), anhyst_scale(a, low) >> 14);
 }
 
-/* smaller/larger as a q31, 0 <= smaller <= larger, larger > 0; below the exact one by less than 16
-   units in the last place. Two digits by long division. For such numbers no clamp acts: with them
-   nothing overflows for any others. */
+/* Returns smaller/larger as a q31, less than 16 LSB below the exact ratio, by long division with
+   two digits. Requires 0 <= smaller <= larger and larger > 0. For such arguments the clamps have no
+   effect; for all others they prevent overflow. */
 static int32_t ratio(int32_t smaller, int32_t larger)
 {
   const uint16_t up = anhyst_headroom(larger);
   const int32_t top = (int32_t)((uint32_t)smaller << up);
   const int32_t bottom = (int32_t)((uint32_t)larger << up); /* 2^30..2^31 - 1 */
-  const int32_t above = (bottom >> 15) + 1;                 /* so that no digit is too large */
-  const int32_t digit = anhyst_clamp(top / above, 0, ANHYST_Q15_MAX);
-  const int32_t reached = 2 * anhyst_scale(bottom, (int16_t)digit);
-  const int32_t rest = anhyst_clamp(anhyst_sub_q31(top, reached), 0, 131071);
-  const int32_t fine = (rest * 16384) / above; /* 2^-29 */
-  return anhyst_add_q31(digit * 65536, fine * 4);
+  const int32_t divisor = (bottom >> 15) + 1;               /* rounded up */
+  const int32_t digit = anhyst_clamp(top / divisor, 0, ANHYST_Q15_MAX);
+  const int32_t product_of_digit = 2 * anhyst_scale(bottom, (int16_t)digit);
+  const int32_t remainder = anhyst_clamp(anhyst_sub_q31(top, product_of_digit), 0, 131071);
+  const int32_t second_digit = (remainder * 16384) / divisor; /* 2^-29 */
+  return anhyst_add_q31(digit * 65536, second_digit * 4);
 }
 
-/* Half of the root of 1 + t*t, q31. A line within 1 % to begin with; each step doubles the
-   digits. */
+/* Returns half the root of 1 + t*t, q31. Linear start value within 1 %; each Newton step doubles
+   the digits. */
 static int32_t half_root(int32_t t)
 {
   const int32_t square = product(t, t);
@@ -43,19 +42,20 @@ static int32_t half_root(int32_t t)
   return (root >> 1) + (ratio(quarter, root) >> 1);
 }
 
-/* |net|/2 + sqrt(net^2/4 + idle^2). */
-static int32_t larger_of(int32_t net, int32_t idle)
+/* Returns |net|/2 + sqrt(net^2/4 + idle^2). */
+static int32_t larger_force(int32_t net, int32_t idle)
 {
   const int32_t half = anhyst_abs_q31(net) >> 1;
-  const int32_t most = half > idle ? half : idle;
-  const int32_t least = half > idle ? idle : half;
-  const int32_t across = anhyst_shl_q31(product(most, half_root(ratio(least, most))), 1);
-  const int32_t larger = anhyst_add_q31(half, across);
+  const int32_t longer_leg = half > idle ? half : idle;
+  const int32_t shorter_leg = half > idle ? idle : half;
+  const int32_t hypotenuse =
+      anhyst_shl_q31(product(longer_leg, half_root(ratio(shorter_leg, longer_leg))), 1);
+  const int32_t larger = anhyst_add_q31(half, hypotenuse);
   return larger > idle ? larger : idle;
 }
 
-/* As a quotient: a difference of two large forces would lose its digits. */
-static int32_t smaller_of(int32_t larger, int32_t idle)
+/* Uses a quotient, because a difference of two large forces would lose digits. */
+static int32_t smaller_force(int32_t larger, int32_t idle)
 {
   return product(idle, ratio(idle, larger));
 }

@@ -4,15 +4,16 @@
 anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
                                       const anhyst_levitation_settings *settings)
 {
-  const int range = limits->low < limits->high && limits->step > 0 && limits->selftest > 0U;
-  const int rates = settings->detect > 0 && settings->rise > 0 && settings->descend > 0 &&
-                    settings->lift > 0 && settings->set_down > 0 && settings->most > 0 &&
-                    settings->press <= 0;
-  return range && rates ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  const int are_limits_valid =
+      limits->low < limits->high && limits->step > 0 && limits->selftest > 0U;
+  const int are_rates_valid = settings->detect > 0 && settings->rise > 0 && settings->descend > 0 &&
+                              settings->lift > 0 && settings->set_down > 0 && settings->most > 0 &&
+                              settings->press <= 0;
+  return are_limits_valid && are_rates_valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-/* The next sample is judged by its range alone. */
-static void forget(anhyst_levitation *l)
+/* Resets phase and faults. The next sample is checked only for its range. */
+static void reset(anhyst_levitation *l)
 {
   l->phase = ANHYST_PHASE_REST;
   l->seen = 0;
@@ -23,7 +24,7 @@ static void forget(anhyst_levitation *l)
 void anhyst_levitation_start(anhyst_levitation *levitation)
 {
   anhyst_supervisor_start(&levitation->supervisor);
-  forget(levitation);
+  reset(levitation);
   levitation->position = 0;
   levitation->rest = 0;
   levitation->reference = 0;
@@ -33,14 +34,13 @@ void anhyst_levitation_start(anhyst_levitation *levitation)
   levitation->begins = 0;
 }
 
-/* A step from one number towards another. */
-static int32_t towards(int32_t from, int32_t to, int32_t step)
+static int32_t step_towards(int32_t from, int32_t to, int32_t step)
 {
   return anhyst_clamp(to, anhyst_sub_q31(from, step), anhyst_add_q31(from, step));
 }
 
-/* Whether the change since the last plausible position can be: one step for each tick in between.
- */
+/* Returns whether the change since the last plausible position is possible: at most one step for
+   each tick between the two. */
 static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   const int32_t ticks = (int32_t)l->supervisor.age + 1;
@@ -50,9 +50,8 @@ static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t positi
   return anhyst_abs_q31(anhyst_sub_q31(position, l->position)) <= step * ticks;
 }
 
-/* The reason of a fault that this sample would be, or none. */
-static uint16_t judge(const anhyst_levitation *l, const anhyst_levitation_limits *limits,
-                      const anhyst_levitation_input *input)
+static uint16_t find_fault(const anhyst_levitation *l, const anhyst_levitation_limits *limits,
+                           const anhyst_levitation_input *input)
 {
   if (input->dropped != 0U) {
     return ANHYST_FAULT_POSITION_MISSING;
@@ -64,8 +63,8 @@ static uint16_t judge(const anhyst_levitation *l, const anhyst_levitation_limits
                                                         : ANHYST_FAULT_POSITION_STEP;
 }
 
-/* Comes down from wherever it is; the position is known. */
-static void come_down(anhyst_levitation *l)
+/* Starts a landing from any phase. Requires a known position. */
+static void start_landing(anhyst_levitation *l)
 {
   if (l->phase == ANHYST_PHASE_BREAKAWAY) {
     l->phase = ANHYST_PHASE_SET_DOWN;
@@ -84,33 +83,33 @@ static void lose_position(anhyst_levitation *l)
   }
 }
 
-/* Begins to control from here, with the demand there was. */
-static void begin(anhyst_levitation *l, uint16_t phase)
+/* Starts control at the present position, with the present demand. */
+static void start_control(anhyst_levitation *l, uint16_t phase)
 {
   l->phase = phase;
   l->reference = l->position;
   l->begins = 1;
 }
 
-/* Goes by the sample: on from selftest, to a fault, or back from a fall. */
-static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
-                  const anhyst_levitation_input *input)
+/* Processes the sample: leaves selftest, enters a fault, or leaves a fall. */
+static void process_sample(anhyst_levitation *l, const anhyst_levitation_limits *limits,
+                           const anhyst_levitation_input *input)
 {
-  const uint16_t wrong = judge(l, limits, input);
-  if (anhyst_supervisor_sample(&l->supervisor, wrong, limits->max_missing_samples,
+  const uint16_t fault = find_fault(l, limits, input);
+  if (anhyst_supervisor_sample(&l->supervisor, fault, limits->max_missing_samples,
                                limits->selftest)) {
-    /* A sensor that jumped would be believed again as soon as time makes its step possible. */
-    l->lost |= wrong == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
+    /* Otherwise, a position that jumped would count as plausible again after enough ticks. */
+    l->lost |= fault == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
     lose_position(l);
   }
-  if (wrong != ANHYST_FAULT_NONE) {
+  if (fault != ANHYST_FAULT_NONE) {
     l->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
     return;
   }
   l->position = input->position;
   l->seen = 1;
   if (l->phase == ANHYST_PHASE_FALL && l->lost == 0U) {
-    begin(l, ANHYST_PHASE_DESCEND);
+    start_control(l, ANHYST_PHASE_DESCEND);
   }
 }
 
@@ -118,11 +117,11 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
                                    uint16_t at_zero)
 {
   anhyst_levitation *l = levitation;
-  const int resting = l->phase == ANHYST_PHASE_REST || l->phase == ANHYST_PHASE_CONDITION;
-  const anhyst_body body = {1U, resting ? 1U : 0U, at_zero};
-  const uint16_t refused = anhyst_supervisor_obstacle(&l->supervisor, command, &body);
-  if (refused != ANHYST_REFUSED_NOT) {
-    return refused;
+  const int is_resting = l->phase == ANHYST_PHASE_REST || l->phase == ANHYST_PHASE_CONDITION;
+  const anhyst_body body = {1U, is_resting ? 1U : 0U, at_zero};
+  const uint16_t reason = anhyst_supervisor_obstacle(&l->supervisor, command, &body);
+  if (reason != ANHYST_REFUSED_NOT) {
+    return reason;
   }
   anhyst_supervisor_command(&l->supervisor, command, &body);
   switch (command) {
@@ -133,10 +132,10 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
     break;
   case ANHYST_COMMAND_LAND:
   case ANHYST_COMMAND_STOP:
-    come_down(l);
+    start_landing(l);
     break;
   case ANHYST_COMMAND_CLEAR:
-    forget(l);
+    reset(l);
     break;
   default:
     break;
@@ -148,33 +147,33 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
 {
   anhyst_supervisor_fail(&levitation->supervisor, reason);
   if (lands) {
-    come_down(levitation);
+    start_landing(levitation);
   } else {
     levitation->lost = 1;
     lose_position(levitation);
   }
 }
 
-static void break_away(anhyst_levitation *l, const anhyst_levitation_settings *settings)
+static void run_breakaway(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
-  if (l->tick == 0) { /* the tick after the command: here it lies */
+  if (l->tick == 0) { /* first tick after the command: the armature is at rest */
     l->rest = l->position;
     l->tick = 1;
   }
   if (anhyst_sub_q31(l->position, l->rest) >= settings->detect) {
-    begin(l, ANHYST_PHASE_RISE);
+    start_control(l, ANHYST_PHASE_RISE);
   } else if (l->demand >= settings->most) {
     anhyst_supervisor_fail(&l->supervisor, ANHYST_FAULT_NO_LIFT);
     l->phase = ANHYST_PHASE_SET_DOWN;
   } else {
-    l->demand = towards(l->demand, settings->most, settings->lift);
+    l->demand = step_towards(l->demand, settings->most, settings->lift);
   }
 }
 
-static void set_down(anhyst_levitation *l, const anhyst_levitation_settings *settings)
+static void run_set_down(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
   if (l->demand != settings->press) {
-    l->demand = towards(l->demand, settings->press, settings->set_down);
+    l->demand = step_towards(l->demand, settings->press, settings->set_down);
     return;
   }
   l->phase = ANHYST_PHASE_REST;
@@ -186,7 +185,7 @@ static void move_reference(anhyst_levitation *l, const anhyst_levitation_setting
 {
   switch (l->phase) {
   case ANHYST_PHASE_RISE:
-    l->reference = towards(l->reference, target, settings->rise);
+    l->reference = step_towards(l->reference, target, settings->rise);
     if (l->reference == target) {
       l->phase = ANHYST_PHASE_HOVER;
     }
@@ -195,26 +194,26 @@ static void move_reference(anhyst_levitation *l, const anhyst_levitation_setting
     if (l->reference == l->rest) {
       l->phase = ANHYST_PHASE_SET_DOWN;
     } else {
-      l->reference = towards(l->reference, l->rest, settings->descend);
+      l->reference = step_towards(l->reference, l->rest, settings->descend);
     }
     break;
-  default: /* hover */
+  default: /* phase hover */
     l->reference = target;
     break;
   }
 }
 
-/* Where the phase has led to by this tick. */
+/* Executes this tick of the phase, and selects the next phase. */
 static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                           const anhyst_levitation_settings *settings,
                           const anhyst_levitation_input *input)
 {
   switch (l->phase) {
   case ANHYST_PHASE_BREAKAWAY:
-    break_away(l, settings);
+    run_breakaway(l, settings);
     break;
   case ANHYST_PHASE_SET_DOWN:
-    set_down(l, settings);
+    run_set_down(l, settings);
     break;
   case ANHYST_PHASE_FALL:
     l->let_go = l->tick == 0 ? 1U : 0U;
@@ -230,7 +229,7 @@ static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *
                    : ANHYST_PHASE_REST;
     break;
   default:
-    /* The first reference is the position itself, so that control begins without a jump. */
+    /* The first reference is the position itself, so that the start of control is bumpless. */
     if (l->begins == 0U) {
       move_reference(l, settings, anhyst_clamp(input->target, limits->low, limits->high));
     }
@@ -249,6 +248,6 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
     levitation->demand = input->demand;
   }
   anhyst_supervisor_begin(&levitation->supervisor);
-  watch(levitation, limits, input);
+  process_sample(levitation, limits, input);
   advance_phase(levitation, limits, settings, input);
 }

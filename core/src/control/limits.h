@@ -5,27 +5,28 @@
 
 #include "anhyst/numeric/fixed.h"
 
-/* The distance between two numbers in order, which may be beyond an int32_t. */
+/* Returns high - low for low <= high, which may exceed an int32_t. */
 static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
-/* Whether they are in order and a whole number of steps apart, so that no rounded current is beyond
-   a limit; a step of 0: there is no grid. */
+/* Returns whether low <= high and the range is an integer number of steps, so that no rounded
+   current exceeds a limit. A step of 0 means no grid. */
 static int are_on_grid(int32_t low, int32_t high, int32_t step)
 {
   return low <= high && step >= 0 && (step == 0 || distance(low, high) % (uint32_t)step == 0U);
 }
 
-static int32_t within(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
+static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
 
-/* The nearest of the converter's currents, for one within the limits. */
-static int32_t on_grid(int32_t current, int32_t low, int32_t high, int32_t grid)
+/* Rounds a current within the limits to the nearest value of the converter. */
+static int32_t round_to_grid(int32_t current, int32_t low, int32_t high, int32_t grid)
 {
   const uint32_t step = (uint32_t)grid;
-  const uint32_t above = distance(low, current);
-  const uint32_t rest = above % step;
-  const uint32_t reached = rest >= step - rest ? above - rest + step : above - rest;
-  (void)high; /* a whole number of steps away */
-  return (int32_t)((uint32_t)low + reached);
+  const uint32_t offset = distance(low, current);
+  const uint32_t remainder = offset % step;
+  const uint32_t rounded =
+      remainder >= step - remainder ? offset - remainder + step : offset - remainder;
+  (void)high; /* an integer number of steps above low */
+  return (int32_t)((uint32_t)low + rounded);
 }
 
 #endif

@@ -3,15 +3,15 @@
 
 anhyst_status anhyst_pidd2_check_q31(const anhyst_pidd2_gains_q31 *gains)
 {
-  const int factors =
+  const int are_factors_valid =
       anhyst_factor_is_valid(gains->proportional) && anhyst_factor_is_valid(gains->integral) &&
       anhyst_factor_is_valid(gains->derivative) && anhyst_factor_is_valid(gains->second) &&
       anhyst_factor_is_valid(gains->load) && anhyst_factor_is_valid(gains->back) &&
       gains->back.mantissa >= 0;
-  const int rest = anhyst_factor_is_share(gains->smoothing) &&
-                   anhyst_factor_is_share(gains->smoothing_2) && gains->unweighted <= 0 &&
-                   gains->low <= gains->high;
-  return factors && rest ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  const int are_others_valid = anhyst_factor_is_share(gains->smoothing) &&
+                               anhyst_factor_is_share(gains->smoothing_2) &&
+                               gains->unweighted <= 0 && gains->low <= gains->high;
+  return are_factors_valid && are_others_valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
@@ -19,12 +19,12 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
                                int32_t position, int32_t load,
                                anhyst_pidd2_candidate_q31 *candidate)
 {
-  const int32_t y = position >> 1; /* q30: differences of two such numbers fit */
+  const int32_t y = position >> 1; /* q30, so that differences of two such numbers fit */
   const int32_t r = reference >> 1;
   const int32_t weighted = r + anhyst_scale(reference, gains->unweighted); /* 0..r */
 
-  /* A filter moves by the derivative it gives: differentiating costs no state of its own, and an
-     error of rounding is not integrated. */
+  /* A filter moves by its derivative. Therefore, a derivative needs no state of its own, and
+     rounding errors are not integrated. */
   const int32_t first = anhyst_factor_product(state->position - y, gains->smoothing);
   const int32_t second =
       anhyst_factor_product(anhyst_sub_q31(state->velocity, first), gains->smoothing_2);
@@ -47,13 +47,14 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
 void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
                              const anhyst_pidd2_candidate_q31 *candidate, int32_t applied)
 {
-  /* Exactly zero where the output was applied as it was wanted. */
-  const int32_t missing = anhyst_sub_q31(applied >> 3, candidate->wanted);
+  /* Exactly zero if the output was applied without a change. */
+  const int32_t not_applied = anhyst_sub_q31(applied >> 3, candidate->wanted);
   *state = candidate->next;
-  state->integral = anhyst_add_q31(state->integral, anhyst_factor_product(missing, gains->back));
+  state->integral =
+      anhyst_add_q31(state->integral, anhyst_factor_product(not_applied, gains->back));
 }
 
-/* Moves the integral so that the wanted output goes from one number to another, q28. */
+/* Shifts the integral so that the output changes from one number to another, q28. */
 static void shift_integral(anhyst_pidd2_state_q31 *state, int32_t from, int32_t to)
 {
   state->integral = anhyst_add_q31(state->integral, anhyst_shl_q31(anhyst_sub_q31(to, from), 2));
@@ -62,12 +63,12 @@ static void shift_integral(anhyst_pidd2_state_q31 *state, int32_t from, int32_t 
 void anhyst_pidd2_start_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
                             int32_t reference, int32_t position, int32_t load, int32_t output)
 {
-  anhyst_pidd2_candidate_q31 without;
+  anhyst_pidd2_candidate_q31 start_candidate;
   state->position = position >> 1;
   state->velocity = 0;
   state->integral = 0;
-  (void)anhyst_pidd2_solve_q31(gains, state, reference, position, load, &without);
-  shift_integral(state, without.wanted, output >> 3);
+  (void)anhyst_pidd2_solve_q31(gains, state, reference, position, load, &start_candidate);
+  shift_integral(state, start_candidate.wanted, output >> 3);
 }
 
 void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pidd2_gains_q31 *to,

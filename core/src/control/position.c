@@ -5,27 +5,27 @@
 
 #include <stddef.h>
 
-/* Positions and demands are the integers of levitation.h as they are. */
+/* Positions and demands are already the integers of levitation.h. */
 
-static int32_t position_code(const anhyst_position_units_q31 *units, int32_t position)
+static int32_t position_to_code(const anhyst_position_units_q31 *units, int32_t position)
 {
   (void)units;
   return position;
 }
 
-static int32_t position_of(const anhyst_position_units_q31 *units, int32_t code)
+static int32_t code_to_position(const anhyst_position_units_q31 *units, int32_t code)
 {
   (void)units;
   return code;
 }
 
-static int32_t demand_code(const anhyst_position_units_q31 *units, int32_t demand)
+static int32_t demand_to_code(const anhyst_position_units_q31 *units, int32_t demand)
 {
   (void)units;
   return demand;
 }
 
-static int32_t demand_of(const anhyst_position_units_q31 *units, int32_t code)
+static int32_t code_to_demand(const anhyst_position_units_q31 *units, int32_t code)
 {
   (void)units;
   return code;
@@ -38,36 +38,35 @@ static int is_number(int32_t a)
 }
 
 static int32_t half(int32_t a) { return a >> 1; }
+static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
 
-static int32_t within(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
-
-static int32_t gap_of(const anhyst_gap_line_q31 *line, int32_t position)
+static int32_t position_to_gap(const anhyst_gap_line_q31 *line, int32_t position)
 {
   const int32_t part = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
   return anhyst_add_q31(line->offset, part);
 }
 
-/* The distance between two numbers in order, which may be beyond an int32_t. */
 static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
-/* The nearest of the converter's currents, for one within the limits. */
-static int32_t on_grid(const anhyst_position_limits_q31 *limits, int32_t current)
+static int32_t round_to_grid(const anhyst_position_limits_q31 *limits, int32_t current)
 {
   const uint32_t step = (uint32_t)limits->current_step;
-  const uint32_t above = distance(limits->current_low, current);
-  const uint32_t rest = above % step;
-  const uint32_t reached = rest >= step - rest ? above - rest + step : above - rest;
-  return (int32_t)((uint32_t)limits->current_low + reached);
+  const uint32_t offset = distance(limits->current_low, current);
+  const uint32_t remainder = offset % step;
+  const uint32_t rounded =
+      remainder >= step - remainder ? offset - remainder + step : offset - remainder;
+  return (int32_t)((uint32_t)limits->current_low + rounded);
 }
 
-static int are_valid(const anhyst_position_limits_q31 *limits,
-                     const anhyst_position_settings_q31 *settings)
+static int are_settings_valid(const anhyst_position_limits_q31 *limits,
+                              const anhyst_position_settings_q31 *settings)
 {
-  int factors = 1;
+  int are_factors_valid = 1;
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
-    factors = factors && anhyst_factor_is_valid(settings->units.gap[i].factor);
+    are_factors_valid = are_factors_valid && anhyst_factor_is_valid(settings->units.gap[i].factor);
   }
-  return factors && limits->current_low < limits->current_high && limits->current_step > 0 &&
+  return are_factors_valid && limits->current_low < limits->current_high &&
+         limits->current_step > 0 &&
          distance(limits->current_low, limits->current_high) % (uint32_t)limits->current_step ==
              0U &&
          limits->release >= limits->current_step;
@@ -75,36 +74,36 @@ static int are_valid(const anhyst_position_limits_q31 *limits,
 
 #include "generic/position.h"
 
-/* The currents that the force controllers now give for what was wanted at the tick before. */
-static void want_again(anhyst_position_q31 *c, int32_t *wanted)
+/* Sets the currents that the force controllers now give for the demand of the last tick. */
+static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
 {
   const int32_t step = c->levitation.supervisor.step;
-  const anhyst_position_sample_q31 unmeasured = {0, 0, 0, {0, 0}, {ANHYST_NO_FLUX, ANHYST_NO_FLUX},
-                                                 0, 0};
+  const anhyst_position_sample_q31 empty_sample = {
+      0, 0, 0, {0, 0}, {ANHYST_NO_FLUX, ANHYST_NO_FLUX}, 0, 0};
   switch (c->levitation.phase) {
   case ANHYST_PHASE_REST:
   case ANHYST_PHASE_FALL:
-    break; /* on the ramp to zero from what is driven, whatever gives it */
+    break; /* on the ramp from the driven currents to zero, which does not depend on the method */
   case ANHYST_PHASE_CONDITION:
     for (int i = 0; i < magnet_count(c); i++) {
-      wanted[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], step > 0 ? step : 0);
+      demanded[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], step > 0 ? step : 0);
     }
     break;
   default:
-    solve(c, &unmeasured, wanted);
+    solve_currents(c, &empty_sample, demanded);
     break;
   }
 }
 
-/* Drives on what was driven, whatever is wanted from now on: the difference fades. */
-static void keep_currents(anhyst_position_q31 *c)
+/* Starts the fading of the difference between the driven currents and the new demanded ones. */
+static void start_fading(anhyst_position_q31 *c)
 {
-  int32_t wanted[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
-  want_again(c, wanted);
+  int32_t demanded[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
+  recompute_currents(c, demanded);
   for (int i = 0; i < magnet_count(c); i++) {
-    const int32_t reached =
-        anhyst_clamp(wanted[i], c->limits->current_low, c->limits->current_high);
-    c->fading[i] = anhyst_sub_q31(c->current[i], reached);
+    const int32_t limited =
+        anhyst_clamp(demanded[i], c->limits->current_low, c->limits->current_high);
+    c->fading[i] = anhyst_sub_q31(c->current[i], limited);
   }
 }
 
@@ -115,20 +114,19 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
     anhyst_force_controller_carry_q31(c->magnet[i], words);
   }
   if (supervisor->conditioning != 0U) {
-    supervisor->step = -1; /* begins again */
+    supervisor->step = -1; /* starts again */
   }
-  keep_currents(c);
+  start_fading(c);
 }
 
-/* The state from which the next tick goes on: what waits for the current to be measured becomes it
-   then. */
+/* Returns the state of the next tick: the candidate if it waits for the measured current. */
 static anhyst_pidd2_state_q31 *next_state(anhyst_position_q31 *c)
 {
   return c->pending != 0U ? &c->candidate.next : &c->state;
 }
 
-/* Goes on with the net force that the force controllers now expect of what is driven. */
-static void take_over(anhyst_position_q31 *c)
+/* Continues with the net force that the force controllers now expect for the driven currents. */
+static void match_expected_force(anhyst_position_q31 *c)
 {
   int32_t *integral = &next_state(c)->integral;
   int32_t force = anhyst_force_controller_expected_q31(c->magnet[0], c->current[0], c->gap[0]);
@@ -154,9 +152,9 @@ anhyst_status anhyst_position_compensate_q31(anhyst_position_q31 *c, int on)
                                          limits->current_high);
     }
     if (anhyst_levitation_controls(&c->levitation)) {
-      take_over(c);
+      match_expected_force(c);
     }
-    keep_currents(c);
+    start_fading(c);
   }
   return ANHYST_OK;
 }

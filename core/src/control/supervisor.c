@@ -35,10 +35,10 @@ void anhyst_supervisor_fail(anhyst_supervisor *s, uint16_t reason)
   }
 }
 
-int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t max_missing_samples,
+int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t fault, uint16_t max_missing_samples,
                              uint16_t selftest)
 {
-  if (wrong == ANHYST_FAULT_NONE) {
+  if (fault == ANHYST_FAULT_NONE) {
     s->age = 0;
     if (s->state == ANHYST_STATE_SELFTEST) {
       s->passed++;
@@ -51,42 +51,41 @@ int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t max_
     s->age++;
   }
   if (s->age > max_missing_samples) {
-    anhyst_supervisor_fail(s, wrong);
+    anhyst_supervisor_fail(s, fault);
     return 1;
   }
   return 0;
 }
 
-/* Whether a command may come in this state, whatever flows. */
+/* Returns whether this state accepts a command, for any current. */
 static int is_allowed(const anhyst_supervisor *s, uint16_t command, const anhyst_body *body)
 {
-  const int idle = s->state == ANHYST_STATE_IDLE;
-  const int ready = s->state == ANHYST_STATE_READY;
-  const int run = s->state == ANHYST_STATE_RUN;
-  const int conditioning = s->conditioning != 0U;
+  const int is_idle = s->state == ANHYST_STATE_IDLE;
+  const int is_ready = s->state == ANHYST_STATE_READY;
+  const int is_running = s->state == ANHYST_STATE_RUN;
+  const int is_conditioning = s->conditioning != 0U;
   switch (command) {
   case ANHYST_COMMAND_CONDITION:
   case ANHYST_COMMAND_DEMAGNETISED:
-    return (idle || ready) && !conditioning;
+    return (is_idle || is_ready) && !is_conditioning;
   case ANHYST_COMMAND_ARM:
-    return idle && !conditioning;
+    return is_idle && !is_conditioning;
   case ANHYST_COMMAND_LIFT:
-    return ready && s->age == 0U;
+    return is_ready && s->age == 0U;
   case ANHYST_COMMAND_RUN:
-    return ready;
+    return is_ready;
   case ANHYST_COMMAND_LAND:
-    return run;
+    return is_running;
   case ANHYST_COMMAND_STOP:
-    return run || conditioning;
+    return is_running || is_conditioning;
   case ANHYST_COMMAND_IDLE:
-    return idle || ready || (run && body->levitates == 0U);
-  default: /* clear */
+    return is_idle || is_ready || (is_running && body->levitates == 0U);
+  default: /* command clear */
     return s->state == ANHYST_STATE_FAULT && body->resting != 0U;
   }
 }
 
-/* Whether a command begins something that must not begin while current flows. */
-static int waits_for_zero(uint16_t command)
+static int requires_zero_current(uint16_t command)
 {
   return command == ANHYST_COMMAND_CONDITION || command == ANHYST_COMMAND_DEMAGNETISED ||
          command == ANHYST_COMMAND_LIFT || command == ANHYST_COMMAND_RUN ||
@@ -96,24 +95,24 @@ static int waits_for_zero(uint16_t command)
 uint16_t anhyst_supervisor_obstacle(const anhyst_supervisor *s, uint16_t command,
                                     const anhyst_body *body)
 {
-  const int of_position = command == ANHYST_COMMAND_LIFT || command == ANHYST_COMMAND_LAND;
-  const int of_force = command == ANHYST_COMMAND_RUN;
+  const int is_for_position = command == ANHYST_COMMAND_LIFT || command == ANHYST_COMMAND_LAND;
+  const int is_for_force = command == ANHYST_COMMAND_RUN;
   if (command == ANHYST_COMMAND_NONE) {
     return ANHYST_REFUSED_NOT;
   }
-  if (command >= ANHYST_COMMAND_COUNT || (of_position && body->levitates == 0U) ||
-      (of_force && body->levitates != 0U)) {
+  if (command >= ANHYST_COMMAND_COUNT || (is_for_position && body->levitates == 0U) ||
+      (is_for_force && body->levitates != 0U)) {
     return ANHYST_REFUSED_UNKNOWN;
   }
   if (!is_allowed(s, command, body)) {
     return ANHYST_REFUSED_STATE;
   }
-  return waits_for_zero(command) && body->at_zero == 0U ? ANHYST_REFUSED_CURRENT
-                                                        : ANHYST_REFUSED_NOT;
+  return requires_zero_current(command) && body->at_zero == 0U ? ANHYST_REFUSED_CURRENT
+                                                               : ANHYST_REFUSED_NOT;
 }
 
-/* Stop: of a sequence that runs, of an armature in the air, of a force. */
-static void stop(anhyst_supervisor *s, const anhyst_body *body)
+/* Stops a running sequence, a levitated armature, or a force. */
+static void execute_stop(anhyst_supervisor *s, const anhyst_body *body)
 {
   if (s->conditioning != 0U) {
     s->conditioning = 0;
@@ -143,7 +142,7 @@ void anhyst_supervisor_command(anhyst_supervisor *s, uint16_t command, const anh
     s->state = ANHYST_STATE_RUN;
     break;
   case ANHYST_COMMAND_STOP:
-    stop(s, body);
+    execute_stop(s, body);
     break;
   case ANHYST_COMMAND_IDLE:
     s->state = ANHYST_STATE_IDLE;

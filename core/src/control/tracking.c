@@ -10,7 +10,7 @@ anhyst_status anhyst_tracking_init(anhyst_tracking *c, const anhyst_tracking_set
                                    anhyst_force_controller_f64 *drive,
                                    anhyst_biquad_state_f64 *filtered)
 {
-  const anhyst_tracking fresh = {settings, drive, filtered, {{0.0, 0.0}}};
+  const anhyst_tracking initial = {settings, drive, filtered, {{0.0, 0.0}}};
   const double range = settings->high - settings->low;
   const double step = settings->step;
   int valid = is_number(settings->low) && is_number(range) && range >= 0.0 && step >= 0.0 &&
@@ -23,9 +23,9 @@ anhyst_status anhyst_tracking_init(anhyst_tracking *c, const anhyst_tracking_set
   if (!valid) {
     return ANHYST_BAD_PARAMETER;
   }
-  *c = fresh;
+  *c = initial;
   for (i = 0; i < settings->filters; i++) {
-    filtered[i] = fresh.state;
+    filtered[i] = initial.state;
   }
   return ANHYST_OK;
 }
@@ -41,9 +41,9 @@ anhyst_tracking_answer anhyst_tracking_tick(anhyst_tracking *c, double error, do
     out.demand = anhyst_biquad_step_f64(&settings->pid, &c->state, error) + forward;
   }
   out.output = anhyst_force_controller_solve_f64(c->drive, out.demand, 0.0, (double)NAN);
-  out.output = within(out.output, settings->low, settings->high);
+  out.output = clamp(out.output, settings->low, settings->high);
   if (settings->step > 0.0) {
-    out.output = on_grid(out.output, settings->low, settings->high, settings->step);
+    out.output = round_to_grid(out.output, settings->low, settings->high, settings->step);
   }
   (void)anhyst_force_controller_commit_f64(c->drive, out.output, 0.0);
   return out;

@@ -5,64 +5,63 @@
 
 #define DRIVES ANHYST_WRENCH_DRIVES
 
-/* Least pivot, q30: a drive with less is one that the others cannot do without. */
-#define LEAST_PIVOT ((int32_t)262144)
+/* Smallest pivot, q30. The others cannot compensate a drive with a smaller pivot. */
+#define MIN_PIVOT ((int32_t)262144)
 
-/* By how much rounding may miss the least force, q28. */
-#define ROUNDING 64
+/* Rounding error of a force at its bound, q28. */
+#define BOUND_TOLERANCE 64
 
-/* Units are what has a force of its own: a drive alone, or the first of a pair with the net force
-   of both. */
+/* State of the search. A unit has one unknown force: a single drive, or a pair, represented by its
+   first drive, with the net force of both. */
 typedef struct {
   const anhyst_wrench_way_q31 *way;
-  int32_t apart[DRIVES][DRIVES]; /* q30, of what is free; made when the first is held */
+  int32_t apart[DRIVES][DRIVES]; /* projection of the free units, q30; copied at the first fix */
   int32_t force[DRIVES];         /* of each unit, q28 */
-  uint16_t free;                 /* units whose force is still to be found, bit by bit */
-  int changed;                   /* whether apart is made */
-} sharing;
+  uint16_t free;                 /* units whose force is still unknown, bit mask */
+  int has_copy;                  /* whether apart contains a copy */
+} wrench_search;
 
-static int bit_of(uint32_t set, int j) { return (int)(set >> j & 1U); }
-
+static int has_bit(uint32_t set, int j) { return (int)(set >> j & 1U); }
 static int is_unit(const anhyst_wrench_q31 *w, int j) { return (int)w->layout->against[j] >= j; }
 
-static int is_gone(const anhyst_wrench_q31 *w, int j)
+static int is_unit_lost(const anhyst_wrench_q31 *w, int j)
 {
-  return bit_of(w->lost, j) && bit_of(w->lost, (int)w->layout->against[j]);
+  return has_bit(w->lost, j) && has_bit(w->lost, (int)w->layout->against[j]);
 }
 
-/* Which way a unit pulls: 1 along its force, -1 against it, 0 both. */
-static int way_of(const anhyst_wrench_q31 *w, int j)
+/* Returns the direction of a unit: 1 along its force, -1 against it, 0 both. */
+static int pull_direction(const anhyst_wrench_q31 *w, int j)
 {
   const int other = (int)w->layout->against[j];
-  if (other != j && bit_of(w->lost, j)) {
+  if (other != j && has_bit(w->lost, j)) {
     return -1;
   }
-  return other == j || bit_of(w->lost, other);
+  return other == j || has_bit(w->lost, other);
 }
 
-/* The largest exponent for which numbers over a pivot, sized at most the root of it, fit. */
-static uint16_t digits(int32_t pivot)
+/* Returns the largest shift for quotients by this pivot, with numerators up to the pivot's root. */
+static uint16_t quotient_shift(int32_t pivot)
 {
   return (uint16_t)(30U - (anhyst_headroom(pivot) + 1U) / 2U);
 }
 
-/* number/pivot*2^n, saturates. Precondition: |number| <= 2^30, pivot > 0, n <= 30. */
-static int32_t ratio(int32_t number, int32_t pivot, uint16_t n)
+/* Returns number/pivot*2^shift. Requires |number| <= 2^30, pivot > 0 and shift <= 30. Saturates. */
+static int32_t ratio(int32_t number, int32_t pivot, uint16_t shift)
 {
-  const int64_t above = (int64_t)number * ((int64_t)1 << n);
+  const int64_t shifted = (int64_t)number * ((int64_t)1 << shift);
   const int32_t half = pivot / 2;
-  const int64_t rounded = above < 0 ? above - half : above + half;
+  const int64_t rounded = shifted < 0 ? shifted - half : shifted + half;
   return anhyst_sat_wide(rounded / pivot);
 }
 
-/* What is left of a number of q30 where a share of another is taken off. */
-static int32_t rest(int32_t number, int32_t share, int32_t other, uint16_t n)
+/* Returns number - other*share/2^shift, q30. */
+static int32_t subtract_share(int32_t number, int32_t share, int32_t other, uint16_t shift)
 {
-  const int64_t taken = anhyst_part_wide(anhyst_wide(other, share), n);
-  return anhyst_clamp(anhyst_sat_wide(number - taken), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  const int64_t product = anhyst_part_wide(anhyst_wide(other, share), shift);
+  return anhyst_clamp(anhyst_sat_wide(number - product), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
-static void copy_apart(const anhyst_wrench_q31 *w, sharing *s)
+static void copy_projection(const anhyst_wrench_q31 *w, wrench_search *s)
 {
   const int n = (int)w->layout->drives;
   int i;
@@ -72,64 +71,65 @@ static void copy_apart(const anhyst_wrench_q31 *w, sharing *s)
       s->apart[i][j] = s->way->apart[i * n + j];
     }
   }
-  s->changed = 1;
+  s->has_copy = 1;
 }
 
-/* Takes what was held of one unit off what is free of the others. */
-static void eliminate(const anhyst_wrench_q31 *w, sharing *s, const int32_t *share, int held,
-                      uint16_t n)
+/* Eliminates a fixed unit from the projection of the free units. */
+static void eliminate(const anhyst_wrench_q31 *w, wrench_search *s, const int32_t *share,
+                      int fixed_unit, uint16_t shift)
 {
   int i;
   int k;
   for (i = 0; i < (int)w->layout->drives; i++) {
-    for (k = 0; bit_of(s->free, i) && k <= i; k++) {
-      if (bit_of(s->free, k)) {
-        s->apart[i][k] = rest(s->apart[i][k], share[i], s->apart[k][held], n);
+    for (k = 0; has_bit(s->free, i) && k <= i; k++) {
+      if (has_bit(s->free, k)) {
+        s->apart[i][k] = subtract_share(s->apart[i][k], share[i], s->apart[k][fixed_unit], shift);
         s->apart[k][i] = s->apart[i][k];
       }
     }
   }
 }
 
-/* Holds a free unit at a force, the others go on making the wrench; 0 where they cannot. */
-static int hold(const anhyst_wrench_q31 *w, sharing *s, int j, int32_t at)
+/* Fixes a free unit at a force; the others still make the wrench. Returns 0 if they cannot. */
+static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t force)
 {
   const int drives = (int)w->layout->drives;
-  const int32_t pivot = s->changed ? s->apart[j][j] : s->way->apart[j * drives + j];
-  const int32_t missing = anhyst_sub_q31(at, s->force[j]);
+  const int32_t pivot = s->has_copy ? s->apart[j][j] : s->way->apart[j * drives + j];
+  const int32_t change = anhyst_sub_q31(force, s->force[j]);
   int32_t share[DRIVES] = {0};
-  uint16_t n;
+  uint16_t shift;
   int i;
-  if (pivot < LEAST_PIVOT) {
+  if (pivot < MIN_PIVOT) {
     return 0;
   }
-  if (!s->changed) {
-    copy_apart(w, s);
+  if (!s->has_copy) {
+    copy_projection(w, s);
   }
-  n = digits(pivot);
+  shift = quotient_shift(pivot);
   s->free = (uint16_t)(s->free & ~(1U << j));
   for (i = 0; i < drives; i++) {
-    if (bit_of(s->free, i)) {
-      share[i] = ratio(s->apart[i][j], pivot, n);
+    if (has_bit(s->free, i)) {
+      share[i] = ratio(s->apart[i][j], pivot, shift);
       s->force[i] =
-          anhyst_sat_wide(s->force[i] + anhyst_part_wide(anhyst_wide(share[i], missing), n));
+          anhyst_sat_wide(s->force[i] + anhyst_part_wide(anhyst_wide(share[i], change), shift));
     }
   }
-  eliminate(w, s, share, j, n);
-  s->force[j] = at;
+  eliminate(w, s, share, j, shift);
+  s->force[j] = force;
   return 1;
 }
 
-/* Forces of least squares with what is not lost; 0 where they do not make every wrench. */
-static int start(const anhyst_wrench_q31 *w, sharing *s, const anhyst_wrench_way_q31 *way,
-                 const int32_t *wrench)
+/* Sets least-squares forces of the drives that are not lost. Returns 0 if some wrench is
+   impossible. */
+static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
+                        const anhyst_wrench_way_q31 *way, const int32_t *wrench)
 {
   const uint16_t axes = w->layout->axes;
-  int whole = 1;
+  int can_make_all = 1;
   int j;
   s->way = way;
   s->free = 0;
-  s->changed = 0;
+  s->has_copy = 0;
   for (j = 0; j < DRIVES; j++) {
     s->force[j] = 0;
   }
@@ -141,95 +141,98 @@ static int start(const anhyst_wrench_q31 *w, sharing *s, const anhyst_wrench_way
     }
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
-    int held = 1;
-    if (is_unit(w, j) && is_gone(w, j)) {
-      held = hold(w, s, j, 0);
+    int is_fixed = 1;
+    if (is_unit(w, j) && is_unit_lost(w, j)) {
+      is_fixed = fix_unit(w, s, j, 0);
     }
-    if (!held) {
+    if (!is_fixed) {
       s->force[j] = 0;
       s->free = (uint16_t)(s->free & ~(1U << j));
-      whole = 0;
+      can_make_all = 0;
     }
   }
-  return whole;
+  return can_make_all;
 }
 
-/* Forces within their bounds, and by how much those that are free are beyond. What pulls one way
-   has a least; with both, everything has a most too, of a pair either way. */
-static void look(const anhyst_wrench_q31 *w, const sharing *s, int both, int32_t *bound,
-                 int32_t *off)
+/* Sets the forces limited to their bounds, and the excess of each free unit over its bound. A unit
+   that pulls in one direction has a minimum. If has_maximum is set, all units also have a maximum,
+   pairs in both directions. */
+static void find_bounds(const anhyst_wrench_q31 *w, const wrench_search *s, int has_maximum,
+                        int32_t *bound, int32_t *excess)
 {
-  const int32_t least = w->layout->least >> 3;
-  const int32_t most = both ? w->layout->most >> 3 : ANHYST_Q31_MAX;
+  const int32_t min_force = w->layout->least >> 3;
+  const int32_t max_force = has_maximum ? w->layout->most >> 3 : ANHYST_Q31_MAX;
   int j;
   for (j = 0; j < (int)w->layout->drives; j++) {
-    const int way = way_of(w, j);
-    bound[j] = anhyst_clamp(s->force[j], way > 0 ? least : -most, way < 0 ? -least : most);
-    off[j] = bit_of(s->free, j) ? anhyst_abs_q31(anhyst_sub_q31(s->force[j], bound[j])) : 0;
+    const int direction = pull_direction(w, j);
+    bound[j] = anhyst_clamp(s->force[j], direction > 0 ? min_force : -max_force,
+                            direction < 0 ? -min_force : max_force);
+    excess[j] = has_bit(s->free, j) ? anhyst_abs_q31(anhyst_sub_q31(s->force[j], bound[j])) : 0;
   }
 }
 
-/* Which is furthest beyond, by more than rounding; or -1. */
-static int worst(const int32_t *off, int drives)
+/* Returns the unit with the largest excess above rounding, or -1. */
+static int find_largest_excess(const int32_t *excess, int drives)
 {
-  int32_t most = ROUNDING;
+  int32_t largest = BOUND_TOLERANCE;
   int found = -1;
   int j;
   for (j = 0; j < drives; j++) {
-    if (off[j] > most) {
-      most = off[j];
+    if (excess[j] > largest) {
+      largest = excess[j];
       found = j;
     }
   }
   return found;
 }
 
-/* Holds at its bound what is beyond it and the others can do without, in so many passes; whether
-   nothing is beyond any more. What is free then comes within its bounds. */
-static int hold_back(const anhyst_wrench_q31 *w, sharing *s, int both, int passes)
+/* Fixes units at the bounds that they exceed, if the others can compensate, in at most `passes`
+   passes. Returns whether no unit exceeds its bound. With has_maximum, the remaining free units are
+   limited to their bounds. */
+static int fix_at_bounds(const anhyst_wrench_q31 *w, wrench_search *s, int has_maximum, int passes)
 {
   const int drives = (int)w->layout->drives;
   int32_t bound[DRIVES] = {0};
-  int32_t off[DRIVES] = {0};
-  int held = 1;
+  int32_t excess[DRIVES] = {0};
+  int fixed_count = 1;
   int pass;
   int j;
-  for (pass = 0; pass < passes && held > 0; pass++) {
-    held = 0;
-    look(w, s, both, bound, off);
-    for (j = worst(off, drives); j >= 0; j = worst(off, drives)) {
-      off[j] = 0;
-      held += hold(w, s, j, bound[j]);
+  for (pass = 0; pass < passes && fixed_count > 0; pass++) {
+    fixed_count = 0;
+    find_bounds(w, s, has_maximum, bound, excess);
+    for (j = find_largest_excess(excess, drives); j >= 0; j = find_largest_excess(excess, drives)) {
+      excess[j] = 0;
+      fixed_count += fix_unit(w, s, j, bound[j]);
     }
   }
-  look(w, s, both, bound, off);
-  for (j = 0; both && j < drives; j++) {
-    s->force[j] = bit_of(s->free, j) ? bound[j] : s->force[j];
+  find_bounds(w, s, has_maximum, bound, excess);
+  for (j = 0; has_maximum && j < drives; j++) {
+    s->force[j] = has_bit(s->free, j) ? bound[j] : s->force[j];
   }
-  return worst(off, drives) < 0;
+  return find_largest_excess(excess, drives) < 0;
 }
 
-/* What the drives of a unit pull with. */
-static void share_out(const anhyst_wrench_q31 *w, const sharing *s, int j, int32_t *force)
+static void set_drive_forces(const anhyst_wrench_q31 *w, const wrench_search *s, int j,
+                             int32_t *force)
 {
   const anhyst_wrench_layout_q31 *layout = w->layout;
   const int other = (int)layout->against[j];
-  const int way = way_of(w, j);
-  int32_t both[2];
+  const int direction = pull_direction(w, j);
+  int32_t pair_forces[2];
   force[other] = 0;
   force[j] = 0;
-  if (way == 0) {
-    anhyst_allocate_q31(&layout->pair, anhyst_shl_q31(s->force[j], 3), both);
-    force[j] = both[0];
-    force[other] = both[1];
-  } else if (!is_gone(w, j)) {
-    const int32_t pull = way > 0 ? s->force[j] : anhyst_sub_q31(0, s->force[j]);
-    const int32_t wanted = anhyst_shl_q31(pull, 3);
-    force[way > 0 ? j : other] = wanted > layout->least ? wanted : layout->least;
+  if (direction == 0) {
+    anhyst_allocate_q31(&layout->pair, anhyst_shl_q31(s->force[j], 3), pair_forces);
+    force[j] = pair_forces[0];
+    force[other] = pair_forces[1];
+  } else if (!is_unit_lost(w, j)) {
+    const int32_t pull = direction > 0 ? s->force[j] : anhyst_sub_q31(0, s->force[j]);
+    const int32_t demanded = anhyst_shl_q31(pull, 3);
+    force[direction > 0 ? j : other] = demanded > layout->least ? demanded : layout->least;
   }
 }
 
-static int is_way(const anhyst_wrench_layout_q31 *layout, const anhyst_wrench_way_q31 *way)
+static int is_way_valid(const anhyst_wrench_layout_q31 *layout, const anhyst_wrench_way_q31 *way)
 {
   int valid = anhyst_rows_are_valid_q31(way->make, layout->drives, layout->axes);
   int i;
@@ -251,7 +254,7 @@ anhyst_status anhyst_wrench_init_q31(anhyst_wrench_q31 *w, const anhyst_wrench_l
             layout->against[layout->against[i]] == (uint16_t)i &&
             (layout->against[i] == (uint16_t)i || layout->pair.kind != ANHYST_ALLOCATE_SINGLE);
   }
-  if (!valid || !is_way(layout, &layout->whole) || !is_way(layout, &layout->yields)) {
+  if (!valid || !is_way_valid(layout, &layout->whole) || !is_way_valid(layout, &layout->yields)) {
     return ANHYST_BAD_PARAMETER;
   }
   w->layout = layout;
@@ -268,24 +271,24 @@ void anhyst_wrench_lose_q31(anhyst_wrench_q31 *w, int drive)
 
 int anhyst_wrench_share_q31(const anhyst_wrench_q31 *w, const int32_t *wrench, int32_t *force)
 {
-  sharing s;
-  int made = start(w, &s, &w->layout->whole, wrench);
+  wrench_search s;
+  int is_made = start_search(w, &s, &w->layout->whole, wrench);
   int j;
-  if (made) {
-    made = hold_back(w, &s, 0, ANHYST_WRENCH_PASSES);
+  if (is_made) {
+    is_made = fix_at_bounds(w, &s, 0, ANHYST_WRENCH_PASSES);
   }
-  if (made && w->lost != 0U) {
-    made = hold_back(w, &s, 1, 0);
+  if (is_made && w->lost != 0U) {
+    is_made = fix_at_bounds(w, &s, 1, 0);
   }
-  if (!made && w->lost != 0U) { /* as little as may be is missed, axes by what they yield */
-    (void)start(w, &s, &w->layout->yields, wrench);
-    (void)hold_back(w, &s, 1, ANHYST_WRENCH_PASSES);
+  if (!is_made && w->lost != 0U) { /* minimises the missing wrench, axes weighted by their yields */
+    (void)start_search(w, &s, &w->layout->yields, wrench);
+    (void)fix_at_bounds(w, &s, 1, ANHYST_WRENCH_PASSES);
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
     if (is_unit(w, j)) {
-      made = made && s.force[j] <= ANHYST_Q28_MAX && s.force[j] >= ANHYST_Q28_MIN;
-      share_out(w, &s, j, force);
+      is_made = is_made && s.force[j] <= ANHYST_Q28_MAX && s.force[j] >= ANHYST_Q28_MIN;
+      set_drive_forces(w, &s, j, force);
     }
   }
-  return made;
+  return is_made;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Compiled once for each instruction set under another ANHYST_BATCH_NAME; the inner loops run over
-   sets, hold no branch and no call, and are vectorised by the compiler. */
+/* The batch, compiled once for each instruction set with another ANHYST_BATCH_NAME. The inner loops
+   run over sets, and contain no branch and no call, so that the compiler vectorises them. */
 #include "anhyst/law/batch.h"
 
 #include <math.h>
@@ -11,14 +11,14 @@
 #define PASTE(a, b) PASTE_(a, b)
 #define BATCH(name) PASTE(PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
 
-/* Sets that are carried through the whole record together: their states stay in the first cache. */
-#define BLOCK 64
+/* Number of sets that are simulated together: their states stay in the first-level cache. */
+#define BLOCK_SETS 64
 
 anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
                          const double *drive, double *x, double *y, double *m_out, double *x_out);
 void BATCH(functions)(size_t n, const double *t, double *exp_minus, double *langevin);
 
-/* exp(-t) for 0 <= t; below 1e-300 it stays there. Adding the magic number rounds t/ln 2 to an
+/* Returns exp(-t) for t >= 0; limited to about 1e-300. Adding the magic number rounds t/ln 2 to an
    integer in the low bits, which then become the exponent. */
 static inline double exp_minus(double t)
 {
@@ -27,8 +27,9 @@ static inline double exp_minus(double t)
   const double shifted = bounded * 1.4426950408889634 + magic;
   uint64_t bits;
   memcpy(&bits, &shifted, sizeof bits);
-  const double halvings = shifted - magic;
-  const double r = (bounded - halvings * 0.6931471803691238) - halvings * 1.9082149292705877e-10;
+  const double exponent_steps = shifted - magic;
+  const double r =
+      (bounded - exponent_steps * 0.6931471803691238) - exponent_steps * 1.9082149292705877e-10;
   const double r2 = r * r;
   const double r4 = r2 * r2;
   const double p =
@@ -41,8 +42,9 @@ static inline double exp_minus(double t)
   return p * power;
 }
 
-/* L(z); *slope gets L'(z) = 1 - L^2 - 2*L/z. L(z)/|z| is one quotient of polynomials in |z| over
-   the whole axis, fitted for the least largest error of L: 4.4e-9; no exponential, no case. */
+/* Returns L(z), and L'(z) = 1 - L^2 - 2*L/z in *slope. L(z)/|z| is one quotient of polynomials in
+   |z| for all arguments, fitted for the smallest maximum error of L, 4.4e-9. It needs no
+   exponential and no branch. */
 static inline double langevin(double z, double *slope)
 {
   const double t = fabs(z);
@@ -62,98 +64,100 @@ static inline double langevin(double z, double *slope)
   return value;
 }
 
-/* States and parameters of one block. */
+/* States and parameters of one block of sets. */
 typedef struct {
-  double kappa_inverse[BLOCK], c[BLOCK], omega[BLOCK];
-  double scale[BLOCK], shift[BLOCK]; /* r = scale*drive - shift */
-  double reversible[BLOCK];          /* omega*c */
-  double pinned[BLOCK];              /* omega*(1 - c)/kappa */
-  double x[BLOCK], y[BLOCK];
-  double pull[BLOCK];        /* L(x) */
-  double m[BLOCK];           /* dimensionless magnetisation */
-  double way_inverse[BLOCK]; /* 1/(1 + omega*dm/dx) at the last place */
-  double distance[BLOCK];    /* to go at this sample, as far as known */
+  double kappa_inverse[BLOCK_SETS], c[BLOCK_SETS], omega[BLOCK_SETS];
+  double scale[BLOCK_SETS], shift[BLOCK_SETS]; /* r = scale*drive - shift */
+  double reversible[BLOCK_SETS];               /* omega*c */
+  double pinned[BLOCK_SETS];                   /* omega*(1 - c)/kappa */
+  double x[BLOCK_SETS], y[BLOCK_SETS];
+  double anhysteretic[BLOCK_SETS]; /* L(x) */
+  double m[BLOCK_SETS];            /* dimensionless magnetisation */
+  double newton_gain[BLOCK_SETS];  /* 1/(1 + omega*dm/dx) at the last point */
+  double distance[BLOCK_SETS];     /* estimated distance to the solution of this sample */
 } block;
 
-/* What one visit to the law is for. */
+/* Purpose of an evaluation of the law. */
 enum { PREDICT, CORRECT, COMMIT };
 
-/* Everything below is seen in the direction of travel: signs are taken out once, the law is odd. */
+/* All code below works in the direction of travel: the law is odd, and signs are removed once. */
 
 static inline double positive(double value) { return value > 0.0 ? value : 0.0; }
 
-/* Where the irreversible part lands, and how steep the equation is there. */
+/* Irreversible magnetisation at the end of a step, and the inverse slope of the equation there. */
 typedef struct {
-  double y, way_inverse;
-} landing;
+  double y, newton_gain;
+} step_end;
 
-/* Lag over a step of s = distance/kappa with exp(-s) = 1/(1 + s + s^2/2), and a step that begins
-   held taken as if it crossed the anhysteretic at its start: one division for lag and slope. lead
-   and ahead say how far L is ahead of y at both ends. */
-static inline landing land_roughly(double y0, double lead, double ahead, double s, double stiffness,
-                                   double pinned)
+/* Estimates a step. Lag over s = distance/kappa with exp(-s) = 1/(1 + s + s^2/2). A step that
+   starts with constant y is treated as if it crossed the anhysteretic curve at its start. Lag and
+   slope together need one division. lead and ahead: L minus y at the start and at the end. */
+static inline step_end estimate_end(double y0, double lead, double ahead, double s,
+                                    double stiffness, double pinned)
 {
   const double half = 0.5 * s;
-  const double curved = half + half * s;
-  const double below = 1.0 + half + curved;
-  const double moved = ahead * curved + lead * half;
-  const double stiff = below * stiffness + pinned * (ahead * below - moved);
-  const double inverse = 1.0 / (below * stiff);
-  const landing at = {y0 + moved * (stiff * inverse), below * below * inverse};
-  return at;
+  const double second_order = half + half * s;
+  const double denominator = 1.0 + half + second_order;
+  const double moved = ahead * second_order + lead * half;
+  const double stiff = denominator * stiffness + pinned * (ahead * denominator - moved);
+  const double inverse = 1.0 / (denominator * stiff);
+  const step_end end = {y0 + moved * (stiff * inverse), denominator * denominator * inverse};
+  return end;
 }
 
-/* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that begins held starts
-   from the crossing of the anhysteretic, S = s*ahead/(m1 - m0): a quotient top/bottom. */
-static inline double land_exactly(double y0, double m0, double m1, double ahead, double s)
+/* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that starts with constant
+   y starts at the crossing of the anhysteretic curve, S = s*ahead/(m1 - m0) =
+   numerator/denominator. */
+static inline double linear_step(double y0, double m0, double m1, double ahead, double s)
 {
-  const int held = m0 < y0;
-  const double lead = held ? 0.0 : m0 - y0;
-  const double rise = held ? ahead : m1 - m0;
-  const double top = held ? s * ahead : s;
-  const double bottom = held ? m1 - m0 : 1.0;
-  const double inverse = 1.0 / (top * bottom + 1e-280);
-  const double e = 1.0 - exp_minus(top * top * inverse);
-  return y0 + lead * e + rise * (1.0 - e * (bottom * bottom * inverse));
+  const int is_constant_first = m0 < y0;
+  const double lead = is_constant_first ? 0.0 : m0 - y0;
+  const double rise = is_constant_first ? ahead : m1 - m0;
+  const double numerator = is_constant_first ? s * ahead : s;
+  const double denominator = is_constant_first ? m1 - m0 : 1.0;
+  const double inverse = 1.0 / (numerator * denominator + 1e-280);
+  const double e = 1.0 - exp_minus(numerator * numerator * inverse);
+  return y0 + lead * e + rise * (1.0 - e * (denominator * denominator * inverse));
 }
 
-/* One visit to the law for every set. PREDICT goes a linearly implicit step and lands roughly;
-   CORRECT and COMMIT go the distance found so far and take the linear step. PREDICT and CORRECT
-   improve the distance by a Newton step; with commit the visit becomes the new state. */
-static inline void visit(block *restrict b, double drive, int what, int commit)
+/* Evaluates the law once for every set. PREDICT makes a linearly implicit step and estimates its
+   end. CORRECT and COMMIT use the present distance and the linear step. PREDICT and CORRECT improve
+   the distance by a Newton step; with commit, the result becomes the new state. */
+static inline void evaluate_step(block *restrict b, double drive, int purpose, int commit)
 {
-  for (int i = 0; i < BLOCK; i++) {
+  for (int i = 0; i < BLOCK_SETS; i++) {
     const double c = b->c[i], omega = b->omega[i], pinned = b->pinned[i];
     const double r = b->scale[i] * drive - b->shift[i];
-    const double left = r - b->x[i] - omega * b->m[i];
-    const double sign = left >= 0.0 ? 1.0 : -1.0;
-    const double distance = what == PREDICT ? fabs(left) * b->way_inverse[i] : b->distance[i];
+    const double residual = r - b->x[i] - omega * b->m[i];
+    const double sign = residual >= 0.0 ? 1.0 : -1.0;
+    const double distance =
+        purpose == PREDICT ? fabs(residual) * b->newton_gain[i] : b->distance[i];
     const double x1 = sign * b->x[i] + distance;
-    const double y0 = sign * b->y[i], m0 = sign * b->pull[i];
+    const double y0 = sign * b->y[i], m0 = sign * b->anhysteretic[i];
     double slope;
     const double m1 = langevin(x1, &slope);
     const double ahead = positive(m1 - y0);
     const double s = distance * b->kappa_inverse[i];
     const double stiffness = 1.0 + b->reversible[i] * slope;
-    landing at;
-    if (what == PREDICT) {
-      at = land_roughly(y0, positive(m0 - y0), ahead, s, stiffness, pinned);
+    step_end end;
+    if (purpose == PREDICT) {
+      end = estimate_end(y0, positive(m0 - y0), ahead, s, stiffness, pinned);
     } else {
-      at.y = land_exactly(y0, m0, m1, ahead, s);
-      at.way_inverse = b->way_inverse[i];
-      if (what == CORRECT) {
-        at.way_inverse = 1.0 / (stiffness + pinned * positive(m1 - at.y));
+      end.y = linear_step(y0, m0, m1, ahead, s);
+      end.newton_gain = b->newton_gain[i];
+      if (purpose == CORRECT) {
+        end.newton_gain = 1.0 / (stiffness + pinned * positive(m1 - end.y));
       }
     }
-    const double m = at.y + c * (m1 - at.y);
-    b->way_inverse[i] = at.way_inverse;
+    const double m = end.y + c * (m1 - end.y);
+    b->newton_gain[i] = end.newton_gain;
     if (commit) {
       b->x[i] = sign * x1;
-      b->y[i] = sign * at.y;
-      b->pull[i] = sign * m1;
+      b->y[i] = sign * end.y;
+      b->anhysteretic[i] = sign * m1;
       b->m[i] = sign * m;
     } else {
-      b->distance[i] = positive(distance - (x1 + omega * m - sign * r) * at.way_inverse);
+      b->distance[i] = positive(distance - (x1 + omega * m - sign * r) * end.newton_gain);
     }
   }
 }
@@ -161,39 +165,39 @@ static inline void visit(block *restrict b, double drive, int what, int commit)
 static void load_block(block *b, const anhyst_batch_sets *sets, size_t first, const double *x,
                        const double *y)
 {
-  for (size_t i = 0; i < BLOCK; i++) {
-    /* The last block is filled up with copies of the last set. */
-    const size_t at = first + i < sets->sets ? first + i : sets->sets - 1;
-    b->kappa_inverse[i] = 1.0 / sets->kappa[at];
-    b->c[i] = sets->c[at];
-    b->omega[i] = sets->omega[at];
-    b->scale[i] = sets->scale[at];
-    b->shift[i] = sets->scale[at] * sets->offset[at];
+  for (size_t i = 0; i < BLOCK_SETS; i++) {
+    /* The last block is filled with copies of the last set. */
+    const size_t set = first + i < sets->sets ? first + i : sets->sets - 1;
+    b->kappa_inverse[i] = 1.0 / sets->kappa[set];
+    b->c[i] = sets->c[set];
+    b->omega[i] = sets->omega[set];
+    b->scale[i] = sets->scale[set];
+    b->shift[i] = sets->scale[set] * sets->offset[set];
     b->reversible[i] = b->omega[i] * b->c[i];
     b->pinned[i] = b->omega[i] * (1.0 - b->c[i]) * b->kappa_inverse[i];
-    b->x[i] = x[at];
-    b->y[i] = y[at];
+    b->x[i] = x[set];
+    b->y[i] = y[set];
     double slope;
-    b->pull[i] = langevin(x[at], &slope);
-    b->m[i] = (1.0 - b->c[i]) * b->y[i] + b->c[i] * b->pull[i];
-    b->way_inverse[i] = 1.0 / (1.0 + b->omega[i] * b->c[i] * slope);
+    b->anhysteretic[i] = langevin(x[set], &slope);
+    b->m[i] = (1.0 - b->c[i]) * b->y[i] + b->c[i] * b->anhysteretic[i];
+    b->newton_gain[i] = 1.0 / (1.0 + b->omega[i] * b->c[i] * slope);
   }
 }
 
 anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
                          const double *drive, double *x, double *y, double *m_out, double *x_out)
 {
-  for (size_t first = 0; first < sets->sets; first += BLOCK) {
-    const size_t count = sets->sets - first < BLOCK ? sets->sets - first : BLOCK;
+  for (size_t first = 0; first < sets->sets; first += BLOCK_SETS) {
+    const size_t count = sets->sets - first < BLOCK_SETS ? sets->sets - first : BLOCK_SETS;
     block b;
     load_block(&b, sets, first, x, y);
     for (size_t j = 0; j < n; j++) {
       if (mode == ANHYST_BATCH_EXPLICIT) {
-        visit(&b, drive[j], PREDICT, 1);
+        evaluate_step(&b, drive[j], PREDICT, 1);
       } else {
-        visit(&b, drive[j], PREDICT, 0);
-        visit(&b, drive[j], CORRECT, 0);
-        visit(&b, drive[j], COMMIT, 1);
+        evaluate_step(&b, drive[j], PREDICT, 0);
+        evaluate_step(&b, drive[j], CORRECT, 0);
+        evaluate_step(&b, drive[j], COMMIT, 1);
       }
       if (m_out != 0) {
         memcpy(m_out + j * sets->sets + first, b.m, count * sizeof(double));

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Picks the batch compiled for an instruction set that the processor has. */
+/* Selects the batch that is compiled for an instruction set of the processor. */
 #include "anhyst/law/batch.h"
 
 #ifdef ANHYST_BATCH_X86
@@ -20,29 +20,29 @@ DECLARE(_avx512)
 #endif
 
 #ifdef ANHYST_BATCH_X86
-/* Leaf 1, register c; leaf 7, register b; register 0 of what the system keeps at a switch. */
+/* Leaf 1, register c; leaf 7, register b; register 0 of the state saved at a task switch. */
 #define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
 #define AVX2 (1u << 5)
 #define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)
-#define KEEPS_256 (3u << 1)
-#define KEEPS_512 (KEEPS_256 | 7u << 5)
+#define SAVES_256 (3u << 1)
+#define SAVES_512 (SAVES_256 | 7u << 5)
 
-/* Not __builtin_cpu_supports: linked by zig it knows no processor and says no to everything. */
+/* __builtin_cpu_supports is not used: linked by zig, it returns 0 for every feature. */
 anhyst_batch_level anhyst_batch_best(void)
 {
   unsigned a, b, c, d;
-  __cpuid(1, a, b, c, d); /* every processor of 64 bits has it, and with XSAVE leaf 7 too */
+  __cpuid(1, a, b, c, d); /* every 64-bit processor has this leaf, and with XSAVE also leaf 7 */
   if ((c & FMA_XSAVE_AVX) != FMA_XSAVE_AVX) {
     return ANHYST_BATCH_BASE;
   }
-  unsigned kept, high;
+  unsigned enabled, high;
   // NOLINTNEXTLINE(portability-no-assembler): the intrinsic would need -mxsave
-  __asm__("xgetbv" : "=a"(kept), "=d"(high) : "c"(0));
+  __asm__("xgetbv" : "=a"(enabled), "=d"(high) : "c"(0));
   __cpuid_count(7, 0, a, b, c, d);
-  if (!(b & AVX2) || (kept & KEEPS_256) != KEEPS_256) {
+  if (!(b & AVX2) || (enabled & SAVES_256) != SAVES_256) {
     return ANHYST_BATCH_BASE;
   }
-  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (kept & KEEPS_512) == KEEPS_512
+  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (enabled & SAVES_512) == SAVES_512
              ? ANHYST_BATCH_AVX512
              : ANHYST_BATCH_AVX2;
 }

@@ -6,140 +6,141 @@
 #include "anhyst/numeric/elementary.h"
 #include "anhyst/law/langevin.h"
 
-/* Gauss-Laguerre, 8 points for the weight exp(-s). */
-static const double laguerre_at[8] = {0.17027963230510093, 0.90370177679938,   2.251086629866131,
-                                      4.266700170287659,   7.0459054023934655, 10.758516010180996,
-                                      15.740678641278004,  22.863131736889265};
+/* Gauss-Laguerre quadrature, 8 points for the weight exp(-s). */
+static const double laguerre_points[8] = {
+    0.17027963230510093, 0.90370177679938,   2.251086629866131,  4.266700170287659,
+    7.0459054023934655,  10.758516010180996, 15.740678641278004, 22.863131736889265};
 static const double laguerre_weight[8] = {
     0.36918858934163495,   0.4187867808143447,    0.17579498663717255,  0.033343492261215794,
     0.0027945362352256834, 9.076508773358139e-05, 8.48574671627257e-07, 1.0480011748715153e-09};
 
-/* exp(-40) is below the last place of any result here. */
-static const double memory = 40.0;
-static const double panel = 4.0;
-#define MOST_PANELS 11
+/* exp(-40) is below the last digit of every result. */
+static const double decay_length = 40.0;
+static const double panel_length = 4.0;
+#define MAX_PANELS 11
 
-/* The branch and its derivative in kappa at one place, carried from left to right. */
+/* The branch and its derivative with respect to kappa at one x, integrated from left to right. */
 typedef struct {
   double kappa;
   double x;
-  double value;  /* A(x) */
-  double steep;  /* dA/dx */
-  double tilted; /* dA/dkappa */
-  double span;   /* length for which places and weights below were made */
+  double value;            /* A(x) */
+  double slope;            /* dA/dx */
+  double kappa_derivative; /* dA/dkappa */
+  double span;             /* length for which the points and weights below were made */
   int points;
-  double place[8 * MOST_PANELS];  /* s, distance travelled in units of kappa */
-  double weight[8 * MOST_PANELS]; /* times exp(-s) */
-} walker;
+  double distance[8 * MAX_PANELS]; /* s, distance in units of kappa */
+  double weight[8 * MAX_PANELS];   /* including the factor exp(-s) */
+} integrator;
 
-/* Value and two derivatives in x: what one end of a quintic piece needs. */
+/* Value and two derivatives with respect to x, for one end of a quintic piece. */
 typedef struct {
   double f, f1, f2;
 } jet;
 
-/* Gauss-Legendre, 8 points on 0..1. */
-static const double gauss_at[8] = {0.019855071751231884, 0.10166676129318664, 0.23723379504183550,
-                                   0.40828267875217511,  0.59171732124782489, 0.76276620495816450,
-                                   0.89833323870681336,  0.98014492824876812};
+/* Gauss-Legendre quadrature, 8 points on 0..1. */
+static const double gauss_points[8] = {
+    0.019855071751231884, 0.10166676129318664, 0.23723379504183550, 0.40828267875217511,
+    0.59171732124782489,  0.76276620495816450, 0.89833323870681336, 0.98014492824876812};
 static const double gauss_weight[8] = {
     0.050614268145188130, 0.11119051722668724, 0.15685332293894364, 0.18134189168918099,
     0.18134189168918099,  0.15685332293894364, 0.11119051722668724, 0.050614268145188130};
 
-static walker walker_start(double kappa)
+static integrator start_integrator(double kappa)
 {
-  /* Far left L(x) = -1 - 1/x, and A + 1 is an exponential integral: its asymptotic series. */
-  const double far = ANHYST_X_MAX * 1.01;
-  const double q = kappa / far;
-  walker w;
+  /* Far left, L(x) = -1 - 1/x, and A + 1 is an exponential integral: its asymptotic series. */
+  const double start_distance = ANHYST_X_MAX * 1.01;
+  const double q = kappa / start_distance;
+  integrator w;
   w.kappa = kappa;
-  w.x = -far;
+  w.x = -start_distance;
   w.span = -1.0;
   w.points = 0;
-  w.value = -1.0 + (1.0 - q * (1.0 - 2.0 * q * (1.0 - 3.0 * q))) / far;
-  w.steep = (1.0 - 2.0 * q * (1.0 - 3.0 * q)) / (far * far);
-  w.tilted = -(1.0 - 4.0 * q * (1.0 - 4.5 * q)) / (far * far);
+  w.value = -1.0 + (1.0 - q * (1.0 - 2.0 * q * (1.0 - 3.0 * q))) / start_distance;
+  w.slope = (1.0 - 2.0 * q * (1.0 - 3.0 * q)) / (start_distance * start_distance);
+  w.kappa_derivative = -(1.0 - 4.0 * q * (1.0 - 4.5 * q)) / (start_distance * start_distance);
   return w;
 }
 
-/* Points over 0 < s < span; most steps share their span, so they are kept. Beyond the memory of the
-   law only the end of the step counts, where L is all but straight: one rule for all of it. */
-static void walker_lay_points(walker *w, double span)
+/* Sets the points for 0 < s < span. They are stored because most steps have the same span. Above
+   the decay length only the end of the step has an effect, where L is almost linear: one rule is
+   sufficient for the whole step. */
+static void set_points(integrator *w, double span)
 {
-  if (span >= memory) {
+  if (span >= decay_length) {
     w->span = span;
     w->points = 8;
     for (int i = 0; i < 8; i++) {
-      w->place[i] = laguerre_at[i];
+      w->distance[i] = laguerre_points[i];
       w->weight[i] = laguerre_weight[i];
     }
     return;
   }
-  const int panels = (int)(span / panel) + 1;
+  const int panels = (int)(span / panel_length) + 1;
   const double width = span / panels;
   w->span = span;
   w->points = 8 * panels;
   for (int i = 0; i < w->points; i++) {
-    const int earlier = i / 8; /* panels before this point's */
-    w->place[i] = (earlier + gauss_at[i % 8]) * width;
-    w->weight[i] = gauss_weight[i % 8] * width * anhyst_exp_f64(-w->place[i]);
+    const int earlier = i / 8; /* number of panels before the panel of this point */
+    w->distance[i] = (earlier + gauss_points[i % 8]) * width;
+    w->weight[i] = gauss_weight[i % 8] * width * anhyst_exp_f64(-w->distance[i]);
   }
 }
 
-static void walker_advance(walker *w, double x)
+static void advance_integrator(integrator *w, double x)
 {
   const double length = (x - w->x) / w->kappa;
-  const double span = length < memory ? length : memory;
-  double gained = 0.0;
-  double risen = 0.0;
-  double tilt = 0.0;
+  const double span = length < decay_length ? length : decay_length;
+  double value_gain = 0.0;
+  double slope_gain = 0.0;
+  double kappa_gain = 0.0;
   double slope;
   if (fabs(span - w->span) > 0.0) {
-    walker_lay_points(w, span);
+    set_points(w, span);
   }
   for (int i = 0; i < w->points; i++) {
-    gained += w->weight[i] * anhyst_langevin_f64(x - w->kappa * w->place[i], &slope);
-    risen += w->weight[i] * slope;
-    tilt += w->weight[i] * w->place[i] * slope;
+    value_gain += w->weight[i] * anhyst_langevin_f64(x - w->kappa * w->distance[i], &slope);
+    slope_gain += w->weight[i] * slope;
+    kappa_gain += w->weight[i] * w->distance[i] * slope;
   }
-  const double kept = anhyst_exp_f64(-length);
-  w->tilted = kept * (w->tilted - length * w->steep) - tilt;
-  w->steep = kept * w->steep + risen;
-  w->value = kept * w->value + gained;
+  const double decay = anhyst_exp_f64(-length);
+  w->kappa_derivative = decay * (w->kappa_derivative - length * w->slope) - kappa_gain;
+  w->slope = decay * w->slope + slope_gain;
+  w->value = decay * w->value + value_gain;
   w->x = x;
 }
 
-static jet walker_value(const walker *w)
+static jet read_value(const integrator *w)
 {
-  jet at;
+  jet point;
   double slope;
-  at.f = w->value;
-  at.f1 = w->steep; /* and not (L - A)/kappa, whose digits cancel where kappa is small */
+  point.f = w->value;
+  point.f1 = w->slope; /* not (L - A)/kappa, whose digits cancel if kappa is small */
   (void)anhyst_langevin_f64(w->x, &slope);
-  at.f2 = (slope - at.f1) / w->kappa;
-  return at;
+  point.f2 = (slope - point.f1) / w->kappa;
+  return point;
 }
 
-static jet walker_tilted(const walker *w)
+static jet read_kappa_derivative(const integrator *w)
 {
-  const jet value = walker_value(w);
-  jet at;
-  at.f = w->tilted;
-  at.f1 = (-value.f1 - at.f) / w->kappa;
-  at.f2 = (-value.f2 - at.f1) / w->kappa;
-  return at;
+  const jet value = read_value(w);
+  jet point;
+  point.f = w->kappa_derivative;
+  point.f1 = (-value.f1 - point.f) / w->kappa;
+  point.f2 = (-value.f2 - point.f1) / w->kappa;
+  return point;
 }
 
-/* Derivatives by the place t in a piece, from derivatives by x and the map x(t). */
-static jet by_place(jet at, double x1, double x2)
+/* Converts derivatives over x to derivatives over the position t on a piece with the map x(t). */
+static jet to_piece_derivatives(jet point, double x1, double x2)
 {
-  jet placed;
-  placed.f = at.f;
-  placed.f1 = at.f1 * x1;
-  placed.f2 = at.f2 * x1 * x1 + at.f1 * x2;
-  return placed;
+  jet scaled;
+  scaled.f = point.f;
+  scaled.f1 = point.f1 * x1;
+  scaled.f2 = point.f2 * x1 * x1 + point.f1 * x2;
+  return scaled;
 }
 
-static void quintic(jet p, jet q, double out[6])
+static void fit_quintic(jet p, jet q, double out[6])
 {
   const double d = q.f - p.f;
   out[0] = p.f;
@@ -150,117 +151,117 @@ static void quintic(jet p, jet q, double out[6])
   out[5] = 6.0 * d - 3.0 * p.f1 - 3.0 * q.f1 - 0.5 * p.f2 + 0.5 * q.f2;
 }
 
-static double outer_node(int i)
+static double outer_knot(int i)
 {
   return ANHYST_BRANCH_EDGE * anhyst_exp_f64((double)i / ANHYST_BRANCH_PER_LOG);
 }
 
-static jet outer_jet(jet at, double x)
+static jet to_outer_piece(jet point, double x)
 {
   const double x1 = x / ANHYST_BRANCH_PER_LOG;
-  return by_place(at, x1, x1 / ANHYST_BRANCH_PER_LOG);
+  return to_piece_derivatives(point, x1, x1 / ANHYST_BRANCH_PER_LOG);
 }
 
-static int kappa_allowed(double kappa)
+static int is_kappa_allowed(double kappa)
 {
   return kappa >= ANHYST_KAPPA_MIN && kappa <= ANHYST_KAPPA_MAX;
 }
 
-static void store(double piece[6], jet from, jet to)
+static void store_piece(double piece[6], jet from, jet to)
 {
   double exact[6];
-  quintic(from, to, exact);
+  fit_quintic(from, to, exact);
   for (int i = 0; i < 6; i++) {
     piece[i] = (double)exact[i];
   }
 }
 
-/* Tables are built in double precision for both formats: it is done once a parameter set. */
-static void tabulate(anhyst_pieces_f64 *pieces, double kappa, jet (*read)(const walker *))
+/* Tabulates one function in double precision, for both formats, once for each parameter set. */
+static void tabulate(anhyst_pieces_f64 *pieces, double kappa, jet (*read)(const integrator *))
 {
   const double inner_width = 1.0 / ANHYST_BRANCH_PER_UNIT;
-  walker w = walker_start(kappa);
-  double x = -outer_node(ANHYST_BRANCH_OUTER);
-  walker_advance(&w, x);
-  jet last = outer_jet(read(&w), x);
+  integrator w = start_integrator(kappa);
+  double x = -outer_knot(ANHYST_BRANCH_OUTER);
+  advance_integrator(&w, x);
+  jet last = to_outer_piece(read(&w), x);
   for (int i = ANHYST_BRANCH_OUTER - 1; i >= 0; i--) {
-    x = -outer_node(i);
-    walker_advance(&w, x);
-    const jet next = outer_jet(read(&w), x);
-    store(pieces->left[i], next, last);
+    x = -outer_knot(i);
+    advance_integrator(&w, x);
+    const jet next = to_outer_piece(read(&w), x);
+    store_piece(pieces->left[i], next, last);
     last = next;
   }
-  last = by_place(read(&w), inner_width, 0.0);
+  last = to_piece_derivatives(read(&w), inner_width, 0.0);
   for (int i = 0; i < ANHYST_BRANCH_INNER; i++) {
-    walker_advance(&w, -ANHYST_BRANCH_EDGE + (i + 1) * inner_width);
-    const jet next = by_place(read(&w), inner_width, 0.0);
-    store(pieces->inner[i], last, next);
+    advance_integrator(&w, -ANHYST_BRANCH_EDGE + (i + 1) * inner_width);
+    const jet next = to_piece_derivatives(read(&w), inner_width, 0.0);
+    store_piece(pieces->inner[i], last, next);
     last = next;
   }
-  last = outer_jet(read(&w), outer_node(0));
+  last = to_outer_piece(read(&w), outer_knot(0));
   for (int i = 0; i < ANHYST_BRANCH_OUTER; i++) {
-    x = outer_node(i + 1);
-    walker_advance(&w, x);
-    const jet next = outer_jet(read(&w), x);
-    store(pieces->right[i], last, next);
+    x = outer_knot(i + 1);
+    advance_integrator(&w, x);
+    const jet next = to_outer_piece(read(&w), x);
+    store_piece(pieces->right[i], last, next);
     last = next;
   }
 }
 
-static double piece_at(const double c[6], double t)
+static double evaluate_piece(const double c[6], double t)
 {
   return c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
 }
 
-static double pieces_at(const anhyst_pieces_f64 *pieces, double x)
+static double evaluate_pieces(const anhyst_pieces_f64 *pieces, double x)
 {
   const double size = fabs(x);
   if (size < 30.0) {
-    const double place = (x + 30.0) * (double)ANHYST_BRANCH_PER_UNIT;
-    const int i = (int)place;
+    const double position = (x + 30.0) * (double)ANHYST_BRANCH_PER_UNIT;
+    const int i = (int)position;
     if (i < ANHYST_BRANCH_INNER) {
-      return piece_at(pieces->inner[i], place - (double)i);
+      return evaluate_piece(pieces->inner[i], position - (double)i);
     }
   }
-  double place = anhyst_log_f64(size / 30.0) * (double)ANHYST_BRANCH_PER_LOG;
-  if (!(place > 0.0)) {
-    place = 0.0;
+  double position = anhyst_log_f64(size / 30.0) * (double)ANHYST_BRANCH_PER_LOG;
+  if (!(position > 0.0)) {
+    position = 0.0;
   }
-  if (!(place < (double)ANHYST_BRANCH_OUTER)) {
-    place = (double)ANHYST_BRANCH_OUTER;
+  if (!(position < (double)ANHYST_BRANCH_OUTER)) {
+    position = (double)ANHYST_BRANCH_OUTER;
   }
-  int i = (int)place;
+  int i = (int)position;
   if (i == ANHYST_BRANCH_OUTER) {
     i--;
   }
-  return piece_at(x < 0.0 ? pieces->left[i] : pieces->right[i], place - (double)i);
+  return evaluate_piece(x < 0.0 ? pieces->left[i] : pieces->right[i], position - (double)i);
 }
 
 anhyst_status anhyst_branch_build_f64(anhyst_branch_f64 *branch, double kappa)
 {
-  if (!kappa_allowed((double)kappa)) {
+  if (!is_kappa_allowed((double)kappa)) {
     return ANHYST_BAD_PARAMETER;
   }
   branch->kappa = kappa;
-  tabulate(&branch->value, (double)kappa, walker_value);
+  tabulate(&branch->value, (double)kappa, read_value);
   return ANHYST_OK;
 }
 
 anhyst_status anhyst_branch_slope_build_f64(anhyst_branch_slope_f64 *slope, double kappa)
 {
-  if (!kappa_allowed((double)kappa)) {
+  if (!is_kappa_allowed((double)kappa)) {
     return ANHYST_BAD_PARAMETER;
   }
-  tabulate(&slope->value, (double)kappa, walker_tilted);
+  tabulate(&slope->value, (double)kappa, read_kappa_derivative);
   return ANHYST_OK;
 }
 
 double anhyst_branch_at_f64(const anhyst_branch_f64 *branch, double x)
 {
-  return pieces_at(&branch->value, x);
+  return evaluate_pieces(&branch->value, x);
 }
 
 double anhyst_branch_slope_at_f64(const anhyst_branch_slope_f64 *slope, double x)
 {
-  return pieces_at(&slope->value, x);
+  return evaluate_pieces(&slope->value, x);
 }

@@ -10,11 +10,11 @@
 static cell_jet tanh_jet(double z)
 {
   cell_jet at;
-  const double kept = anhyst_exp_f64(-2.0 * fabs(z));
-  const double below = 1.0 / (1.0 + kept);
-  const double size = (1.0 - kept) * below;
+  const double decay = anhyst_exp_f64(-2.0 * fabs(z));
+  const double denominator = 1.0 / (1.0 + decay);
+  const double size = (1.0 - decay) * denominator;
   at.f = z < 0.0 ? -size : size;
-  at.f1 = 4.0 * kept * below * below;
+  at.f1 = 4.0 * decay * denominator * denominator;
   at.f2 = -2.0 * at.f * at.f1;
   return at;
 }
@@ -45,12 +45,12 @@ cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double
   if (!(centre > 0.0)) {
     return anhyst_cell_shape(weights->shape, *z);
   }
-  const double above = (place - centre) * inverse;
-  const double below = (place + centre) * inverse;
-  const cell_jet first = anhyst_cell_shape(weights->shape, above);
-  const cell_jet other = anhyst_cell_shape(weights->shape, below);
-  const cell_jet both = {0.5 * (first.f + other.f), 0.5 * (first.f1 + other.f1),
-                         0.5 * (first.f2 + other.f2)};
-  *z = both.f1 > 0.0 ? 0.5 * (above * first.f1 + below * other.f1) / both.f1 : 0.0;
-  return both;
+  const double upper_z = (place - centre) * inverse;
+  const double lower_z = (place + centre) * inverse;
+  const cell_jet first = anhyst_cell_shape(weights->shape, upper_z);
+  const cell_jet second = anhyst_cell_shape(weights->shape, lower_z);
+  const cell_jet mean = {0.5 * (first.f + second.f), 0.5 * (first.f1 + second.f1),
+                         0.5 * (first.f2 + second.f2)};
+  *z = mean.f1 > 0.0 ? 0.5 * (upper_z * first.f1 + lower_z * second.f1) / mean.f1 : 0.0;
+  return mean;
 }

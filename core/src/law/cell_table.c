@@ -5,24 +5,24 @@
 
 #include "cell_shape.h"
 
-/* Pieces of the narrowest curve's width in the first octave, and the most that one is cut into. */
-static const double fineness = 4.0;
-static const int most_pieces = 1024;
-/* What the tables may miss by, of the saturation. */
-static const double limit = 1e-6;
-/* How far the tables go, in parts of the widest curve and the largest threshold. */
-static const double far = 131072.0;
-/* Interpolation by a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
-static const double quintic = 46080.0;
+/* Pieces per width of the narrowest curve in the first octave, and maximum pieces in an octave. */
+static const double PIECES_PER_WIDTH = 4.0;
+static const int MAX_PIECES = 1024;
+/* Maximum error of the tables, as a fraction of the saturation. */
+static const double MAX_TABLE_ERROR = 1e-6;
+/* Reach of the tables, in units of the widest curve plus the largest threshold. */
+static const double REACH_FACTOR = 131072.0;
+/* Error of a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
+static const double QUINTIC_ERROR_DIVISOR = 46080.0;
 
-/* Upper bound of the sixth derivative of the curve from |z| on. */
-static double sixth(anhyst_shape shape, double z)
+/* Returns an upper bound of the sixth derivative of the curve at and above |z|. */
+static double sixth_derivative_bound(anhyst_shape shape, double z)
 {
-  const double near = shape == ANHYST_SHAPE_TANH ? 53.0 : 0.45;
+  const double bound_at_zero = shape == ANHYST_SHAPE_TANH ? 53.0 : 0.45;
   const double z2 = z * z;
-  const double tail = shape == ANHYST_SHAPE_TANH ? 134.0 * anhyst_exp_f64(-2.0 * z)
-                                                 : 720.0 / (z2 * z2 * z2 * z + 1.0);
-  return tail < near ? tail : near;
+  const double tail_bound = shape == ANHYST_SHAPE_TANH ? 134.0 * anhyst_exp_f64(-2.0 * z)
+                                                       : 720.0 / (z2 * z2 * z2 * z + 1.0);
+  return tail_bound < bound_at_zero ? tail_bound : bound_at_zero;
 }
 
 static double centre_of(const anhyst_cell_weights_f64 *w, int j)
@@ -30,26 +30,27 @@ static double centre_of(const anhyst_cell_weights_f64 *w, int j)
   return w->centre == NULL ? 0.0 : w->centre[j];
 }
 
-static int weights_valid(const anhyst_cell_weights_f64 *w)
+static int are_weights_valid(const anhyst_cell_weights_f64 *w)
 {
-  int ok = w->cells >= 1 && w->cells <= ANHYST_CELLS_MAX && w->widths >= 1 &&
-           !(w->threshold[0] < 0.0) && !(w->threshold[0] > 0.0);
+  int is_valid = w->cells >= 1 && w->cells <= ANHYST_CELLS_MAX && w->widths >= 1 &&
+                 !(w->threshold[0] < 0.0) && !(w->threshold[0] > 0.0);
   double sum = 0.0;
-  for (int i = 1; ok && i < w->cells; i++) {
-    ok = w->threshold[i] > w->threshold[i - 1] && w->threshold[i] < 1e15;
+  for (int i = 1; is_valid && i < w->cells; i++) {
+    is_valid = w->threshold[i] > w->threshold[i - 1] && w->threshold[i] < 1e15;
   }
-  for (int j = 0; ok && j < w->widths; j++) {
+  for (int j = 0; is_valid && j < w->widths; j++) {
     const double centre = centre_of(w, j);
-    ok = w->width[j] > 1e-15 && w->width[j] < 1e15 && centre >= 0.0 && centre < 1e15;
+    is_valid = w->width[j] > 1e-15 && w->width[j] < 1e15 && centre >= 0.0 && centre < 1e15;
   }
-  for (int i = 0; ok && i < w->cells * w->widths; i++) {
-    ok = w->weight[i] >= 0.0;
+  for (int i = 0; is_valid && i < w->cells * w->widths; i++) {
+    is_valid = w->weight[i] >= 0.0;
     sum += w->weight[i];
   }
-  return ok && sum > 1e-15 && sum < 1e15;
+  return is_valid && sum > 1e-15 && sum < 1e15;
 }
 
-/* Narrowest and widest curve that has any weight; a curve is as wide as its centre lies far. */
+/* Finds the narrowest and the widest curve with a weight above 0. The distance of its centre adds
+   to the width of a curve. */
 static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, double *widest)
 {
   *narrowest = 1e300;
@@ -64,53 +65,53 @@ static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, dou
   }
 }
 
-/* How far a place is from the interval. */
 static double distance(double place, double low, double high)
 {
   return place < low ? low - place : (place > high ? place - high : 0.0);
 }
 
-/* Error of one piece from low to high on either side, the curves of all cells together. */
+/* Returns an error bound of one piece from low to high on either side, for the sum of all cells. */
 static double piece_error(const anhyst_cell_weights_f64 *w, double low, double high)
 {
   double sum = 0.0;
   for (int i = 0; i < w->cells; i++) {
     for (int j = 0; j < w->widths; j++) {
       if (w->weight[i * w->widths + j] > 0.0) {
-        /* Either half of a curve bends where |x| is the sum of threshold and centre, or their
-           difference. */
+        /* The halves of a curve bend where |x| is the sum or the difference of threshold and
+           centre. */
         const double above = distance(w->threshold[i] + centre_of(w, j), low, high);
         const double below = distance(fabs(w->threshold[i] - centre_of(w, j)), low, high);
-        const double away = above < below ? above : below;
-        const double part = (high - low) / w->width[j];
-        const double cube = part * part * part;
-        sum += w->weight[i * w->widths + j] * cube * cube * sixth(w->shape, away / w->width[j]);
+        const double distance_from_bend = above < below ? above : below;
+        const double relative_length = (high - low) / w->width[j];
+        const double cube = relative_length * relative_length * relative_length;
+        sum += w->weight[i * w->widths + j] * cube * cube *
+               sixth_derivative_bound(w->shape, distance_from_bend / w->width[j]);
       }
     }
   }
-  return sum / quintic;
+  return sum / QUINTIC_ERROR_DIVISOR;
 }
 
-/* Cuts the next octave, from begin to twice that, into as many pieces as it needs; 0 where there is
-   no room, or the limit cannot be kept. */
-static int lay_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights, double aim,
-                      double begin)
+/* Divides the next octave, from begin to 2*begin, into the required number of pieces. Returns 0 if
+   there is no storage, or the error limit cannot be met. */
+static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
+                         double aim, double begin)
 {
   const double low = (begin - 1.0) / cells->per_unit;
   const double high = (2.0 * begin - 1.0) / cells->per_unit;
   const int octave = cells->octaves;
   double error = piece_error(weights, low, high) / cells->saturation;
   int count = 1;
-  int halvings = 0;
-  while (error > aim && count < most_pieces) {
+  int bisections = 0;
+  while (error > aim && count < MAX_PIECES) {
     count *= 2;
-    halvings++;
+    bisections++;
     error /= 64.0;
   }
-  if (octave == ANHYST_CELLS_OCTAVES || !(error <= limit)) {
+  if (octave == ANHYST_CELLS_OCTAVES || !(error <= MAX_TABLE_ERROR)) {
     return 0;
   }
-  cells->shift[octave] = 52 - halvings;
+  cells->shift[octave] = 52 - bisections;
   cells->per_piece[octave] = (double)count / begin;
   cells->first[octave] = (int64_t)(cell_bits(begin) >> cells->shift[octave]) - cells->pieces;
   cells->pieces += count;
@@ -121,7 +122,7 @@ static int lay_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *we
 anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                    double aim, size_t *pieces)
 {
-  if (!weights_valid(weights)) {
+  if (!are_weights_valid(weights)) {
     return ANHYST_BAD_PARAMETER;
   }
   double narrowest;
@@ -136,15 +137,15 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
     cells->threshold[i] = weights->threshold[i];
   }
   cells->scale = widest + weights->threshold[weights->cells - 1];
-  cells->reach = far * cells->scale;
-  cells->per_unit = fineness / narrowest;
-  /* The fourth power of such a part is 6e-18. */
+  cells->reach = REACH_FACTOR * cells->scale;
+  cells->per_unit = PIECES_PER_WIDTH / narrowest;
+  /* 5e-5 of the narrowest width; its fourth power is 6e-18. */
   cells->tangent = 5e-5 * narrowest;
   cells->pieces = 0;
   cells->octaves = 0;
   double begin = 1.0;
   while (begin < 1.0 + cells->reach * cells->per_unit) {
-    if (!lay_octave(cells, weights, aim, begin)) {
+    if (!divide_octave(cells, weights, aim, begin)) {
       return ANHYST_BAD_PARAMETER;
     }
     begin *= 2.0;
@@ -154,8 +155,7 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
   return ANHYST_OK;
 }
 
-/* Jets of all rows at one place. */
-static void rows_at(const anhyst_cell_weights_f64 *w, double x, cell_jet *rows)
+static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *rows)
 {
   cell_jet sum = {0.0, 0.0, 0.0};
   for (int i = 0; i < w->cells; i++) {
@@ -174,40 +174,43 @@ static void rows_at(const anhyst_cell_weights_f64 *w, double x, cell_jet *rows)
   }
 }
 
-/* The piece over h away from zero; turn is -1 where that is towards falling x. */
-static void fill(double *c, const cell_jet *from, const cell_jet *to, double h, double turn)
+/* Computes the piece of length h away from zero; direction is -1 for negative fields. */
+static void fill_piece(double *c, const cell_jet *from, const cell_jet *to, double h,
+                       double direction)
 {
   c[0] = from->f;
-  c[1] = turn * h * from->f1;
+  c[1] = direction * h * from->f1;
   c[2] = 0.5 * h * h * from->f2;
   const double value = to->f - c[0] - c[1] - c[2];
-  const double slope = turn * h * to->f1 - c[1] - 2.0 * c[2];
+  const double slope = direction * h * to->f1 - c[1] - 2.0 * c[2];
   const double curve = h * h * to->f2 - 2.0 * c[2];
   c[3] = 10.0 * value - 4.0 * slope + 0.5 * curve;
   c[4] = -15.0 * value + 7.0 * slope - curve;
   c[5] = 6.0 * value - 3.0 * slope + 0.5 * curve;
 }
 
-/* One side of zero, all rows; *steep becomes the largest slope at a node, *free that of cell 0. */
+/* Fills all rows on one side of zero. Raises *steepest to the largest slope at a node, and
+ *steepest_reversible to that of cell 0. */
 static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
-                      anhyst_cell_piece_f64 *storage, double turn, double *steep, double *free)
+                      anhyst_cell_piece_f64 *storage, double direction, double *steepest,
+                      double *steepest_reversible)
 {
   cell_jet ends[2][ANHYST_CELLS_MAX];
-  int64_t piece = turn < 0.0 ? cells->pieces : 0;
+  int64_t piece = direction < 0.0 ? cells->pieces : 0;
   double from = 0.0;
-  rows_at(weights, from, ends[0]);
+  evaluate_rows(weights, from, ends[0]);
   double begin = 1.0;
   for (int octave = 0; octave < cells->octaves; octave++) {
     const int count = 1 << (52 - cells->shift[octave]);
     for (int i = 1; i <= count; i++) {
       const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->per_unit;
-      rows_at(weights, turn * to, ends[1]);
+      evaluate_rows(weights, direction * to, ends[1]);
       for (int row = 0; row < weights->cells; row++) {
-        fill(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row], &ends[1][row],
-             to - from, turn);
-        *steep = ends[0][row].f1 > *steep ? ends[0][row].f1 : *steep;
-        if (row == 0 && ends[0][row].f1 > *free) {
-          *free = ends[0][row].f1;
+        fill_piece(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row],
+                   &ends[1][row], to - from, direction);
+        *steepest = ends[0][row].f1 > *steepest ? ends[0][row].f1 : *steepest;
+        if (row == 0 && ends[0][row].f1 > *steepest_reversible) {
+          *steepest_reversible = ends[0][row].f1;
         }
       }
       memcpy(ends[0], ends[1], sizeof ends[0]);
@@ -225,7 +228,7 @@ void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weight
   cells->steepest = 0.0;
   fill_side(cells, weights, storage, 1.0, &cells->steepest, &cells->reversible);
   fill_side(cells, weights, storage, -1.0, &cells->steepest, &cells->reversible);
-  /* Between nodes a curve can be a little steeper than at both. */
+  /* Between nodes, a curve can be slightly steeper than at both nodes. */
   cells->steepest *= 1.001;
   cells->rows = storage;
 }

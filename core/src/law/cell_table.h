@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Where a place lies in the tables of play cells, and what a row holds there. */
+/* Positions in the tables of play cells, and interpolation of a row. */
 #ifndef ANHYST_CELL_TABLE_H
 #define ANHYST_CELL_TABLE_H
 
@@ -8,7 +8,6 @@
 
 #include "anhyst/law/cells.h"
 
-/* Value of a row and its first three derivatives. */
 typedef struct {
   double value, slope, curve, third;
 } cell_sum;
@@ -27,8 +26,8 @@ static inline double cell_place(uint64_t bits)
   return place;
 }
 
-/* 1 + |x|/unit, at most the last place of the tables; its exponent is the octave. */
-static inline uint64_t cell_bits_at(const anhyst_cells_f64 *cells, double x)
+/* Returns the bits of 1 + |x|/unit, at most the end of the tables; the exponent is the octave. */
+static inline uint64_t cell_position_bits(const anhyst_cells_f64 *cells, double x)
 {
   const double place = 1.0 + fabs(x) * cells->per_unit;
   return cell_bits(place < cells->top ? place : cells->top);
@@ -36,10 +35,10 @@ static inline uint64_t cell_bits_at(const anhyst_cells_f64 *cells, double x)
 
 static inline size_t cell_octave(uint64_t bits) { return (size_t)(bits >> 52) - 1023U; }
 
-/* T_(row+1)(x). */
-static inline cell_sum cell_look(const anhyst_cells_f64 *cells, int row, double x)
+/* Returns T_(row+1)(x) and its derivatives. */
+static inline cell_sum cell_row_at(const anhyst_cells_f64 *cells, int row, double x)
 {
-  const uint64_t bits = cell_bits_at(cells, x);
+  const uint64_t bits = cell_position_bits(cells, x);
   const size_t octave = cell_octave(bits);
   const int shift = cells->shift[octave];
   const uint64_t number = bits >> shift;

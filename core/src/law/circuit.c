@@ -5,8 +5,8 @@
 
 #include "layers.h"
 
-/* Written so that NaN and infinity fail too. */
-static int iron_valid(const anhyst_iron_f64 *iron)
+/* The comparisons are written so that NaN and infinity also fail. */
+static int is_iron_valid(const anhyst_iron_f64 *iron)
 {
   return iron->saturation > 0.0 && iron->shape > 0.0 && iron->interaction < 1.0 &&
          (1.0 - iron->interaction) * (iron->saturation / iron->shape) < 1e12;
@@ -26,7 +26,7 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
   iron->layers = 1;
   iron->surface = 1.0;
   iron->laminated = 0.0;
-  if (!iron_valid(iron)) {
+  if (!is_iron_valid(iron)) {
     return ANHYST_BAD_PARAMETER;
   }
   law->step = step;
@@ -50,7 +50,7 @@ anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells
   iron->layers = 1;
   iron->surface = 1.0;
   iron->laminated = 0.0;
-  return iron_valid(iron) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  return is_iron_valid(iron) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
@@ -104,9 +104,10 @@ anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memor
     return anhyst_layers_forward_f64(iron, state, circuit, drive, reaction);
   }
   const double load = circuit->gap_ratio + circuit->eddy * ANHYST_MU0;
-  const double past = circuit->eddy > 0.0 ? circuit->eddy * anhyst_flux_of_f64(iron, state) : 0.0;
+  const double eddy_term =
+      circuit->eddy > 0.0 ? circuit->eddy * anhyst_flux_of_f64(iron, state) : 0.0;
   const double omega = (load / (1.0 + load) - iron->interaction) * (iron->saturation / iron->shape);
-  const double r = (drive + past) / ((1.0 + load) * iron->shape);
+  const double r = (drive + eddy_term) / ((1.0 + load) * iron->shape);
   anhyst_solution_f64 *found = reaction->solution;
   const anhyst_status status = iron->law->solve(iron->parameters, state, omega, r, found);
   if (status != ANHYST_OK) {
@@ -126,18 +127,19 @@ anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memor
     return anhyst_layers_inverse_f64(iron, state, circuit, flux, reaction);
   }
   const double omega = (1.0 - iron->interaction) * (iron->saturation / iron->shape);
-  const double both = flux / ANHYST_MU0;
+  const double total_field = flux / ANHYST_MU0;
   anhyst_solution_f64 *found = reaction->solution;
   const anhyst_status status =
-      iron->law->solve(iron->parameters, state, omega, both / iron->shape, found);
+      iron->law->solve(iron->parameters, state, omega, total_field / iron->shape, found);
   if (status != ANHYST_OK) {
     return status;
   }
-  const double past = circuit->eddy > 0.0 ? anhyst_flux_of_f64(iron, state) : 0.0;
+  const double eddy_term = circuit->eddy > 0.0 ? anhyst_flux_of_f64(iron, state) : 0.0;
   reaction->field = iron->shape * found->x - iron->interaction * iron->saturation * found->m;
   reaction->flux = flux;
-  reaction->drive = reaction->field + circuit->gap_ratio * both + circuit->eddy * (flux - past);
-  /* The solver has not seen the circuit: one that is not finite shows only here. */
+  reaction->drive =
+      reaction->field + circuit->gap_ratio * total_field + circuit->eddy * (flux - eddy_term);
+  /* The solver does not use the circuit, so that a circuit that is not finite appears only here. */
   return fabs(reaction->drive) <= 1e30 ? ANHYST_OK : ANHYST_OUT_OF_RANGE;
 }
 

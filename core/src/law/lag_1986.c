@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of 1986, in classical Runge-Kutta sub-steps. */
+/* The law of 1986, with classical Runge-Kutta sub-steps. */
 #include <float.h>
 #include <math.h>
 
@@ -19,7 +19,6 @@ static double steepest(const anhyst_operator_f64 *law)
   return law->eps > 0.0 ? 1.0 / (3.0 - law->eps) : 1.0 / 3.0;
 }
 
-/* dy/dp at (p, y), moving with sign. */
 static double slope_at(const anhyst_path_f64 *path, double p, double y)
 {
   double slope;
@@ -29,39 +28,41 @@ static double slope_at(const anhyst_path_f64 *path, double p, double y)
   return q * (1.0 - eps * slope) / (1.0 - eps * q);
 }
 
-/* Classical Runge-Kutta from the departure; full sub-steps first, then the rest, so that the
-   result is a continuous function of the end. Of a path much longer than the lag remembers only the
-   end is followed, from the steady lag kappa*L'. */
-static double march(const anhyst_path_f64 *path, double p)
+/* Integrates from the departure by the classical Runge-Kutta method. Full sub-steps come first,
+   then the remainder, so that the result is a continuous function of the end. If a path is much
+   longer than the decay length of the lag, only its end is integrated, starting from the
+   steady-state lag kappa*L'. */
+static double integrate(const anhyst_path_f64 *path, double p)
 {
   const double eps = path->law->eps;
-  const double stretch = 1.0 - eps / 3.0;
-  /* The closer eps comes to 3, the stiffer the lag. */
-  const double eighth = path->law->kappa / 8.0 * (stretch < 1.0 ? stretch : 1.0);
-  const double memory = 40.0 * path->law->kappa * (eps < 0.0 ? stretch * stretch : 1.0 / stretch);
+  const double slope_factor = 1.0 - eps / 3.0;
+  /* The closer eps is to 3, the stiffer the lag. */
+  const double lag_step = path->law->kappa / 8.0 * (slope_factor < 1.0 ? slope_factor : 1.0);
+  const double decay_length =
+      40.0 * path->law->kappa * (eps < 0.0 ? slope_factor * slope_factor : 1.0 / slope_factor);
   double at = path->departure;
   double y = path->from.y;
-  if (fabs(p - at) > memory) {
+  if (fabs(p - at) > decay_length) {
     double slope;
-    at = p - path->sign * memory;
+    at = p - path->sign * decay_length;
     y = anhyst_langevin_f64(at, &slope);
     y -= path->sign * path->law->kappa * slope;
   }
-  if (eighth <= 4.0 * DBL_EPSILON * fabs(p)) {
-    /* So far out a sub-step is lost to rounding, for ever; but there L is straight. */
+  if (lag_step <= 4.0 * DBL_EPSILON * fabs(p)) {
+    /* At such a large field, a sub-step would be lost to rounding, but L is linear there. */
     double slope;
-    const double steady = anhyst_langevin_f64(p, &slope);
-    const double kept = anhyst_exp_f64(-fabs(p - at) / path->law->kappa);
-    const double left = y - anhyst_langevin_f64(at, &slope);
-    return steady + left * kept - path->sign * path->law->kappa * slope * (1.0 - kept);
+    const double anhysteretic = anhyst_langevin_f64(p, &slope);
+    const double decay = anhyst_exp_f64(-fabs(p - at) / path->law->kappa);
+    const double deviation = y - anhyst_langevin_f64(at, &slope);
+    return anhysteretic + deviation * decay - path->sign * path->law->kappa * slope * (1.0 - decay);
   }
-  int more = 1;
-  while (more) {
-    const double bend = (1.0 + fabs(at)) / 16.0;
-    double h = path->sign * (eighth < bend ? eighth : bend);
+  int has_more_steps = 1;
+  while (has_more_steps) {
+    const double curve_step = (1.0 + fabs(at)) / 16.0;
+    double h = path->sign * (lag_step < curve_step ? lag_step : curve_step);
     if (fabs(p - at) <= fabs(h)) {
       h = p - at;
-      more = 0;
+      has_more_steps = 0;
     }
     const double half = 0.5 * h;
     const double k1 = slope_at(path, at, y);
@@ -84,7 +85,7 @@ static double carry(anhyst_path_f64 *path, double p, double pull, double slope, 
   if (path->sign * (p - path->departure) <= 0.0) {
     return path->from.y;
   }
-  const double y = march(path, p);
+  const double y = integrate(path, p);
   *y_slope = slope_at(path, p, y);
   return y;
 }

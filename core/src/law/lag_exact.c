@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law, exact at any step length: y follows the steady branch, and what it is
-   off that branch at the departure is forgotten as an exponential. */
+/* The effective-field law, exact for any step length: y is the steady-state branch plus an
+   exponential decay of its deviation at the departure. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"
@@ -25,9 +25,9 @@ static double carry(anhyst_path_f64 *path, double p, double pull, double slope, 
   if (path->sign * (p - path->departure) <= 0.0) {
     return path->from.y;
   }
-  const double kept = anhyst_exp_f64(-fabs(p - path->departure) / law->kappa);
+  const double decay = anhyst_exp_f64(-fabs(p - path->departure) / law->kappa);
   const double y =
-      path->sign * anhyst_branch_at_f64(law->branch, path->sign * p) + path->lead * kept;
+      path->sign * anhyst_branch_at_f64(law->branch, path->sign * p) + path->lead * decay;
   const double drive = path->sign * (pull - y);
   *y_slope = drive > 0.0 ? drive / law->kappa : 0.0;
   return y;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law, the anhysteretic curve taken as a straight line over a step. */
+/* The effective-field law with a linear anhysteretic curve over a step. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"
@@ -16,8 +16,8 @@ static int is_valid(const anhyst_operator_f64 *law)
 static double carry(anhyst_path_f64 *path, double p, double pull, double slope, double *y_slope)
 {
   const double y0 = path->from.y;
-  const double way = p - path->from.p;
-  const double s = fabs(way) / path->law->kappa;
+  const double travel = p - path->from.p;
+  const double s = fabs(travel) / path->law->kappa;
   const double rise = pull - path->pull;
   const double ahead = pull - y0;
   const double start = path->pull - y0;
@@ -29,7 +29,8 @@ static double carry(anhyst_path_f64 *path, double p, double pull, double slope, 
   }
   const double share = s * ahead / rise;
   const weights w = weights_at(share);
-  *y_slope = slope * w.g + ahead * w.g_slope * share * (1.0 / way + slope / ahead - slope / rise);
+  *y_slope =
+      slope * w.g + ahead * w.g_slope * share * (1.0 / travel + slope / ahead - slope / rise);
   return y0 + ahead * w.g;
 }
 

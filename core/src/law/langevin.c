@@ -6,7 +6,7 @@
 
 #include "anhyst/numeric/elementary.h"
 
-/* L(z)/z by t = z^2: the continued fraction 1/(3 + t/(5 + t/(7 + ...))), multiplied out. */
+/* Returns L(z)/z from t = z^2: the continued fraction 1/(3 + t/(5 + t/(7 + ...))), one quotient. */
 static double langevin_per_z(double t)
 {
   const double top = 4583103525.0 + t * (349188840.0 + t * (6891885.0 + t * (42900.0 + t * 65.0)));
@@ -24,7 +24,7 @@ double anhyst_langevin_f64(double z, double *slope)
     *slope = 1.0 - value * value - 2.0 * per_z;
     return value;
   }
-  if (size > 22.0) { /* coth is 1 to the last place */
+  if (size > 22.0) { /* coth is 1 to the last digit */
     const double per_size = 1.0 / size;
     *slope = per_size * per_size;
     return z < 0.0 ? per_size - 1.0 : 1.0 - per_size;

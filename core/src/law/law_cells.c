@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Play cells behind the table of law.h. */
+/* The play-cell law for the interface of law.h. */
 #include "anhyst/law/law.h"
 
 static int numbers(const void *law)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The laws on the Langevin curve behind the table of law.h. */
+/* The laws on the Langevin curve for the interface of law.h. */
 #include <math.h>
 
 #include "anhyst/law/law.h"
@@ -52,7 +52,7 @@ static void leave(const void *law, const anhyst_memory_f64 *state, double *found
   found[2] = state->lag.p;
 }
 
-/* The law creeps geometrically: the limit of a sequence from three members. */
+/* The law drifts geometrically: extrapolates the limit of a sequence from three members. */
 static void hasten(const void *law, const double *const ends[3], anhyst_memory_f64 *state)
 {
   const double first = ends[1][1] - ends[0][1];

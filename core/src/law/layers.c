@@ -1,182 +1,189 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Layer j of N has a share phi_j of the section, a field H_j and a flux density B_j(H_j) of its
-   own; S_j = sum_{k>=j} phi_k*B_k flows in it and deeper, S_1 = B in all. Against every change of
-   what flows deeper, the layers between raise a field; what is laminated, a share l of the path,
-   has the field H_l(B) that the whole flux asks for:
+/* Solid iron. Layer j of N has a share phi_j of the cross-section, a field H_j and its own flux
+   density B_j(H_j). S_j = sum_{k>=j} phi_k*B_k is the flux in layer j and all deeper ones, S_1 = B
+   the total flux. Against every change of the flux of the deeper layers, the eddy currents between
+   the layers produce a field. The laminated part, a share l of the path, has the field H_l(B) of
+   the total flux:
 
      H_{j-1} = H_j + g*(S_j - S_j,before),   g = eddy/(N - 1),   j = 2..N
      drive = l*H_l(B) + (1 - l)*H_1 + rho*B/mu0
 
-   Each left side rises with its S, so that these are the conditions of the minimum of a convex
-   function of all S_j. Newton's way to it solves a tridiagonal system a step; a step is shortened
-   where the slope along it has turned round. */
+   Each left side rises with its S. Therefore, these are the conditions for the minimum of a convex
+   function of all S_j. Newton's method solves a tridiagonal system in each step. A step is
+   shortened if the slope along it has changed sign. */
 #include "layers.h"
 
 #include <float.h>
 #include <math.h>
 
-enum { STEPS = 200, HALVINGS = 30 };
+enum { MAX_STEPS = 200, MAX_BISECTIONS = 30 };
 
-/* Stiffness of an iron that is about to jump, in that of air: no layer is taken to be softer. */
-#define SOFTEST 1e-9
-/* What may be left of the equations where it no longer falls. */
-#define CLOSE 1e-10
-/* Parts of the law's scale that a flux density counts as at least: a law rounds in parts of it, and
-   of tiny drives nothing else would be left. */
-#define GRAIN 1e-2
+/* Smallest stiffness of a layer, relative to air; iron that is about to jump has less. */
+#define MIN_STIFFNESS 1e-9
+/* Largest residual that is accepted if it no longer decreases. */
+#define MAX_RESIDUAL 1e-10
+/* Smallest scale of a flux density, as a fraction of the law's scale: a law rounds relative to its
+   own scale, which would dominate tiny drives. */
+#define MIN_FLUX_SCALE 1e-2
 
 typedef struct {
   const anhyst_iron_f64 *iron;
   const anhyst_memory_f64 *state;
   const anhyst_circuit_f64 *circuit;
   double drive;
-  int flux_given;                   /* whether that of the first section, all of it, is known */
+  int flux_given;                   /* whether the total flux is given */
   double share[ANHYST_LAYERS_MAX];  /* phi_j */
   double before[ANHYST_LAYERS_MAX]; /* S_j of the state */
   anhyst_reaction_f64 *reaction;
   double field[ANHYST_MEMORIES_MAX];     /* H_j, then H_l */
-  double stiffness[ANHYST_MEMORIES_MAX]; /* dH/dB of these */
-} problem;
+  double stiffness[ANHYST_MEMORIES_MAX]; /* dH/dB of each field */
+} layer_problem;
 
-/* The first section whose flux is unknown. */
-static int first_of(const problem *of) { return of->flux_given ? 1 : 0; }
+static int first_unknown(const layer_problem *problem) { return problem->flux_given ? 1 : 0; }
 
-/* The field that a flux density asks for in one layer, or in what is laminated. */
-static anhyst_status look(problem *of, int at, double flux)
+/* Solves for the field of a flux density in one layer, or in the laminated part. */
+static anhyst_status solve_layer(layer_problem *problem, int at, double flux)
 {
-  const anhyst_iron_f64 *iron = of->iron;
-  anhyst_solution_f64 *found = &of->reaction->solution[at];
+  const anhyst_iron_f64 *iron = problem->iron;
+  anhyst_solution_f64 *found = &problem->reaction->solution[at];
   const double coupled = (1.0 - iron->interaction) * iron->saturation;
   const anhyst_status status =
-      iron->law->solve(iron->parameters, &of->state[at], coupled / iron->shape,
+      iron->law->solve(iron->parameters, &problem->state[at], coupled / iron->shape,
                        flux / (ANHYST_MU0 * iron->shape), found);
   if (status != ANHYST_OK) {
     return status;
   }
-  const double own = iron->interaction * iron->saturation;
+  const double self_coupling = iron->interaction * iron->saturation;
   const double stiffness =
-      (iron->shape - own * found->slope) / (iron->shape + coupled * found->slope);
-  of->field[at] = iron->shape * found->x - own * found->m;
-  of->stiffness[at] = (stiffness > SOFTEST ? stiffness : SOFTEST) / ANHYST_MU0;
+      (iron->shape - self_coupling * found->slope) / (iron->shape + coupled * found->slope);
+  problem->field[at] = iron->shape * found->x - self_coupling * found->m;
+  problem->stiffness[at] = (stiffness > MIN_STIFFNESS ? stiffness : MIN_STIFFNESS) / ANHYST_MU0;
   return ANHYST_OK;
 }
 
-/* The fields for the fluxes of all sections, and what they leave of the equations. */
-static anhyst_status residuals(problem *of, const double *section, double *left)
+/* Computes the fields for the fluxes of all sections, and the residuals of the equations. */
+static anhyst_status residuals(layer_problem *problem, const double *section, double *residual)
 {
-  const int layers = of->iron->layers;
-  const double laminated = of->iron->laminated;
-  const double held = of->circuit->eddy / (layers - 1);
+  const int layers = problem->iron->layers;
+  const double laminated = problem->iron->laminated;
+  const double eddy_slope = problem->circuit->eddy / (layers - 1);
   for (int j = 0; j < layers; j++) {
     const double deeper = j + 1 < layers ? section[j + 1] : 0.0;
-    const anhyst_status status = look(of, j, (section[j] - deeper) / of->share[j]);
+    const anhyst_status status = solve_layer(problem, j, (section[j] - deeper) / problem->share[j]);
     if (status != ANHYST_OK) {
       return status;
     }
   }
-  const anhyst_status status = look(of, layers, section[0]);
+  const anhyst_status status = solve_layer(problem, layers, section[0]);
   if (status != ANHYST_OK) {
     return status;
   }
-  left[0] = laminated * of->field[layers] + (1.0 - laminated) * of->field[0] +
-            of->circuit->gap_ratio * section[0] / ANHYST_MU0 - of->drive;
+  residual[0] = laminated * problem->field[layers] + (1.0 - laminated) * problem->field[0] +
+                problem->circuit->gap_ratio * section[0] / ANHYST_MU0 - problem->drive;
   for (int j = 1; j < layers; j++) {
-    left[j] =
-        (1.0 - laminated) * (of->field[j] - of->field[j - 1] + held * (section[j] - of->before[j]));
+    residual[j] = (1.0 - laminated) * (problem->field[j] - problem->field[j - 1] +
+                                       eddy_slope * (section[j] - problem->before[j]));
   }
   return ANHYST_OK;
 }
 
-/* Newton's step: the tridiagonal system, eliminated from the middle outwards. */
-static void newton(const problem *of, const double *left, double *step)
+/* Computes the Newton step: eliminates the tridiagonal system from the middle outwards. */
+static void newton_step(const layer_problem *problem, const double *residual, double *step)
 {
-  const int layers = of->iron->layers;
-  const double solid = 1.0 - of->iron->laminated;
-  const double held = of->circuit->eddy / (layers - 1);
+  const int layers = problem->iron->layers;
+  const double solid = 1.0 - problem->iron->laminated;
+  const double eddy_slope = problem->circuit->eddy / (layers - 1);
   double pivot[ANHYST_LAYERS_MAX];
   double right[ANHYST_LAYERS_MAX];
-  double inner[ANHYST_LAYERS_MAX]; /* between a section and the next deeper one */
-  for (int j = layers - 1; j >= first_of(of); j--) {
-    inner[j] = solid * of->stiffness[j] / of->share[j];
-    pivot[j] = inner[j] + (j > 0 ? solid * (held + of->stiffness[j - 1] / of->share[j - 1])
-                                 : of->iron->laminated * of->stiffness[layers] +
-                                       of->circuit->gap_ratio / ANHYST_MU0);
-    right[j] = -left[j];
+  double inner[ANHYST_LAYERS_MAX]; /* coupling between a section and the next deeper one */
+  for (int j = layers - 1; j >= first_unknown(problem); j--) {
+    inner[j] = solid * problem->stiffness[j] / problem->share[j];
+    pivot[j] =
+        inner[j] + (j > 0 ? solid * (eddy_slope + problem->stiffness[j - 1] / problem->share[j - 1])
+                          : problem->iron->laminated * problem->stiffness[layers] +
+                                problem->circuit->gap_ratio / ANHYST_MU0);
+    right[j] = -residual[j];
     if (j + 1 < layers) {
       pivot[j] -= inner[j] * inner[j] / pivot[j + 1];
       right[j] += inner[j] * right[j + 1] / pivot[j + 1];
     }
   }
-  for (int j = first_of(of); j < layers; j++) {
+  for (int j = first_unknown(problem); j < layers; j++) {
     step[j] = right[j] / pivot[j];
-    if (j > first_of(of)) {
+    if (j > first_unknown(problem)) {
       step[j] += inner[j - 1] * step[j - 1] / pivot[j];
     }
   }
 }
 
-static double along(const problem *of, const double *left, const double *step)
+static double directional_slope(const layer_problem *problem, const double *residual,
+                                const double *step)
 {
   double sum = 0.0;
-  for (int j = first_of(of); j < of->iron->layers; j++) {
-    sum += left[j] * step[j];
+  for (int j = first_unknown(problem); j < problem->iron->layers; j++) {
+    sum += residual[j] * step[j];
   }
   return sum;
 }
 
-static double larger(double one, double other) { return one > other ? one : other; }
+static double maximum(double a, double b) { return a > b ? a : b; }
 
-/* The largest of what is left, in parts of the fields and of the fluxes' share in them. */
-static double size_of(const problem *of, const double *left, const double *section)
+/* Returns the largest residual, relative to the fields and to the effect of the fluxes on them. */
+static double relative_residual(const layer_problem *problem, const double *residual,
+                                const double *section)
 {
-  const double grain = GRAIN * ANHYST_MU0 * of->iron->saturation * of->iron->grain;
-  double most = fabs(of->drive) + of->circuit->gap_ratio * fabs(section[0]) / ANHYST_MU0;
+  const double grain =
+      MIN_FLUX_SCALE * ANHYST_MU0 * problem->iron->saturation * problem->iron->grain;
+  double scale = fabs(problem->drive) + problem->circuit->gap_ratio * fabs(section[0]) / ANHYST_MU0;
   double largest = 0.0;
-  for (int j = 0; j < of->iron->layers; j++) {
-    most = larger(most, fabs(of->field[j]) + fabs(section[j]) * of->stiffness[j] / of->share[j]);
-    most = larger(most, of->circuit->eddy * fabs(section[j]));
-    most = larger(most, grain * of->stiffness[j] / of->share[j]);
+  for (int j = 0; j < problem->iron->layers; j++) {
+    scale = maximum(scale, fabs(problem->field[j]) +
+                               fabs(section[j]) * problem->stiffness[j] / problem->share[j]);
+    scale = maximum(scale, problem->circuit->eddy * fabs(section[j]));
+    scale = maximum(scale, grain * problem->stiffness[j] / problem->share[j]);
   }
-  for (int j = first_of(of); j < of->iron->layers; j++) {
-    largest = larger(largest, fabs(left[j]));
+  for (int j = first_unknown(problem); j < problem->iron->layers; j++) {
+    largest = maximum(largest, fabs(residual[j]));
   }
-  return largest > 0.0 ? largest / most : 0.0;
+  return largest > 0.0 ? largest / scale : 0.0;
 }
 
-static void go(const problem *of, const double *start, const double *step, double part,
-               double *section)
+static void set_sections(const layer_problem *problem, const double *start, const double *step,
+                         double part, double *section)
 {
-  for (int j = first_of(of); j < of->iron->layers; j++) {
+  for (int j = first_unknown(problem); j < problem->iron->layers; j++) {
     section[j] = start[j] + part * step[j];
   }
 }
 
-/* Goes along a step to where the slope has fallen to half or turned round by less, or to its end.
- */
-static anhyst_status advance(problem *of, double *section, double *left, const double *step)
+/* Moves along a step until the slope is at most half its size, with either sign, or to its end. */
+static anhyst_status advance(layer_problem *problem, double *section, double *residual,
+                             const double *step)
 {
-  const double begin = along(of, left, step);
+  const double start_slope = directional_slope(problem, residual, step);
   double start[ANHYST_LAYERS_MAX] = {0};
   double low = 0.0;
   double high = 1.0;
   double part = 1.0;
-  for (int j = 0; j < of->iron->layers; j++) {
+  for (int j = 0; j < problem->iron->layers; j++) {
     start[j] = section[j];
   }
-  for (int i = 0; i < HALVINGS; i++) {
-    go(of, start, step, part, section);
-    const anhyst_status status = residuals(of, section, left);
-    const double slope = status == ANHYST_OK ? along(of, left, step) : -begin;
-    /* Where the law's range ends on the way, what lies before is progress enough. */
-    if (status != ANHYST_OK && (low > 0.0 || i + 1 == HALVINGS)) {
-      go(of, start, step, low, section);
-      return low > 0.0 ? residuals(of, section, left) : status;
+  for (int i = 0; i < MAX_BISECTIONS; i++) {
+    set_sections(problem, start, step, part, section);
+    const anhyst_status status = residuals(problem, section, residual);
+    const double slope =
+        status == ANHYST_OK ? directional_slope(problem, residual, step) : -start_slope;
+    /* If the law's range ends on the step, the positions before that are sufficient progress. */
+    if (status != ANHYST_OK && (low > 0.0 || i + 1 == MAX_BISECTIONS)) {
+      set_sections(problem, start, step, low, section);
+      return low > 0.0 ? residuals(problem, section, residual) : status;
     }
-    if (status == ANHYST_OK && slope <= -0.5 * begin && (slope >= 0.5 * begin || part >= 1.0)) {
+    if (status == ANHYST_OK && slope <= -0.5 * start_slope &&
+        (slope >= 0.5 * start_slope || part >= 1.0)) {
       return ANHYST_OK;
     }
-    if (status == ANHYST_OK && size_of(of, left, section) <= CLOSE) {
-      return ANHYST_OK; /* slopes are those of rounding */
+    if (status == ANHYST_OK && relative_residual(problem, residual, section) <= MAX_RESIDUAL) {
+      return ANHYST_OK; /* the slopes are only rounding errors */
     }
     if (slope < 0.0) {
       low = part;
@@ -188,45 +195,47 @@ static anhyst_status advance(problem *of, double *section, double *left, const d
   return ANHYST_OK;
 }
 
-/* Written so that NaN fails too: the equations' sizes do not show it. */
-static int is_finite(const anhyst_circuit_f64 *circuit, double given)
+/* Returns whether circuit and input are finite. Written so that NaN also fails, because the
+   residuals do not show it. */
+static int are_inputs_finite(const anhyst_circuit_f64 *circuit, double given)
 {
   return circuit->gap_ratio <= 1e30 && circuit->eddy <= 1e30 && fabs(given) <= 1e30;
 }
 
-static anhyst_status solve(problem *of, double *section)
+static anhyst_status solve(layer_problem *problem, double *section)
 {
-  double left[ANHYST_LAYERS_MAX] = {0};
+  double residual[ANHYST_LAYERS_MAX] = {0};
   double step[ANHYST_LAYERS_MAX] = {0};
-  anhyst_status status = residuals(of, section, left);
-  double last = HUGE_VAL;
-  for (int i = 0; i < STEPS && status == ANHYST_OK; i++) {
-    const double size = size_of(of, left, section);
-    if (size <= 64.0 * DBL_EPSILON || (size <= CLOSE && size >= 0.75 * last)) {
+  anhyst_status status = residuals(problem, section, residual);
+  double last_norm = HUGE_VAL;
+  for (int i = 0; i < MAX_STEPS && status == ANHYST_OK; i++) {
+    const double norm = relative_residual(problem, residual, section);
+    if (norm <= 64.0 * DBL_EPSILON || (norm <= MAX_RESIDUAL && norm >= 0.75 * last_norm)) {
       return ANHYST_OK;
     }
-    last = size;
-    newton(of, left, step);
-    status = advance(of, section, left, step);
+    last_norm = norm;
+    newton_step(problem, residual, step);
+    status = advance(problem, section, residual, step);
   }
   if (status != ANHYST_OK) {
     return status;
   }
-  return size_of(of, left, section) <= CLOSE ? ANHYST_OK : ANHYST_NOT_CONVERGED;
+  return relative_residual(problem, residual, section) <= MAX_RESIDUAL ? ANHYST_OK
+                                                                       : ANHYST_NOT_CONVERGED;
 }
 
-/* Shares of the section and the fluxes of the state, from which the search sets out. */
-static void begin(problem *of, double *section)
+/* Sets the shares of the cross-section and the fluxes of the state, where the search starts. */
+static void init_problem(layer_problem *problem, double *section)
 {
-  const anhyst_iron_f64 *iron = of->iron;
+  const anhyst_iron_f64 *iron = problem->iron;
   double flux = 0.0;
   for (int j = iron->layers - 1; j >= 0; j--) {
     double x;
     double m;
-    of->share[j] = j == 0 ? iron->surface : (1.0 - iron->surface) / (iron->layers - 1);
-    iron->law->read(iron->parameters, &of->state[j], &x, &m);
-    flux += of->share[j] * anhyst_flux_from_f64(iron, x, m);
-    of->before[j] = flux;
+    problem->share[j] = j == 0 ? iron->surface : (1.0 - iron->surface) / (iron->layers - 1);
+    iron->law->read(iron->parameters, &problem->state[j], &x, &m);
+    flux += problem->share[j] * anhyst_flux_from_f64(iron, x, m);
+    problem->before[j] = flux;
     section[j] = flux;
   }
 }
@@ -235,17 +244,17 @@ anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron, const anhys
                                         const anhyst_circuit_f64 *circuit, double drive,
                                         anhyst_reaction_f64 *reaction)
 {
-  problem of = {iron, state, circuit, drive, 0, {0}, {0}, reaction, {0}, {0}};
+  layer_problem problem = {iron, state, circuit, drive, 0, {0}, {0}, reaction, {0}, {0}};
   double section[ANHYST_LAYERS_MAX];
-  if (!is_finite(circuit, drive)) {
+  if (!are_inputs_finite(circuit, drive)) {
     return ANHYST_OUT_OF_RANGE;
   }
-  begin(&of, section);
-  const anhyst_status status = solve(&of, section);
+  init_problem(&problem, section);
+  const anhyst_status status = solve(&problem, section);
   reaction->drive = drive;
   reaction->flux = section[0];
   reaction->field =
-      iron->laminated * of.field[iron->layers] + (1.0 - iron->laminated) * of.field[0];
+      iron->laminated * problem.field[iron->layers] + (1.0 - iron->laminated) * problem.field[0];
   return status;
 }
 
@@ -253,17 +262,17 @@ anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron, const anhys
                                         const anhyst_circuit_f64 *circuit, double flux,
                                         anhyst_reaction_f64 *reaction)
 {
-  problem of = {iron, state, circuit, 0.0, 1, {0}, {0}, reaction, {0}, {0}};
+  layer_problem problem = {iron, state, circuit, 0.0, 1, {0}, {0}, reaction, {0}, {0}};
   double section[ANHYST_LAYERS_MAX];
-  if (!is_finite(circuit, flux)) {
+  if (!are_inputs_finite(circuit, flux)) {
     return ANHYST_OUT_OF_RANGE;
   }
-  begin(&of, section);
+  init_problem(&problem, section);
   section[0] = flux;
-  const anhyst_status status = solve(&of, section);
+  const anhyst_status status = solve(&problem, section);
   reaction->flux = flux;
   reaction->field =
-      iron->laminated * of.field[iron->layers] + (1.0 - iron->laminated) * of.field[0];
+      iron->laminated * problem.field[iron->layers] + (1.0 - iron->laminated) * problem.field[0];
   reaction->drive = reaction->field + circuit->gap_ratio * flux / ANHYST_MU0;
   if (status != ANHYST_OK) {
     return status;

@@ -7,7 +7,6 @@
 
 #include "lag.h"
 
-/* The law that a step names. */
 static const anhyst_lag *lag_of(const anhyst_operator_f64 *law)
 {
   if (law->step == ANHYST_STEP_EXACT) {
@@ -24,28 +23,30 @@ double anhyst_lag_straight(const anhyst_operator_f64 *law)
 
 void anhyst_path_depart(anhyst_path_f64 *path)
 {
-  const int held = path->sign * (path->pull - path->from.y) < 0.0;
-  path->departure = held ? anhyst_inverse_langevin_f64(path->from.y) : path->from.p;
+  const int is_constant_first = path->sign * (path->pull - path->from.y) < 0.0;
+  path->departure = is_constant_first ? anhyst_inverse_langevin_f64(path->from.y) : path->from.p;
   path->departure_known = 1;
 }
 
 anhyst_status anhyst_operator_check_f64(const anhyst_operator_f64 *law)
 {
-  const int ok = law->kappa >= ANHYST_KAPPA_MIN && law->kappa <= ANHYST_KAPPA_MAX &&
-                 law->c >= 0.0 && law->c <= 1.0 && law->play >= 0.0 && law->play <= ANHYST_X_MAX &&
-                 law->eps <= ANHYST_EPS_MAX && law->eps > -ANHYST_X_MAX;
-  return ok && lag_of(law)->is_valid(law) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  const int is_valid = law->kappa >= ANHYST_KAPPA_MIN && law->kappa <= ANHYST_KAPPA_MAX &&
+                       law->c >= 0.0 && law->c <= 1.0 && law->play >= 0.0 &&
+                       law->play <= ANHYST_X_MAX && law->eps <= ANHYST_EPS_MAX &&
+                       law->eps > -ANHYST_X_MAX;
+  return is_valid && lag_of(law)->is_valid(law) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 anhyst_status anhyst_state_check_f64(const anhyst_operator_f64 *law, const anhyst_state_f64 *state)
 {
-  const double slack = 1e-9;
+  const double tolerance = 1e-9;
   double slope;
   const double pull = anhyst_langevin_f64(state->p, &slope) - state->y;
-  const int ok = fabs(pull) <= law->kappa / 3.0 + slack &&
-                 fabs(state->x - state->p) <= law->play + slack * (1.0 + fabs(state->x)) &&
-                 fabs(state->y) < 1.0 && fabs(state->x) <= ANHYST_X_MAX;
-  return ok ? ANHYST_OK : ANHYST_BAD_STATE;
+  const int is_valid =
+      fabs(pull) <= law->kappa / 3.0 + tolerance &&
+      fabs(state->x - state->p) <= law->play + tolerance * (1.0 + fabs(state->x)) &&
+      fabs(state->y) < 1.0 && fabs(state->x) <= ANHYST_X_MAX;
+  return is_valid ? ANHYST_OK : ANHYST_BAD_STATE;
 }
 
 double anhyst_operator_steepest_f64(const anhyst_operator_f64 *law)
@@ -86,13 +87,13 @@ void anhyst_path_begin_f64(anhyst_path_f64 *path, const anhyst_operator_f64 *law
   start->m_slope = (1.0 - law->c) * start->y_slope + law->c * slope;
 }
 
-/* The irreversible part at p, with pull = L(p); *y_slope is dy/dp. */
+/* Returns the irreversible part at p, with pull = L(p); *y_slope is dy/dp. */
 static double irreversible(anhyst_path_f64 *path, double p, double pull, double slope,
                            double *y_slope)
 {
   *y_slope = 0.0;
   if (path->sign * (p - path->from.p) <= 0.0 || path->sign * (pull - path->from.y) <= 0.0) {
-    return path->from.y; /* the play has not closed, or the anhysteretic is not crossed yet */
+    return path->from.y; /* play not at its end, or anhysteretic curve not crossed yet */
   }
   return lag_of(path->law)->carry(path, p, pull, slope, y_slope);
 }

@@ -8,17 +8,17 @@
 
 #include "weights.h"
 
-/* How one step depends on what went in, the same for all directions:
-   y1_t = by_y*y0_t + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
+/* Derivatives of one step with respect to its inputs, the same for all directions: y1_t = by_y*y0_t
+   + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
 typedef struct {
   double by_y, by_p0, by_p1, by_kappa;
   double sign;
-  double carried;          /* dp1/dx1, 1 or 0 */
+  double p_slope;          /* dp1/dx1, 1 or 0 */
   double pull, pull_slope; /* L(x1), L'(x1) */
 } partials;
 
-/* A step that leaves y at rest. */
-static void rest(partials *d)
+/* Sets the derivatives of a step with constant y. */
+static void set_constant_y(partials *d)
 {
   d->by_y = 1.0;
   d->by_p0 = 0.0;
@@ -32,23 +32,23 @@ static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slop
   const double kappa = path->law->kappa;
   const double sign = path->sign;
   const double s = fabs(end->state.p - path->departure) / kappa;
-  const double kept = anhyst_exp_f64(-s);
-  const int held = sign * (path->pull - path->from.y) < 0.0;
-  d->by_y = kept;
-  /* A departure at the crossing of the anhysteretic has L = y there: moving it changes nothing. */
-  d->by_p0 = held ? 0.0 : -kept * sign * (path->pull - path->from.y) / kappa;
+  const double decay = anhyst_exp_f64(-s);
+  const int is_constant_first = sign * (path->pull - path->from.y) < 0.0;
+  d->by_y = decay;
+  /* At a departure on the anhysteretic curve, L = y: moving the departure has no effect. */
+  d->by_p0 = is_constant_first ? 0.0 : -decay * sign * (path->pull - path->from.y) / kappa;
   d->by_p1 = end->y_slope;
   d->by_kappa = sign * (anhyst_branch_slope_at_f64(slope, sign * end->state.p) -
-                        anhyst_branch_slope_at_f64(slope, sign * path->departure) * kept) +
-                path->lead * kept * s / kappa;
+                        anhyst_branch_slope_at_f64(slope, sign * path->departure) * decay) +
+                path->lead * decay * s / kappa;
 }
 
 static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,
                             double y_slope, partials *d)
 {
   const double kappa = path->law->kappa;
-  const double way = end->state.p - path->from.p;
-  const double s = fabs(way) / kappa;
+  const double travel = end->state.p - path->from.p;
+  const double s = fabs(travel) / kappa;
   double p0_slope;
   double p1_slope;
   const double m0 = anhyst_langevin_f64(path->from.p, &p0_slope);
@@ -69,7 +69,7 @@ static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64
   const weights w = weights_at(share);
   const double by_share = ahead * w.g_slope * share;
   d->by_y = 1.0 - w.g - w.g_slope * share;
-  d->by_p0 = by_share * (p0_slope / rise - 1.0 / way);
+  d->by_p0 = by_share * (p0_slope / rise - 1.0 / travel);
   d->by_kappa = -by_share / kappa;
 }
 
@@ -83,9 +83,9 @@ static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_sl
   anhyst_path_begin_f64(&path, law, from, d->sign, &start);
   anhyst_path_at_f64(&path, to->x, &end);
   d->pull = anhyst_langevin_f64(to->x, &d->pull_slope);
-  d->carried = end.p_slope;
+  d->p_slope = end.p_slope;
   if (!(fabs(end.y_slope) > 0.0)) {
-    rest(d);
+    set_constant_y(d);
   } else if (law->step == ANHYST_STEP_EXACT) {
     partials_exact(&path, slope, &end, d);
   } else {
@@ -93,21 +93,21 @@ static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_sl
   }
 }
 
-/* Carries one tangent over the step that led to `to` with magnetisation m. */
+/* Advances one tangent over the step to `to` with magnetisation m. */
 static void advance_tangent(const anhyst_operator_f64 *law, const partials *d,
                             const anhyst_state_f64 *to, double m, double omega, double omega_t,
                             double r_t, anhyst_tangent_f64 *t, double *m_t)
 {
-  /* What p1 and y1 become with x1 held fast, then the share of x1. */
-  const double p_fixed = d->carried > 0.0 ? -d->sign * t->play : t->state.p;
+  /* First p1 and y1 with a fixed x1, then the share of x1. */
+  const double p_fixed = d->p_slope > 0.0 ? -d->sign * t->play : t->state.p;
   const double y_fixed =
       d->by_y * t->state.y + d->by_p0 * t->state.p + d->by_p1 * p_fixed + d->by_kappa * t->kappa;
-  const double y_slope = d->by_p1 * d->carried;
+  const double y_slope = d->by_p1 * d->p_slope;
   const double m_fixed = (1.0 - law->c) * y_fixed + (d->pull - to->y) * t->c;
   const double m_slope = (1.0 - law->c) * y_slope + law->c * d->pull_slope;
   const double x_t = (r_t - omega_t * m - omega * m_fixed) / (1.0 + omega * m_slope);
   t->state.x = x_t;
-  t->state.p = p_fixed + d->carried * x_t;
+  t->state.p = p_fixed + d->p_slope * x_t;
   t->state.y = y_fixed + y_slope * x_t;
   *m_t = m_fixed + m_slope * x_t;
 }

@@ -12,9 +12,9 @@ typedef struct {
 static inline weights weights_at(double s)
 {
   weights w;
-  const double kept = anhyst_exp_f64(-s);
+  const double decay = anhyst_exp_f64(-s);
   if (s < 0.3) {
-    /* Series: the closed forms lose digits as s^-2. */
+    /* Series, because the closed forms lose digits as s^-2. */
     w.g = s * (1.0 / 2.0 -
                s * (1.0 / 6.0 -
                     s * (1.0 / 24.0 -
@@ -36,9 +36,9 @@ static inline weights weights_at(double s)
                                                                               s / 3991680.0))))))));
     return w;
   }
-  w.e = 1.0 - kept;
+  w.e = 1.0 - decay;
   w.g = 1.0 - w.e / s;
-  w.g_slope = (w.e / s - kept) / s;
+  w.g_slope = (w.e / s - decay) / s;
   return w;
 }
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Each function: a table takes the argument to a small rest, a polynomial does the rest. Tables and
-   constants are pairs, the nearest number and what it lacks. */
+/* Each function reduces its argument to a small remainder by a table, and evaluates a polynomial of
+   the remainder. Table entries and constants are pairs: the nearest number, and the constant minus
+   that number. */
 #include "anhyst/numeric/elementary.h"
 
 #include <math.h>
@@ -18,14 +19,14 @@ static uint64_t bits_of(double value)
   return bits;
 }
 
-static double of_bits(uint64_t bits)
+static double from_bits(uint64_t bits)
 {
   double value;
   memcpy(&value, &bits, sizeof value);
   return value;
 }
 
-/* 2^(i/64); the rest is relative. */
+/* 2^(i/64); the second number is relative. */
 static const pair power[64] = {
     {0x1.0000000000000p+0, 0.0},         {0x1.02c9a3e778061p+0, -1.5071e-17},
     {0x1.059b0d3158574p+0, 4.9997e-17},  {0x1.0874518759bc8p+0, 7.3578e-18},
@@ -60,8 +61,8 @@ static const pair power[64] = {
     {0x1.ea4afa2a490dap+0, -5.5451e-17}, {0x1.efa1bee615a27p+0, 5.3368e-17},
     {0x1.f50765b6e4540p+0, 4.5785e-17},  {0x1.fa7c1819e90d8p+0, 2.0414e-17}};
 
-/* exp(x) * 2^-shift. Adding the magic number rounds x*64/ln 2 to an integer in the low bits: the
-   last six of it are the place in the table, those before become the exponent. */
+/* Returns exp(x) * 2^-shift. Adding the magic number rounds x*64/ln 2 to an integer in the low
+   bits. Its last six bits are the index in the table, the others become the exponent. */
 static double scaled_exp(double x, uint64_t shift)
 {
   const double magic = 0x1.8p52;
@@ -71,31 +72,31 @@ static double scaled_exp(double x, uint64_t shift)
   const pair *at = &power[bits & 63U];
   const double r = (x - steps * 0x1.62e42fefc0000p-7) + steps * 0x1.c610ca86c3899p-43;
   const double r2 = r * r;
-  /* To the fifth power, with the sixth spread over the others by Chebyshev's polynomial. */
+  /* Fifth order; a Chebyshev polynomial distributes the sixth-order term over the others. */
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
-  const double scale = of_bits(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
+  const double scale = from_bits(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
   return scale + scale * ((r + at->rest) + (r2 * low + (r2 * r2) * high));
 }
 
 double anhyst_exp_f64(double x)
 {
-  /* Far out the last step decides: too large, below the normal numbers, or in range after all. */
-  const uint64_t away = 128U;
+  /* At large |x|, the final product decides between overflow, subnormal and normal results. */
+  const uint64_t scale_shift = 128U;
   if (x < 700.0 && x > -700.0) {
     return scaled_exp(x, 0U);
   }
   if (x > 0.0) {
-    return x < 710.0 ? scaled_exp(x, away) * 0x1p128 : HUGE_VAL;
+    return x < 710.0 ? scaled_exp(x, scale_shift) * 0x1p128 : HUGE_VAL;
   }
   if (x < 0.0) {
-    return x > -746.0 ? scaled_exp(x, 0U - away) * 0x1p-128 : 0.0;
+    return x > -746.0 ? scaled_exp(x, 0U - scale_shift) * 0x1p-128 : 0.0;
   }
-  return x; /* not a number */
+  return x; /* NaN */
 }
 
-/* log(c) of c = 1 + i/64, from i = 26 on of c/2: on a grid where whole multiples of log 2 fit in
-   too. Both next to 1 are exact: there nothing cancels. */
+/* log(c) for c = 1 + i/64, from i = 26 on for c/2, rounded to a grid that also contains integer
+   multiples of log 2. Both entries next to 1 are exact, so that no digits cancel there. */
 static const pair logarithm[65] = {{0.0, 0.0},
                                    {0x1.fc0a8b0fc0000p-7, 1.727456750e-15},
                                    {0x1.f829b0e780000p-6, 4.529814258e-14},
@@ -165,7 +166,7 @@ static const pair logarithm[65] = {{0.0, 0.0},
 double anhyst_log_f64(double x)
 {
   uint64_t bits = bits_of(x);
-  double doublings = -1023.0;
+  double exponent = -1023.0;
   if (!(x > 0.0)) {
     return x < 0.0 ? (double)NAN : isnan(x) ? x : -HUGE_VAL;
   }
@@ -174,28 +175,28 @@ double anhyst_log_f64(double x)
   }
   if (x < 0x1p-1022) {
     bits = bits_of(x * 0x1p54);
-    doublings -= 54.0;
+    exponent -= 54.0;
   }
-  /* x = m * 2^doublings, and c next to m: log(x) = log(c) + log(1 + r) + doublings*log 2 */
+  /* x = m * 2^exponent, and c close to m: log(x) = log(c) + log(1 + r) + exponent*log 2 */
   const uint64_t one = UINT64_C(1023) << 52U;
   const uint64_t digits = bits & 0x000FFFFFFFFFFFFFU;
   const uint64_t i = (digits + (UINT64_C(1) << 45U)) >> 46U;
-  const double m = of_bits(digits | one);
-  const double c = of_bits(one + (i << 46U));
+  const double m = from_bits(digits | one);
+  const double c = from_bits(one + (i << 46U));
   const double r = (m - c) / c;
   const pair *at = &logarithm[i];
-  doublings += (double)(int)((bits >> 52U) + (i >= 26U ? 1U : 0U));
+  exponent += (double)(int)((bits >> 52U) + (i >= 26U ? 1U : 0U));
   const double r2 = r * r;
   const double low = (0.5 - r * (1.0 / 3.0)) + r2 * (0.25 - r * 0.2);
   const double high = (1.0 / 6.0 - r * (1.0 / 7.0)) + r2 * 0.125;
-  const double less = r2 * low + (r2 * r2) * (r2 * high);
-  const double whole = doublings * 0x1.62e42fefa3800p-1 + at->value; /* exact */
-  const double sum = whole + r;
-  const double rest = ((whole - sum) + r) + (at->rest + doublings * 0x1.ef35793c76730p-45);
-  return sum + (rest - less);
+  const double series = r2 * low + (r2 * r2) * (r2 * high);
+  const double coarse_sum = exponent * 0x1.62e42fefa3800p-1 + at->value; /* exact */
+  const double sum = coarse_sum + r;
+  const double rest = ((coarse_sum - sum) + r) + (at->rest + exponent * 0x1.ef35793c76730p-45);
+  return sum + (rest - series);
 }
 
-/* atan(c) of c = 0, then of the middle c of each eighth of an octave from 1/32 to 64. */
+/* atan(c) for c = 0, then for the centre c of each eighth of an octave from 1/32 to 64. */
 const anhyst_pair anhyst_angles[89] = {{0.0, 0.0},
                                        {0x1.0fe66da9b94eep-5, -9.4294e-19},
                                        {0x1.2fdc4e3737dddp-5, -1.9405e-18},

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a loop adds to the controllers of axes.h: drives in single precision behind a controller in
-   double precision, and the state of a controller as a recording has it. */
+/* Additions of a simulated loop to the controllers of axes.h: a drive in single precision for a
+   controller in double precision, and the state word of a controller in recordings. */
 #ifndef ANHYST_PLANT_AXES_H
 #define ANHYST_PLANT_AXES_H
 
@@ -10,12 +10,12 @@
 extern "C" {
 #endif
 
-/* Makes a force controller in double precision that asks one in single precision, which must live
-   as long; for one in fixed point see force_coded_real.h. */
+/* Initialises a force controller in double precision that calls one in single precision, which must
+   live as long. For one in fixed point see force_coded_real.h. */
 void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_controller_f32 *force);
 
-/* The state of a controller, and what it has lost: 16 times the state of states.h, its phase, and
-   256 times the highest number of a magnet that is lost. */
+/* Returns the state of a controller and its losses: 16*(state of states.h) + phase + 256*(highest
+   number of a lost magnet). */
 uint16_t anhyst_axes_word(uint16_t state, uint32_t lost);
 
 #ifdef __cplusplus

@@ -1,38 +1,37 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A body that n magnets pull at, free in 1 to 6 coordinates: a bearing with one magnet against a
-   load, a pair against each other, a stage of six axes.
+/* A body with 1 to 6 free coordinates on which n magnets act: a bearing with one magnet against a
+   load, a pair of opposing magnets, or a stage with six axes.
 
      q = (p, th): pose, displacement and small angles;  v: velocity
-     M v' = sum W_i f_i + W_load F_load + weight - damping*v + what the end stops push
+     M v' = sum W_i f_i + W_load F_load + weight - damping*v + forces of the end stops
      q' = v - velocity of the frame
 
-   Whatever acts or measures at one place in one direction is a line, a place r and a unit vector d
-   on the frame. How far the body has moved along it, and what a force along it gives, belong
-   together, so that energy is kept:
+   An actuator or sensor that acts at one point in one direction is a line: a point r and a unit
+   vector d on the frame. The motion of the body along the line and the wrench of a force along it
+   are consistent, so that energy is conserved:
 
      moved = d.p + th.((r - p) x d),   W = d moved/dq = [d + th x d; (r - p) x d]
      gap_i = zero_i - moved_i,   a position head reads zero + moved
 
-   This is exact for faces that are planes and a rotation matrix of first order. Left out are
-   squares of the angles (of a gap half of r*th^2), products of angular rates (gyroscopic moments,
-   centrifugal forces), and the tilt of a gap across its pole. A coordinate that is not free stays
-   where it is; the guide carries what pushes it.
+   This is exact for plane faces and a rotation matrix of first order. The model neglects squares of
+   the angles (r*th^2/2 of a gap), products of angular rates (gyroscopic moments, centrifugal
+   forces), and the tilt of a gap across its pole. A coordinate that is not free stays constant; the
+   guide takes its load.
 
-   A cable goes from a place c on the body to the ground: a spring and a damper, alike along x, y,
-   z,
+   A cable connects a point c of the body to the ground: a spring and a damper, equal along x, y, z,
 
-     u = P + th x c,   F_cable = -stiffness*u - damping*u',   P, th: pose and frame together
+     u = P + th x c,   F_cable = -stiffness*u - damping*u',   P, th: sum of pose and frame
 
-   Each magnet has an amplifier behind a digital-analogue converter. The frame may move (the long
-   stroke of a stage): the pose is seen from the frame, the velocity is absolute. The load is a
-   moving coil with a current amplifier (a lag of first order) and a state controller of its own,
-   which renders force, damping and stiffness from an encoder.
+   Each magnet has an amplifier with a digital-analogue converter. The frame may move (the long
+   stroke of a stage): the pose is relative to the frame, the velocity is absolute. The load is a
+   moving coil with a current amplifier (a first-order lag) and its own state controller, which
+   produces force, damping and stiffness from an encoder.
 
-   Stepped from outside, tick by tick: read what the sensors say at the beginning of a tick, then go
-   on by one tick with what was computed from it. The currents take effect so many sub-steps after
-   the reading. Inside, a fixed step: the velocity by half a step, the pose, the windings by the
-   trapezoidal rule, the velocity by the other half. Second order in the sub-step. In one coordinate
-   with d = +1 or -1 every further product is by one or zero and changes no bit. */
+   The caller advances the body tick by tick: it reads the sensors at the start of a tick, then
+   advances by one tick with the computed commands. The currents take effect `delay` sub-steps after
+   the reading. The integration uses a fixed sub-step: the velocity by half a sub-step, the pose,
+   the windings by the trapezoidal rule, the velocity by the other half. It is of second order in
+   the sub-step. In one coordinate with d = +1 or -1, all other factors are one or zero. */
 #ifndef ANHYST_PLANT_BODY_H
 #define ANHYST_PLANT_BODY_H
 
@@ -43,23 +42,23 @@
 extern "C" {
 #endif
 
-#define ANHYST_PLANT_AXES 6 /* x y z, and angles about them */
+#define ANHYST_PLANT_AXES 6 /* x y z, and rotations about them */
 
 typedef struct {
-  double r[3]; /* from the point that the pose is of, m */
+  double r[3]; /* from the reference point of the pose, m */
   double d[3]; /* unit vector */
 } anhyst_plant_line;
 
 typedef struct {
   double limit; /* supply voltage, V */
   double gain;  /* of the current controller, V/A; 0: the command is a voltage */
-  double reset; /* its integral, V/(A s) */
+  double reset; /* integral gain of the current controller, V/(A s) */
   double low;   /* range of the command, A or V */
   double high;
   double step; /* of the digital-analogue converter */
 } anhyst_plant_amplifier;
 
-/* A magnet where it stands, with all that belongs to it. It pulls the body along its line. */
+/* A magnet with its position, amplifier and sensors. It pulls the body along its line. */
 typedef struct {
   anhyst_plant_magnet magnet;
   anhyst_plant_line line;
@@ -67,56 +66,56 @@ typedef struct {
   anhyst_plant_amplifier amplifier;
   anhyst_plant_sensor current_sensor;
   anhyst_plant_sensor flux_probe;
-  int has_probe; /* else its flux density reads as NAN */
+  int has_probe; /* otherwise its flux density reads as NAN */
 } anhyst_plant_actuator;
 
-/* What a head is fixed to: the frame; the body, on which it looks past the frame at something long,
-   so that a loop adds how far the frame has moved along its line; or the ground, from where it sees
-   another place of the body as that goes on: its line is counted from frame and pose together. */
+/* Mounting of a head. FRAME: on the frame. BODY: on the body, measuring past the frame to a long
+   target; a loop adds the motion of the frame along its line. GROUND: on the ground, from where it
+   sees another point of the body as the body moves; its line is relative to frame plus pose. */
 typedef enum { ANHYST_PLANT_FRAME, ANHYST_PLANT_BODY, ANHYST_PLANT_GROUND } anhyst_plant_base;
 
-/* A position sensor: an interferometer, or the sensor of a gap (zero that gap, d away from it). */
+/* A position sensor: an interferometer, or a gap sensor (zero: the gap, d: away from it). */
 typedef struct {
   anhyst_plant_line line;
-  double zero; /* m */
+  double zero; /* reading at pose zero, m */
   anhyst_plant_sensor sensor;
   anhyst_plant_base base;
 } anhyst_plant_head;
 
 typedef struct {
-  double at[3];     /* on the body, m */
-  double stiffness; /* N/m; 0: none */
+  double at[3];     /* attachment point on the body, m */
+  double stiffness; /* N/m; 0: no cable */
   double damping;   /* N s/m */
 } anhyst_plant_cable;
 
 typedef struct {
   anhyst_plant_line line;
-  double share;          /* of a step of force that its amplifier passes in one sub-step */
-  double damping;        /* rendered, N s/m */
-  double stiffness;      /* rendered, N/m */
-  double rest;           /* position at which the stiffness pushes nothing, m */
+  double share;          /* part of a force step that its amplifier passes in one sub-step */
+  double damping;        /* damping that its controller produces, N s/m */
+  double stiffness;      /* stiffness that its controller produces, N/m */
+  double rest;           /* position without a force of the stiffness, m */
   double encoder_step;   /* m; 0: none */
-  double velocity_share; /* of a step that the filter of its velocity passes in a tick */
+  double velocity_share; /* part of a step that its velocity filter passes in a tick */
 } anhyst_plant_load;
 
 /* A free coordinate, in m and N or rad and N m. */
 typedef struct {
   int axis;        /* 0..5 */
-  double rest;     /* where the body lies without currents */
+  double rest;     /* position of the body without currents */
   double damping;  /* of the guide */
-  double stop_low; /* where the end stops are */
+  double stop_low; /* positions of the end stops */
   double stop_high;
   double stop_stiffness;
-  double stop_damping; /* while touched */
+  double stop_damping; /* during contact */
 } anhyst_plant_coordinate;
 
-/* Arrays are the caller's, as long as counted here. */
+/* The arrays belong to the caller and have the lengths stated here. */
 typedef struct {
   int coordinates;                                       /* 1..6 */
-  anhyst_plant_coordinate coordinate[ANHYST_PLANT_AXES]; /* axes rising */
+  anhyst_plant_coordinate coordinate[ANHYST_PLANT_AXES]; /* in ascending order of their axes */
   double mass;                                           /* kg */
   double centre[3];                                      /* centre of mass, m */
-  double inertia[3][3];                                  /* about it, kg m^2 */
+  double inertia[3][3];                                  /* about the centre of mass, kg m^2 */
   double gravity[3];                                     /* m/s^2 */
   int magnets;
   const anhyst_plant_actuator *actuator;
@@ -124,91 +123,88 @@ typedef struct {
   const anhyst_plant_head *head;
   anhyst_plant_load load;
   anhyst_plant_cable cable;
-  double force_along[3];            /* unit vector: what part of the net force its sensor shows */
+  double force_along[3];            /* unit vector: direction of the force sensor */
   anhyst_plant_sensor force_sensor; /* of the magnets' net force */
-  double tick;                      /* s */
-  int substeps;                     /* a tick, >= 1 */
-  int delay; /* sub-steps from reading to output, 0..ANHYST_PLANT_DELAY_MOST/2 */
+  double tick;                      /* length of a tick, s */
+  int substeps;                     /* per tick, >= 1 */
+  int delay; /* from reading to output, sub-steps, 0..ANHYST_PLANT_DELAY_MOST/2 */
 } anhyst_plant_body;
 
-/* Where a caller wants its readings. */
+/* Destinations of the readings. */
 typedef struct {
-  double *head;    /* each, m */
+  double *head;    /* of each head, m */
   double *current; /* of each magnet, A */
-  double *density; /* flux density of each, T */
+  double *density; /* flux density of each magnet, T */
   double force;    /* N */
 } anhyst_plant_readings;
 
-/* An open circuit: the current goes back to the supply through diodes, and then there is none. A
-   short one: it runs down in the winding. */
+/* Failure of an amplifier. OPEN: open circuit; the current flows back to the supply through diodes,
+   then it is zero. SHORT: short circuit; the current decays in the winding. */
 typedef enum { ANHYST_PLANT_WORKS, ANHYST_PLANT_OPEN, ANHYST_PLANT_SHORT } anhyst_plant_failure;
 
 typedef struct {
   anhyst_plant_coil coil;
-  double gap;                           /* true, m */
-  double output;                        /* of the converter, A or V */
+  double gap;                           /* true value, m */
+  double output;                        /* output of the converter, A or V */
   anhyst_plant_failure failure;         /* of the amplifier; set from outside */
-  double line[ANHYST_PLANT_DELAY_MOST]; /* outputs to come */
+  double line[ANHYST_PLANT_DELAY_MOST]; /* outputs that are not yet effective */
   anhyst_plant_sensing current_sensing;
   anhyst_plant_sensing flux_sensing;
 } anhyst_plant_actuator_state;
 
 typedef struct {
-  double position; /* true, m */
+  double position; /* true value, m */
   anhyst_plant_sensing sensing;
 } anhyst_plant_head_state;
 
 typedef struct {
-  double pose[ANHYST_PLANT_AXES];           /* true, from the frame; m, rad */
-  double velocity[ANHYST_PLANT_AXES];       /* absolute, m/s, rad/s */
-  double frame_velocity[ANHYST_PLANT_AXES]; /* of the magnets; set from outside */
-  double frame[ANHYST_PLANT_AXES];          /* where they are; set from outside */
-  double wrench[ANHYST_PLANT_AXES];         /* of the magnets, N, N m */
-  double force;                             /* of the magnets, as its sensor is turned, N */
-  double load;                              /* of the load drive, N */
-  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity that half a sub-step gives for
-                                                        each N or N m */
-  double tie[ANHYST_PLANT_AXES]
-            [ANHYST_PLANT_AXES];              /* force of a cable of 1 N/m for each m or rad */
-  double weight[ANHYST_PLANT_AXES];           /* force and moment of gravity, N, N m */
-  int can_turn;                               /* whether an angle is a free coordinate */
-  anhyst_plant_actuator_state *actuator;      /* the caller's, one a magnet */
-  anhyst_plant_head_state *head;              /* and one a head */
-  unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether lines have something for this sub-step */
-  unsigned at;                                /* sub-step, modulo ANHYST_PLANT_DELAY_MOST */
-  double load_velocity;                       /* as the load drive estimates it */
-  double load_position;                       /* as its encoder said last */
+  double pose[ANHYST_PLANT_AXES];                    /* true values relative to the frame; m, rad */
+  double velocity[ANHYST_PLANT_AXES];                /* absolute, m/s, rad/s */
+  double frame_velocity[ANHYST_PLANT_AXES];          /* of the frame; set from outside */
+  double frame[ANHYST_PLANT_AXES];                   /* position of the frame; set from outside */
+  double wrench[ANHYST_PLANT_AXES];                  /* sum of the magnets, N, N m */
+  double force;                                      /* of the magnets along the force sensor, N */
+  double load;                                       /* force of the load drive, N */
+  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per half sub-step and N or N
+                                                        m */
+  double tie[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES];  /* force of a cable of 1 N/m per m or rad */
+  double weight[ANHYST_PLANT_AXES];                  /* force and moment of gravity, N, N m */
+  int can_turn;                                      /* whether a rotation is a free coordinate */
+  anhyst_plant_actuator_state *actuator;             /* array of the caller, one for each magnet */
+  anhyst_plant_head_state *head;                     /* array of the caller, one for each head */
+  unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether new outputs take effect in a sub-step */
+  unsigned at;                                /* sub-step modulo ANHYST_PLANT_DELAY_MOST */
+  double load_velocity;                       /* estimate of the load drive, m/s */
+  double load_position;                       /* last encoder reading, m */
   anhyst_plant_sensing force_sensing;
   anhyst_plant_noise noise;
 } anhyst_plant_state;
 
-/* At rest without current or load, the irons demagnetised; the two arrays of the state are given.
-   Returns 0 where mass and inertia are those of no body. */
+/* Initialises the state at rest without current or load, with demagnetised iron; the two arrays of
+   the state must be set. Returns 0 if mass and inertia are not those of a body. */
 int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state, uint64_t seed);
 
-/* Puts the body somewhere else; a number a free coordinate. */
+/* Moves the body to a pose and velocity, one number for each free coordinate. */
 void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state,
                         const double *pose, const double *velocity);
 
-/* Puts the frame somewhere else; a number a free coordinate. A head on the ground has seen the body
-   there for ever. */
+/* Moves the frame, one number for each free coordinate. Heads on the ground are settled there. */
 void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
                        const double *frame);
 
-/* Takes the current of a magnet so slowly to another that nothing is induced; there the amplifier
-   holds it. */
+/* Changes the current of a magnet so slowly that nothing is induced. Its amplifier keeps it. */
 void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state, int magnet,
                        double current);
 
-/* What the sensors say now. Once a tick: every reading draws its own noise. */
+/* Reads all sensors. Call once per tick, because every reading takes new noise. */
 void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
                        anhyst_plant_readings *readings);
 
-/* Goes on by one tick: commands to the amplifiers (A or V) and to the load drive (N). */
+/* Advances by one tick with the commands to the amplifiers (A or V) and to the load drive (N). */
 void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *state,
                           const double *command, double load);
 
-/* How far a body at this pose has moved along a line, m. */
+/* Returns the displacement of a body at this pose along a line, m. */
 double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[ANHYST_PLANT_AXES]);
 
 #ifdef __cplusplus

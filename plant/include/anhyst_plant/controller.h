@@ -1,35 +1,34 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* All that a simulated loop knows of its controller: in SI units, one call a tick. Arrays are the
-   loop's: a number a magnet, a position head, or a free coordinate of the body (m and N, or rad and
-   N m). */
+/* The interface between a simulated loop and its controller: SI units, one call per tick. The
+   arrays belong to the loop: one number for each magnet, position head, or free coordinate of the
+   body (m and N, or rad and N m). */
 #ifndef ANHYST_PLANT_CONTROLLER_H
 #define ANHYST_PLANT_CONTROLLER_H
 
 #include <stdint.h>
 
-/* What the controller is given at one tick. */
+/* Inputs of a controller at one tick. */
 typedef struct {
   int magnets;
   int heads;
   int coordinates;
-  const double *head;     /* as the position heads say, m; NAN: the sample was dropped */
-  const double *position; /* pose and place of the frame, as an interferometer says */
-  const double *current;  /* of each magnet, as the shunts say, A */
-  const double *flux;     /* of each, as the flux probes say, T; NAN without */
-  const double *target;   /* wanted position of each coordinate */
-  const double *load;     /* force that is fed forward, likewise */
+  const double *head;     /* readings of the position heads, m; NAN: the sample was dropped */
+  const double *position; /* sum of pose and frame position, measured by an interferometer */
+  const double *current;  /* shunt readings of each magnet, A */
+  const double *flux;     /* flux probe readings of each magnet, T; NAN without a probe */
+  const double *target;   /* target position of each coordinate */
+  const double *load;     /* feedforward force of each coordinate */
   uint32_t command;       /* 0 none, 1 condition, 2 demagnetised, 3 lift, 4 land, 5 stop, 6 clear */
 } anhyst_loop_sample;
 
-/* What it answers; the arrays are zero before. */
+/* Answer of a controller; all arrays are zero before the call. */
 typedef struct {
-  double *current;   /* references to the amplifiers, A, within limits and on the DAC's grid */
-  double *reference; /* position now controlled to, of each coordinate */
-  double *demand;    /* wanted net force, likewise */
-  uint16_t state; /* 16*state + phase, see levitation.h, + 256 times the highest number of a magnet
-                     that is lost */
-  uint16_t flags; /* see flags.h, or-ed over the drives, and levitation.h */
-  int gone;       /* there is no controller any more, and nothing else of this is to be believed */
+  double *current;   /* references of the amplifiers, A, limited and on the converter's grid */
+  double *reference; /* present reference position of each coordinate */
+  double *demand;    /* demanded net force of each coordinate */
+  uint16_t state; /* 16*state + phase, see levitation.h, + 256*(highest number of a lost magnet) */
+  uint16_t flags; /* see levitation.h and flags.h; combined by OR over the drives */
+  int gone;       /* 1: the controller has ended; the other members are not valid */
 } anhyst_loop_answer;
 
 typedef struct {
@@ -37,8 +36,8 @@ typedef struct {
   void (*tick)(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer);
 } anhyst_loop_controller;
 
-/* One of the product's controllers, in one format, and what its signals stand for. The tick is that
-   of an anhyst_loop_controller whose self is the adapter. */
+/* One of the product's controllers in one number format, and the scales of its signals. The tick
+   function is that of an anhyst_loop_controller whose self is the adapter. */
 #define ANHYST_PLANT_ADAPTER(kind, f)                                                              \
   typedef struct {                                                                                 \
     anhyst_##kind##_##f *kind;                                                                     \

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The curve of a steel that nothing pins:
+/* The anhysteretic curve of a steel:
 
      J = sharp*h/sqrt(h^2 + knee_sharp^2) + slow*2/pi*atan(h/knee_slow) */
 #ifndef ANHYST_PLANT_CURVE_H
@@ -16,7 +16,7 @@ typedef struct {
   double knee_slow;  /* A/m */
 } anhyst_plant_curve;
 
-/* Polarisation at a field, T, and its derivative by the field. Inline: cells ask for it often. */
+/* Returns the polarisation at a field, T, and its derivative. Inline for speed. */
 static inline double anhyst_plant_polarisation(const anhyst_plant_curve *curve, double h,
                                                double *slope)
 {

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A Duhem iron after Coleman and Hodgdon: the field depends on the polarisation, on the way there
-   and on which way it goes.
+/* A Duhem iron after Coleman and Hodgdon: the field depends on the polarisation, its path and its
+   direction.
 
      H = x + h,   J = curve(x),   dh = q(J)*dJ - rate*h*|dJ|,   B = mu0*H + J
      q = rate*coercivity*(1 - fading*(J/saturation)^2)
 
-   In closed form along every straight way: h goes exponentially over J to a parabola. Free of the
-   speed and of how a way is cut. What such an iron has not: it keeps no turning points. A small
-   loop about a bias is not closed but walks towards the curve, by exp(-2*rate*height) a cycle, and
-   a larger way does not wipe a smaller one out exactly.
+   On every monotone path, the solution has a closed form: h approaches a parabola exponentially
+   over J. The result does not depend on the speed and on the division of a path into steps. This
+   iron has no return-point memory. A minor loop about a bias is not closed but drifts towards the
+   curve, by exp(-2*rate*height) per cycle, and a larger loop does not delete a smaller one exactly.
 
-   With f = fading, n = rate*saturation: where f*(1 + 2/n + 2/n^2) <= 1, h stays between the two
-   parabolas and every way costs energy: H*dJ - d(stored) >= 0, stored = integral of x dJ +
+   With f = fading and n = rate*saturation: if f*(1 + 2/n + 2/n^2) <= 1, h stays between the two
+   parabolas, and paths dissipate energy: H*dJ - d(stored) >= 0, stored = integral of x dJ +
    h^2/(2*q). */
 #ifndef ANHYST_PLANT_DUHEM_H
 #define ANHYST_PLANT_DUHEM_H

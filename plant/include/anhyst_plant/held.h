@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An actuator whose armature is moved from outside, its amplifier and its sensors, tick by tick: a
-   rig whose force is controlled.
+/* A rig with a force controller: an actuator whose armature is moved from outside, its amplifier
+   and its sensors, tick by tick.
 
-   At tick n: the gap is given, the current flows that the amplifier has reached, the sensors are
-   read. What a controller then asks for is given at tick n + 1 and begins to flow from there on.
-
-   The amplifier takes its current from a converter. It follows as a low-pass of first order, no
-   faster than the supply allows and never below the low end of its range. What it controls is what
-   its shunt reads: an error of the shunt's zero is one of the current. */
+   At tick n, the gap is set, the present current of the amplifier flows, and the sensors are read.
+   The amplifier gets the controller's reference at tick n + 1, and its current changes from then
+   on. The reference comes from a converter. The amplifier follows as a first-order low-pass, with a
+   limited rate (supply voltage) and never below the low end of its range. It controls the current
+   that its shunt reads, so that a zero error of the shunt is a current error. */
 #ifndef ANHYST_PLANT_HELD_H
 #define ANHYST_PLANT_HELD_H
 
@@ -22,30 +21,30 @@ enum { ANHYST_HELD_GAP, ANHYST_HELD_FORCE, ANHYST_HELD_CURRENT, ANHYST_HELD_SENS
 
 typedef struct {
   anhyst_plant_magnet magnet;
-  double seconds; /* of a tick, in which its iron moves; 0: so slowly that nothing is induced */
+  double seconds; /* length of a tick, s; 0: so slow that nothing is induced */
   double low;     /* range of the converter, A */
   double high;
   double step;
-  double share; /* of what is missing that the amplifier passes in a tick */
-  double most;  /* by which it changes in a tick at most, A */
-  double zero;  /* what its shunt reads at no current, A */
+  double share; /* part of the control error that the amplifier removes in a tick */
+  double most;  /* maximum change of the current per tick, A */
+  double zero;  /* reading of its shunt without current, A */
   anhyst_plant_sensor sensor[ANHYST_HELD_SENSORS]; /* noise comes from outside */
 } anhyst_plant_held;
 
-/* All zero: demagnetised, no current. */
+/* All zeros: demagnetised, no current. */
 typedef struct {
   anhyst_plant_coil coil;
-  double reference; /* of the amplifier, A */
-  double current;   /* that it drives, A */
+  double reference; /* input of the amplifier, A */
+  double current;   /* output of the amplifier, A */
   anhyst_plant_sensing sensing[ANHYST_HELD_SENSORS];
   int begun;
 } anhyst_plant_held_state;
 
-/* What a tick gives: current, A; force, N; and what the sensors say. */
+/* Columns of a tick: current, A; force, N; and the sensor readings. */
 #define ANHYST_HELD_COLUMNS (2 + ANHYST_HELD_SENSORS)
 
-/* One tick: the current that was asked for at the one before, the gap here, and noise of each
-   sensor in the unit of its quantity. */
+/* Executes one tick: the reference of the last tick, the present gap, and the noise of each sensor
+   in the unit of its quantity. */
 void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_state *state,
                             double reference, double gap, const double *noise, double *row);
 

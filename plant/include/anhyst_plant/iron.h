@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Irons of several families behind one table of operators; none of them is a Jiles-Atherton
-   material. An iron is its steel and its memory.
-
-   Every family answers where a straight way of one coordinate leads: field and flux density, which
-   both rise with the coordinate, and their slopes on the way there. Of cells and of the Duhem iron
-   this is the field of the curve, of the Preisach iron the field that its relays see. */
+/* Irons of several families with one interface; none of them is a Jiles-Atherton material. An iron
+   is its steel and its memory. Every family computes the end of a monotone path of one coordinate:
+   field and flux density, which both rise with the coordinate, and their slopes at the end. For
+   cells and the Duhem iron, the coordinate is the field of the curve; for the Preisach iron, it is
+   the field of the relays. */
 #ifndef ANHYST_PLANT_IRON_H
 #define ANHYST_PLANT_IRON_H
 
@@ -18,10 +17,10 @@ extern "C" {
 
 #define ANHYST_PLANT_MU0 1.25663706143591729539e-6
 
-/* All zero: demagnetised. */
+/* All zeros: demagnetised. */
 typedef struct {
   double at;      /* coordinate, A/m */
-  double stride;  /* by which it moved last */
+  double stride;  /* last change of the coordinate, A/m */
   double field;   /* A/m */
   double density; /* flux density, T */
   union {
@@ -31,7 +30,7 @@ typedef struct {
   } own;
 } anhyst_plant_memory;
 
-/* Where the coordinate may move to. */
+/* A possible end of a path. */
 typedef struct {
   double at;            /* A/m */
   double field;         /* A/m */
@@ -47,24 +46,24 @@ typedef struct {
 
 typedef struct anhyst_plant_iron anhyst_plant_iron;
 
-/* What stands outside an iron beyond b*B: any n(B) that rises, with its slope. */
+/* An additional term n(B) of the equation besides b*B: any rising function, with its slope. */
 typedef struct {
   double (*needs)(void *self, double density, double *slope);
   void *self;
 } anhyst_plant_beyond;
 
-/* Fills in all of a goal except its coordinate, which is given. If the coordinate does not move,
-   the slopes are those of going on. */
+/* Completes a goal, whose coordinate is given. If the coordinate does not change, the slopes are
+   those of a continued movement. */
 typedef void (*anhyst_plant_look)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
                                   anhyst_plant_goal *goal);
 
 typedef struct {
   anhyst_plant_look look;
-  /* Solves what anhyst_plant_field states. */
+  /* Solves the equation of anhyst_plant_field. */
   void (*field)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                 double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
                 anhyst_plant_goal *goal);
-  /* Moves there: density and own of the memory. */
+  /* Moves the memory to a goal: its density and own. */
   void (*move)(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                const anhyst_plant_goal *goal);
 } anhyst_plant_family;
@@ -75,7 +74,7 @@ extern const anhyst_plant_family anhyst_plant_of_duhem;
 
 struct anhyst_plant_iron {
   const anhyst_plant_family *family;
-  double slack; /* by which the coordinate may move further than the field, A/m */
+  double slack; /* maximum change of the coordinate beyond the change of the field, A/m */
   union {
     anhyst_plant_cell_steel cells;
     anhyst_plant_preisach_steel preisach;
@@ -83,14 +82,13 @@ struct anhyst_plant_iron {
   } steel;
 };
 
-/* The field H for which a*H + b*B(H) + n(B) = r, for a > 0 and b >= 0, if the field moves there in
-   a straight line; the memory is not touched. |a*H + b*B + n - r| <= tolerance. beyond null: n = 0.
- */
+/* Finds the field H with a*H + b*B(H) + n(B) = r for a > 0 and b >= 0, on a monotone path. Does not
+   change the memory. |a*H + b*B + n - r| <= tolerance. beyond null: n = 0. */
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                         double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
                         anhyst_plant_goal *goal);
 
-/* Moves there. */
+/* Moves the memory to a goal. */
 void anhyst_plant_move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                        const anhyst_plant_goal *goal);
 

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A plant and its controller in lock-step, and what is recorded of them.
-
-   At tick n: the sensors are read, the controller answers, the plant goes on by one tick; the
-   answer takes effect where the plant's delay says. Where an amplifier takes a voltage, a digital
-   current controller stands between the two and runs once a tick. */
+/* A simulated plant and its controller in lock-step, and their recording. At tick n, the sensors
+   are read, the controller answers, and the plant advances by one tick. The answer takes effect
+   after the plant's delay. If an amplifier takes a voltage, a digital current controller between
+   the two runs once per tick. */
 #ifndef ANHYST_PLANT_LOOP_H
 #define ANHYST_PLANT_LOOP_H
 
@@ -16,16 +15,16 @@
 extern "C" {
 #endif
 
-/* u = resistance*reference + gain*(reference - read) + integral; gain 0: not needed. */
+/* u = resistance*reference + gain*(reference - read) + integral; gain 0: not used. */
 typedef struct {
   double resistance; /* ohm */
   double gain;       /* V/A */
-  double reset;      /* of the integral, V/A a tick */
+  double reset;      /* integral gain, V/A per tick */
   double limit;      /* V */
   double integral;   /* V */
 } anhyst_plant_current_loop;
 
-/* Numbers that a loop needs room for. */
+/* Size of the working storage of a loop, numbers. */
 #define ANHYST_LOOP_ROOM(magnets, heads, coordinates)                                              \
   (4 * (magnets) + 2 * (heads) + 3 * (coordinates))
 
@@ -33,24 +32,24 @@ typedef struct {
   const anhyst_plant_body *body;
   anhyst_plant_state *state;
   anhyst_loop_controller controller;
-  anhyst_plant_current_loop *current_loop; /* the caller's, one a magnet */
-  double *room;                            /* the caller's, ANHYST_LOOP_ROOM numbers */
-  uint64_t ticks;                          /* gone so far */
+  anhyst_plant_current_loop *current_loop; /* array of the caller, one for each magnet */
+  double *room;                            /* storage of the caller, ANHYST_LOOP_ROOM numbers */
+  uint64_t ticks;                          /* number of ticks so far */
 } anhyst_plant_loop;
 
-/* What happens at each of n ticks; a row a tick, a number a free coordinate where not said
-   otherwise. */
+/* Events at each of n ticks. One row per tick, one number per free coordinate, unless stated. */
 typedef struct {
-  const double *target;    /* wanted position */
-  const double *load;      /* force commanded to the load drive, N; one a tick */
-  const double *inject;    /* added to what the controller sees of the position */
-  const double *feed;      /* force that the controller is given */
-  const uint32_t *command; /* as in controller.h; bit 8: the heads' sample is dropped; from bit 16
-                              on a magnet each: its amplifier fails, with bit 9 as a short circuit,
-                              else as an open one. With one of bits 10 to 12 a position head
-                              each: it says no number, what it said last, or too much; one a tick */
-  const double *frame;     /* where the frame is at each of n + 1 ticks; straight between. NULL: it
-                              stands still */
+  const double *target;    /* target position */
+  const double *load;      /* force command of the load drive, N; one per tick */
+  const double *inject;    /* added to the position that the controller sees */
+  const double *feed;      /* feedforward force of the controller */
+  const uint32_t *command; /* one per tick, as in controller.h. Bit 8: the heads' sample is dropped.
+                              From bit 16 on, one bit for each magnet: its amplifier fails, as a
+                              short circuit with bit 9, otherwise as an open circuit. With one of
+                              bits 10 to 12, the bits from 16 on are position heads instead: NaN,
+                              last reading, or a jump */
+  const double *frame;     /* position of the frame at each of n + 1 ticks, linear between. NULL:
+                              the frame does not move */
 } anhyst_plant_events;
 
 #define ANHYST_LOOP_DROP 256U
@@ -62,9 +61,8 @@ typedef struct {
 #define ANHYST_LOOP_JUMP 20e-6 /* m */
 #define ANHYST_LOOP_FAILS 16
 
-/* The one table of what is recorded, a row a tick, all at its beginning: name, unit as columns end
-   with it, that of a coordinate that is an angle, how many a row has, and where loop.c takes it
-   from for number j. */
+/* The list of recorded signals, one row per tick, with values at its start: name, unit (suffix of
+   columns), unit of rotations, number of columns, and expression for number j. */
 #define ANHYST_LOOP_TABLE(SIGNAL)                                                                  \
   SIGNAL(TIME, "t", "s", "s", TICK, (double)loop->ticks * body->tick)                              \
   SIGNAL(REFERENCE, "reference", "m", "rad", COORDINATE, answer->reference[j])                     \
@@ -106,13 +104,13 @@ typedef struct {
 
 extern const anhyst_plant_signal_row anhyst_plant_signals[ANHYST_LOOP_SIGNALS];
 
-/* How many columns a signal has, and which is its first; of ANHYST_LOOP_SIGNALS that is the width
-   of a row. */
+/* Returns the number of columns of a signal, and the index of its first column; for
+   ANHYST_LOOP_SIGNALS, the latter is the width of a row. */
 int anhyst_plant_signal_count(const anhyst_plant_body *body, anhyst_plant_signal signal);
 int anhyst_plant_signal_column(const anhyst_plant_body *body, anhyst_plant_signal signal);
 
-/* Runs n ticks and fills n rows. Stops early where the pose ceases to be finite, and before a tick
-   that the controller did not answer; returns the rows filled. */
+/* Runs n ticks and fills n rows. Stops early if the pose is not finite any more, or before a tick
+   that the controller did not answer. Returns the number of rows. */
 size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t n,
                              double *record);
 

@@ -1,30 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An electromagnet at a gap: winding, iron, pull; of two kinds.
+/* An electromagnet with a gap: winding, iron, and force. There are two kinds.
 
-   circuit: an iron in series with two gaps that fringe and a leakage path beside them, and with the
-   joints of the core.
-   Part of the path may be solid (solid.h); then H is the mean along it, B that over the section.
-   Flux linkage and pull belong to one circuit, so that energy is kept:
+   circuit: iron in series with two gaps with fringing, a leakage path parallel to the gaps, and the
+   joints of the core. Part of the path may be solid (solid.h); then H is the mean along the path, B
+   the mean over the cross-section. Flux linkage and force belong to one circuit, so that energy is
+   conserved:
 
      turns*current = length*H + eddy*length*dB/dt + outer(gap)*area*B,   psi = turns*area*B
      pull = (gap flux)^2/2 * d(gap reluctance)/d(gap)
 
-   A circuit with a bias, as a voice coil in an iron core, has no gap that changes its reluctance: a
-   magnet's own flux makes a force in proportion to the flux, in both directions, and drives the
-   circuit as the body moves by x towards the force. Energy is kept here too:
+   A circuit with a bias, such as a voice coil in an iron core, has no gap whose reluctance changes.
+   A magnet's own flux produces a force in proportion to the coil flux, in both directions, and
+   drives the circuit when the body moves by x in the direction of the force. Energy is conserved:
 
      turns*current + bias*x = length*H + eddy*length*dB/dt + joints*area*B
      force = bias*area*B - spring*x,   x = middle - gap
 
-   A circuit with a cone (cone.c) has that in place of the gaps, in series with its joints: the
-   sliding clearance of a solenoid's plunger.
+   A circuit with a cone (cone.c) has the cone instead of the gaps. The sliding clearance of a
+   solenoid's plunger is part of its joints.
 
-   law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
-   c_out*B^2 + F_0; the flux linkage from a table psi(I, gap), odd in I.
+   law: an identified model. The force comes from the law, c_H*(I - I_0) through rho(gap) to B and
+   c_out*B^2 + F_0; the flux linkage comes from a table psi(I, gap), odd in I.
 
-   The flux linkage moves by the trapezoidal rule, dpsi/dt = u - resistance*current: second order,
-   stable for any step, and the iron turns round exactly where a voltage that jumps between two
-   steps makes it. Both kinds are one equation with a rising left side. */
+   The flux linkage is integrated by the trapezoidal rule, dpsi/dt = u - resistance*current. It is
+   of second order and stable for any step. If a voltage jumps between two steps, the iron reverses
+   exactly there. Both kinds solve one equation with a rising left side. */
 #ifndef ANHYST_PLANT_MAGNET_H
 #define ANHYST_PLANT_MAGNET_H
 
@@ -36,45 +36,44 @@
 extern "C" {
 #endif
 
-/* The working gap of a solenoid: a plunger in front of a stop with a control cone. Three ways lie
-   in parallel: its flat face, the wall of the cone, into which it dips and whose thin end
-   saturates, and leakage that pulls at nothing. At ampere-turns u
+/* The working gap of a solenoid: a plunger in front of a stop with a control cone. Three flux paths
+   are parallel: the flat face, the wall of the cone, into which the plunger dips and whose thin end
+   saturates, and leakage without a force. At ampere-turns u
 
      flux(u) = (face + leakage)*u + cone*u/sqrt(1 + (cone*u/limit)^2)
 
-   and the pull is what the coenergy, the integral of the flux over u, loses for each metre. */
+   and the force is the decrease of the coenergy (integral of the flux over u) per metre. */
 typedef struct {
   double leakage;    /* permeance parallel to the working gap, H */
-  double side;       /* of a square as large as the flat face, m */
-  double fringe;     /* by which this widens on each side, over the gap */
+  double side;       /* side of a square with the area of the flat face, m */
+  double fringe;     /* widening of this square on each side by fringing, divided by the gap */
   double around;     /* circumference of the wall, m */
   double clearance;  /* radial, between plunger and wall, m */
-  double depth;      /* gap at which the plunger begins to dip in, m */
-  double onset;      /* length over which this beginning is washed out, m */
+  double depth;      /* gap at which the plunger starts to dip in, m */
+  double onset;      /* length over which this start is smoothed, m */
   double thickness;  /* of the wall at its end, m */
-  double taper;      /* how much thicker it is for each metre of depth */
+  double taper;      /* increase of the wall thickness per metre of depth */
   double saturation; /* flux density at which the wall saturates, T */
 } anhyst_plant_cone;
 
-/* At one gap: permeances, H, and what they change by for each metre. */
+/* Permeances at one gap, H, and their derivatives per metre. */
 typedef struct {
   double gap;      /* m */
-  double straight; /* of face and leakage together */
+  double straight; /* permeance of face and leakage together */
   double d_face;
   double cone;
   double d_cone;
-  double limit; /* flux that saturates the wall, Wb */
+  double limit; /* saturation flux of the wall, Wb */
   double d_limit;
 } anhyst_plant_cone_gap;
 
 void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at);
 
-/* Ampere-turns that a flux needs, looked for from some near by, A; and their slope over the flux,
-   1/H. */
+/* Returns the ampere-turns for a flux, A, with a search from `near`; sets their slope, 1/H. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
                              double *slope);
 
-/* Pull that closes the gap, N. */
+/* Returns the force that closes the gap, N. */
 double anhyst_plant_cone_force(const anhyst_plant_cone_gap *at, double mmf);
 
 typedef struct {
@@ -84,29 +83,29 @@ typedef struct {
   double pole_width;  /* m */
   double pole_depth;  /* m */
   double leakage;     /* permeance parallel to the gaps, H */
-  double joints;      /* reluctance of air in the core, in series with all of it, 1/H */
+  double joints;      /* reluctance of air in the core, in series with the whole circuit, 1/H */
   double eddy;        /* field that opposes a change of flux density, A s/(m T) */
-  double bias;        /* magnetomotive force for each m moved, A/m; 0: the gaps pull */
-  double middle;      /* gap where that is none, m */
-  double spring;      /* force against the motion that no flux of the circuit makes, N/m */
-  const anhyst_plant_solid *solid; /* null: all of it is sheets; with a cone it is */
+  double bias;        /* magnetomotive force per m of motion, A/m; 0: the gaps produce the force */
+  double middle;      /* gap without this magnetomotive force, m */
+  double spring;      /* force against the motion independent of the flux, N/m */
+  const anhyst_plant_solid *solid; /* null: all of it is laminated, as always with a cone */
   const anhyst_plant_cone *cone;   /* null: two gaps */
 } anhyst_plant_circuit;
 
-/* How a model's drive and output are made up at one gap. */
+/* Coefficients of the drive and the output of a model at one gap. */
 typedef struct {
   double drive;     /* c_H, 1/m */
   double gap_ratio; /* rho */
   double gain;      /* c_out, N/T^2 */
-  double offset;    /* output at no flux, N */
-  double zero;      /* current at no drive, A */
-  double density;   /* flux density in the gap for that of the law, which is a choice of gauge */
+  double offset;    /* output without flux, N */
+  double zero;      /* current without drive, A */
+  double density;   /* flux density in the gap over that of the law (free scale) */
 } anhyst_plant_row;
 
 /* Flux linkage over current (0..current_high, equal steps) and gap (equal steps), rising along the
-   current; linear between, odd in the current, gone on with beyond. */
+   current. It is interpolated linearly, odd in the current, and extrapolated linearly. */
 typedef struct {
-  const double *psi; /* gaps rows of currents entries, Wb */
+  const double *psi; /* one row for each gap, one entry for each current, Wb */
   int currents;      /* >= 2 */
   int gaps;          /* >= 2 */
   double current_high;
@@ -116,57 +115,57 @@ typedef struct {
 
 typedef struct {
   const anhyst_iron_f64 *iron;
-  const anhyst_plant_row *rows; /* over the gaps of the table: equal steps, linear between */
+  const anhyst_plant_row *rows; /* over the gaps of the table: equal steps, linear interpolation */
   int row_count;                /* >= 2 */
   double eddy;                  /* gamma, A s/(m T) */
   anhyst_plant_flux_table table;
 } anhyst_plant_law;
 
 typedef struct {
-  const anhyst_plant_circuit *circuit; /* one of the two, the other null */
+  const anhyst_plant_circuit *circuit; /* exactly one of circuit and law is not null */
   const anhyst_plant_law *law;
   double turns;
   double resistance; /* ohm */
 } anhyst_plant_magnet;
 
-/* What drives the winding over one step: u = gain*(reference - current) + integral + voltage,
-   within limits; beyond them the integral stands still. gain and reset 0 are a voltage. */
+/* Source of the winding over one step: u = gain*(reference - current) + integral + voltage, within
+   limits; at a limit the integral does not change. gain and reset 0 are a voltage source. */
 typedef struct {
   double reference; /* A */
   double gain;      /* V/A, >= 0 */
-  double reset;     /* by which the integral follows reference - current, V/(A s) */
+  double reset;     /* gain of the integral over reference - current, V/(A s) */
   double voltage;   /* V */
   double limit;     /* largest |u|, V */
 } anhyst_plant_source;
 
-/* All zero: demagnetised, no current. */
+/* All zeros: demagnetised, no current. */
 typedef struct {
-  anhyst_plant_memory iron;    /* of a circuit, of its sheets */
-  anhyst_plant_memory *volume; /* of its solid iron, the surface first; the caller's */
+  anhyst_plant_memory iron;    /* of a circuit: its laminated part */
+  anhyst_plant_memory *volume; /* of its solid iron, the surface first; array of the caller */
   anhyst_memory_f64 law;
-  double over;     /* cone: ampere-turns over the gap, A */
-  double stride;   /* law: by which the flux density moved last, T */
+  double over;     /* with a cone: ampere-turns over the gap, A */
+  double stride;   /* of a law: last change of the flux density, T */
   double psi;      /* flux linkage, Wb */
   double current;  /* A */
-  double steady;   /* current without that of the eddies in the iron, A */
+  double steady;   /* current without the part of the eddy currents in the iron, A */
   double voltage;  /* V */
-  double integral; /* of the source, V */
-  double force;    /* pull, N */
+  double integral; /* integral of the source, V */
+  double force;    /* N */
   double density;  /* flux density in the gap, T */
-  double heat;     /* given to the winding's resistance so far, J */
-  double energy;   /* taken from the amplifier so far, J */
+  double heat;     /* total heat in the winding's resistance so far, J */
+  double energy;   /* total energy from the amplifier so far, J */
 } anhyst_plant_coil;
 
-/* One step of so many seconds that ends at this gap. */
+/* Executes one step of `seconds` that ends at this gap. */
 void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             const anhyst_plant_source *source, double gap, double seconds);
 
-/* Moves to a current at a gap in one step of 1/per_second, whatever voltage that takes; 0: so
-   slowly that nothing is induced. */
+/* Moves to a current at a gap in one step of 1/per_second, with the voltage that is necessary; 0:
+   so slow that nothing is induced. */
 void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap, double per_second);
 
-/* Moves straight to a current in so many seconds, in a few such steps. */
+/* Moves linearly to a current in `seconds`, in a few such steps. */
 void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                               double current, double gap, double seconds);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The product's position controllers as a loop sees them. All that happens here is that signals in
-   SI units become those of the number format, and back: codes in fixed point, else casts. */
+/* The product's position controllers as controllers of a loop. This adapter only converts signals
+   between SI units and the number format: codes in fixed point, casts in floating point. */
 #ifndef ANHYST_PLANT_POSITION_H
 #define ANHYST_PLANT_POSITION_H
 
@@ -12,14 +12,14 @@
 extern "C" {
 #endif
 
-/* Which SI quantities the signals stand for. */
+/* Scales of the signals. */
 typedef struct {
   double gap_middle; /* gap at position 0, m */
-  double position;   /* full scales, of fixed point alone: m */
+  double position;   /* full scales, only for fixed point: m */
   double current;    /* A */
   double demand;     /* N */
   double load;       /* N */
-  double flux;       /* density, T */
+  double flux;       /* flux density, T */
 } anhyst_position_scales;
 
 ANHYST_PLANT_ADAPTER(position, q31);

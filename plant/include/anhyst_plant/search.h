@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The search for the field of an iron. Inline: each family compiles it with its own look(). */
+/* The search for the field of an iron. Inline, with the look function of each family. */
 #ifndef ANHYST_PLANT_SEARCH_H
 #define ANHYST_PLANT_SEARCH_H
 
 #include "anhyst_plant/iron.h"
 
-/* Maximum number of iterations. */
 #define ANHYST_PLANT_MAX_ITERATIONS 100
-/* Iterations before the bracket is halved: if a field has folds, tangents may lead nowhere. */
+/* Iterations before the bracket is halved: if a field has folds, tangents may not converge. */
 #define ANHYST_PLANT_NEWTON_ITERATIONS 30
 
-/* Solves what anhyst_plant_field states: Newton's method within a bracket. */
+/* Solves the equation of anhyst_plant_field by Newton's method in a bracket. */
 static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plant_iron *iron,
                                        const anhyst_plant_memory *memory, double a, double b,
                                        double r, double tolerance,
@@ -22,29 +21,29 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
   int i;
   for (i = 0; i < ANHYST_PLANT_MAX_ITERATIONS; i++) {
     double slope = b;
-    double missing;
+    double residual;
     goal->at = at;
     look(iron, memory, goal);
-    missing = r - a * goal->field - b * goal->density;
+    residual = r - a * goal->field - b * goal->density;
     if (beyond) {
       double steeper;
-      missing -= beyond->needs(beyond->self, goal->density, &steeper);
+      residual -= beyond->needs(beyond->self, goal->density, &steeper);
       slope += steeper;
     }
-    if (fabs(missing) <= tolerance) {
+    if (fabs(residual) <= tolerance) {
       return;
     }
-    /* What is missing falls by at least a for each A/m of field: a bracket. */
-    if (missing > 0.0) {
-      const double end = at + missing / a + iron->slack;
+    /* The residual falls by at least a per A/m of field, which gives a bracket. */
+    if (residual > 0.0) {
+      const double end = at + residual / a + iron->slack;
       low = at;
       high = end < high ? end : high;
     } else {
-      const double end = at + missing / a - iron->slack;
+      const double end = at + residual / a - iron->slack;
       high = at;
       low = end > low ? end : low;
     }
-    at += missing / (a * goal->field_slope + slope * goal->density_slope);
+    at += residual / (a * goal->field_slope + slope * goal->density_slope);
     if (i >= ANHYST_PLANT_NEWTON_ITERATIONS || !(at > low && at < high)) {
       at = 0.5 * (low + high);
     }
@@ -52,14 +51,14 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
   goal->at = at;
 }
 
-/* The table of a family, of the look() and move() of its file. */
+/* Defines the interface of a family from the functions evaluate_goal and move of its file. */
 #define ANHYST_PLANT_FAMILY(name)                                                                  \
   static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,    \
                     double b, double r, double tolerance, const anhyst_plant_beyond *beyond,       \
                     anhyst_plant_goal *goal)                                                       \
   {                                                                                                \
-    anhyst_plant_search(look, iron, memory, a, b, r, tolerance, beyond, goal);                     \
+    anhyst_plant_search(evaluate_goal, iron, memory, a, b, r, tolerance, beyond, goal);            \
   }                                                                                                \
-  const anhyst_plant_family anhyst_plant_of_##name = {look, field, move}
+  const anhyst_plant_family anhyst_plant_of_##name = {evaluate_goal, field, move}
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Sensors: bandwidth, delay, gain and offset, noise, converter, in this order. */
+/* Sensors: bandwidth, delay, gain and offset, noise, and converter, in this order. */
 #ifndef ANHYST_PLANT_SENSOR_H
 #define ANHYST_PLANT_SENSOR_H
 
@@ -9,9 +9,9 @@
 extern "C" {
 #endif
 
-#define ANHYST_PLANT_DELAY_MOST 256 /* sub-steps, a power of two */
+#define ANHYST_PLANT_DELAY_MOST 256 /* maximum delay, sub-steps, a power of two */
 
-/* Normal random numbers: xoshiro256++ and the polar method. */
+/* Normally distributed random numbers: xoshiro256++ and the polar method. */
 typedef struct {
   uint64_t word[4];
   double spare;
@@ -21,36 +21,36 @@ typedef struct {
 void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed);
 
 typedef struct {
-  double low; /* ends of the range; what lies beyond stays at the end */
+  double low; /* ends of the range; values outside are limited */
   double high;
-  double step;   /* of the converter, whose grid begins at low; 0: none */
-  double gain;   /* of an ideal sensor 1 */
-  double offset; /* in the unit of the quantity, as the noise */
-  double noise;  /* standard deviation */
-  double share;  /* of a step that its low-pass passes in one sub-step, 0 < .. <= 1 */
+  double step;   /* of the converter, whose grid starts at low; 0: no converter */
+  double gain;   /* 1 for an ideal sensor */
+  double offset; /* in the unit of the quantity */
+  double noise;  /* standard deviation, in the unit of the quantity */
+  double share;  /* part of a step that its low-pass passes in one sub-step, 0 < .. <= 1 */
   int delay;     /* sub-steps, 0..ANHYST_PLANT_DELAY_MOST - 1 */
 } anhyst_plant_sensor;
 
 typedef struct {
-  double value;                         /* behind the low-pass */
+  double value;                         /* output of the low-pass */
   double line[ANHYST_PLANT_DELAY_MOST]; /* the last values */
   unsigned at;
 } anhyst_plant_sensing;
 
-/* Within the range; low for NaN. The C library's fmin and fmax leave the sign of zero open. */
+/* Limits a value to the range; low for NaN. C's fmin and fmax do not define the sign of zero. */
 static inline double anhyst_plant_bound(double value, double low, double high)
 {
   return value > low ? (value < high ? value : high) : low;
 }
 
-/* The nearest value on a converter's grid; step 0: the value within the range. */
+/* Returns the nearest value on a converter's grid; step 0: the value, limited to the range. */
 double anhyst_plant_convert(double value, double low, double high, double step);
 
-/* Starts at a quantity that has stood for ever. */
+/* Starts in the steady state of a constant quantity. */
 void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value);
 
-/* Follows a quantity over one sub-step, from its value at the beginning to that at the end. Inline,
-   because every sub-step calls it for every sensor. */
+/* Follows a quantity over one sub-step, from its value at the start to its value at the end.
+   Inline, because every sub-step calls it for every sensor. */
 static inline void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor,
                                               anhyst_plant_sensing *sensing, double from, double to)
 {
@@ -63,12 +63,12 @@ static inline void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor,
   sensing->line[at] = value;
 }
 
-/* What it says now. */
+/* Returns the present reading. */
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise);
 
-/* What it says of a quantity that stood there for a whole step, at the first one for ever; with
-   noise from outside, in the unit of the quantity. */
+/* Returns the reading of a quantity that was constant for a whole step (before the first step,
+   forever), with noise from outside in the unit of the quantity. */
 double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
                                 int is_first, double value, double noise);
 

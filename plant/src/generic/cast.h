@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* In floating point the signals are SI as they are. */
+/* In floating point, the signals are SI values without conversion. */
 
 static inline ANHYST_REAL ANHYST_NAME(code)(double value, double full)
 {

@@ -1,33 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst_plant/search.h"
 
-/* A cell at the edge of its play counts as moving: where the field stands, the slope is that of
-   going on. */
-static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
-                        anhyst_plant_goal *goal)
+/* A cell at the edge of its play counts as moving. At the present field, the slope is therefore
+   that of a continued movement. */
+static inline void evaluate_goal(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                                 anhyst_plant_goal *goal)
 {
   const anhyst_plant_cell_steel *steel = &iron->steel.cells;
   const anhyst_plant_cells *cells = &memory->own.cells;
-  anhyst_plant_cells_goal *own = &goal->own.cells;
+  anhyst_plant_cells_goal *result = &goal->own.cells;
   const double at = goal->at;
   double density = ANHYST_PLANT_MU0 * at;
   double slope = ANHYST_PLANT_MU0;
   int i;
   for (i = 0; i < steel->cells; i++) {
-    const double away = at - cells->place[i];
+    const double distance = at - cells->place[i];
     const double r = steel->threshold[i];
-    double steep;
+    double curve_slope;
     double part;
-    if (away < r && away > -r) {
+    if (distance < r && distance > -r) {
       break;
     }
-    part =
-        steel->weight[i] * anhyst_plant_polarisation(&steel->curve, at - copysign(r, away), &steep);
-    own->part[i] = part;
+    part = steel->weight[i] *
+           anhyst_plant_polarisation(&steel->curve, at - copysign(r, distance), &curve_slope);
+    result->part[i] = part;
     density += part;
-    slope += steel->weight[i] * steep;
+    slope += steel->weight[i] * curve_slope;
   }
-  own->moved = i;
+  result->moved = i;
   goal->field = at;
   goal->field_slope = 1.0;
   goal->density = density + cells->rest[i];

@@ -4,37 +4,37 @@
 #include "anhyst/numeric/elementary.h"
 #include "anhyst_plant/search.h"
 
-/* The parabola over the polarisation to which h goes while that rises, A/m. */
+/* Returns the parabola over the polarisation that h approaches while that rises, A/m. */
 static double parabola(const anhyst_plant_duhem_steel *steel, double polarisation)
 {
   const double saturation = steel->curve.sharp + steel->curve.slow;
-  const double per_way = 1.0 / (steel->rate * saturation);
+  const double inverse_rate = 1.0 / (steel->rate * saturation);
   const double j = polarisation / saturation;
-  const double fades = j * j - 2.0 * per_way * j + 2.0 * per_way * per_way;
-  return steel->coercivity * (1.0 - steel->fading * fades);
+  const double fading_term = j * j - 2.0 * inverse_rate * j + 2.0 * inverse_rate * inverse_rate;
+  return steel->coercivity * (1.0 - steel->fading * fading_term);
 }
 
-static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
-                        anhyst_plant_goal *goal)
+static inline void evaluate_goal(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                                 anhyst_plant_goal *goal)
 {
   const anhyst_plant_duhem_steel *steel = &iron->steel.duhem;
-  const anhyst_plant_duhem *now = &memory->own.duhem;
-  anhyst_plant_duhem *then = &goal->own.duhem;
+  const anhyst_plant_duhem *start = &memory->own.duhem;
+  anhyst_plant_duhem *end = &goal->own.duhem;
   const double saturation = steel->curve.sharp + steel->curve.slow;
-  const double way = goal->at == memory->at ? memory->stride : goal->at - memory->at;
-  const double up = way < 0.0 ? -1.0 : 1.0;
+  const double travel = goal->at == memory->at ? memory->stride : goal->at - memory->at;
+  const double direction = travel < 0.0 ? -1.0 : 1.0;
   double slope;
   double q;
   double share;
-  then->polarisation = anhyst_plant_polarisation(&steel->curve, goal->at, &slope);
-  share = then->polarisation / saturation;
+  end->polarisation = anhyst_plant_polarisation(&steel->curve, goal->at, &slope);
+  share = end->polarisation / saturation;
   q = steel->rate * steel->coercivity * (1.0 - steel->fading * share * share);
-  then->friction = up * parabola(steel, up * then->polarisation) +
-                   (now->friction - up * parabola(steel, up * now->polarisation)) *
-                       anhyst_exp_f64(-steel->rate * fabs(then->polarisation - now->polarisation));
-  goal->field = goal->at + then->friction;
-  goal->field_slope = 1.0 + (q - up * steel->rate * then->friction) * slope;
-  goal->density = ANHYST_PLANT_MU0 * goal->field + then->polarisation;
+  end->friction = direction * parabola(steel, direction * end->polarisation) +
+                  (start->friction - direction * parabola(steel, direction * start->polarisation)) *
+                      anhyst_exp_f64(-steel->rate * fabs(end->polarisation - start->polarisation));
+  goal->field = goal->at + end->friction;
+  goal->field_slope = 1.0 + (q - direction * steel->rate * end->friction) * slope;
+  goal->density = ANHYST_PLANT_MU0 * goal->field + end->polarisation;
   goal->density_slope = ANHYST_PLANT_MU0 * goal->field_slope + slope;
 }
 

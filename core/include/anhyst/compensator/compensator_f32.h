@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in single precision. Declarations are in generic/compensator.h. */
+/* The compensator in single precision. Declarations: generic/compensator.h. */
 #ifndef ANHYST_COMPENSATOR_F32_H
 #define ANHYST_COMPENSATOR_F32_H
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The force controller of force_controller.h by a map with one play, in fixed point. A source of
-   its own: who never has one does not bring its code along. */
+/* The method `play` of force_controller.h in fixed point: a force map with one play operator. It is
+   a separate source, so that programs without it do not link its code. */
 #ifndef ANHYST_FORCE_BY_PLAY_H
 #define ANHYST_FORCE_BY_PLAY_H
 

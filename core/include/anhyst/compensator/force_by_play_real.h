@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The force controller by a map with one play in floating point. */
+/* The method `play` of the force controller in floating point: a map with one play operator. */
 #ifndef ANHYST_FORCE_BY_PLAY_REAL_H
 #define ANHYST_FORCE_BY_PLAY_REAL_H
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A force controller in SI units that asks one in fixed point, whatever its method: floating point
-   outside, codes of q31 inside. The memory of the iron is that of the inner one.
+/* A force controller in SI units around an inner one in fixed point: floating point outside, q31
+   codes inside. The inner controller may use any method, and contains the hysteresis state.
 
-   A code is its signal cut off towards zero; what is beyond the format becomes its end, a gap
-   beyond its range the end of that. Error: one code, 2^-31 of full scale, and 2 units in the last
-   place of the signal in the outer format, which in single precision are the larger part: 2.4e-7 of
-   a force, a current, or the distance of a gap from gap_low. A force or gap that is no number asks
-   for the lowest force; a flux density that is none is that of no probe. Nothing here waits or
-   loops. Declarations are in generic/force_coded.h. */
+   Signals are truncated to codes, towards zero. A signal outside the format becomes the end of the
+   format, and a gap outside its range becomes the end of the range. The error is one code (2^-31 of
+   full scale) plus 2 ulp of the signal in the outer format. In single precision, the second part is
+   larger: 2.4e-7 of a force, a current, or the distance of a gap from gap_low. A force or a gap
+   that is NaN demands the lowest force. A flux density that is NaN means that there is no probe. No
+   function waits or loops. Declarations: generic/force_coded.h. */
 #ifndef ANHYST_FORCE_CODED_REAL_H
 #define ANHYST_FORCE_CODED_REAL_H
 

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The force controller of one magnet, in fixed point: wanted force in, current out, by one of
+/* The force controller of one magnet in fixed point: demanded force in, current out. Methods:
 
-     map          current over force and gap without memory
-     compensator  the inverse of hysteresis, with any kernel
-     flux         a map, corrected until the measured flux density is the one of the wanted force
+     map          current as a single-valued function of force and gap
+     compensator  inverse hysteresis model, with any kernel
+     flux         a map, corrected until the measured flux density is that of the demanded force
      fused        a compensator, corrected in the same way
-     play         such a map with one play: force_by_play.h
+     play         a map with one play operator: force_by_play.h
 
-   At every tick: solve once or more, limit and apply the current, then commit what was applied.
-   solve keeps what it found for the commit, but changes neither the memory of the iron nor an
-   integral. commit returns which force to expect, for the integral of whoever asked for the force.
+   In each tick, solve once or more, limit and apply the current, then commit the current that was
+   applied. solve stores its result for the commit, but changes neither the hysteresis state nor an
+   integral. commit returns the expected force, for the integral of the outer controller.
 
    Signals are q31: force and current over their full scales, the gap 0..1.0 over its range, the
-   flux density over its full scale. Declarations are in generic/force_controller.h. */
+   flux density over its full scale. Declarations: generic/force_controller.h. */
 #ifndef ANHYST_FORCE_CONTROLLER_H
 #define ANHYST_FORCE_CONTROLLER_H
 
@@ -24,25 +24,25 @@
 extern "C" {
 #endif
 
-/* The flux density of a probe that is not there, or gave no sample. */
+/* The flux density of a missing probe or a missing sample. */
 #define ANHYST_NO_FLUX ANHYST_Q31_MIN
 
-/* How the measured flux corrects the current; constant. U is the full scale of the current, B that
-   of the flux density, T the length of a tick. */
+/* Gains of the correction of the current by the measured flux; constant. U is the full scale of the
+   current, B that of the flux density, T the length of a tick. */
 typedef struct {
-  anhyst_map_q31 wanted;      /* flux density over the root of the force */
+  anhyst_map_q31 wanted;      /* flux density over the square root of the force */
   anhyst_factor proportional; /* k_p*B/U */
   anhyst_factor integral;     /* k_i*T*B/U */
-  anhyst_factor back;         /* share of applied - wanted that the integral takes in a tick in
-                                 which the controller's limits cut the current */
-  anhyst_factor smoothing;    /* minus the share of a step that is expected to show in a tick */
-  int32_t most;               /* current that is added to that of a compensator at most, >= 0 */
+  anhyst_factor back;         /* back-calculation gain: share of applied - wanted that is added to
+                                 the integral in a tick with a limited current */
+  anhyst_factor smoothing;    /* minus the share of a flux step expected after one tick */
+  int32_t most;               /* maximum current that is added to that of a compensator, >= 0 */
 } anhyst_flux_loop_q31;
 
 typedef anhyst_compensator anhyst_compensator_q31;
-typedef int16_t anhyst_block_q31; /* words of a parameter block */
+typedef int16_t anhyst_block_q31; /* a word of a parameter block */
 
-/* expected, integral, error and flux are q30. */
+/* The members expected, integral, error and flux are q30. */
 #include "anhyst/numeric/q31.h"
 #include "anhyst/compensator/generic/force_controller.h"
 #include "anhyst/numeric/no_format.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The force controller of force_controller.h in floating point, in the units of the model. A probe
-   that is not there gives what is not a number. */
+/* The force controller of force_controller.h in floating point, in the units of the model. The flux
+   density of a missing probe is NaN. */
 #ifndef ANHYST_FORCE_CONTROLLER_REAL_H
 #define ANHYST_FORCE_CONTROLLER_REAL_H
 
@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-/* Words of a parameter block. */
+/* A word of a parameter block. */
 typedef double anhyst_block_f64;
 typedef float anhyst_block_f32;
 

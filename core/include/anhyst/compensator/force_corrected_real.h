@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A force controller behind what calibration found of its magnet, in floating point: whatever its
-   method, it is asked as if current, gap, flux and time were what it was fitted to.
+/* A force controller that applies the calibration of its magnet to another one, in floating point.
+   The inner controller may use any method. Its current, gap and flux are converted to those of the
+   magnet for which it was identified, and the eddy-current lag is compensated.
 
      current = (inner(demand, gap - zero, flux*density) + lead*(sqrt(demand) - sqrt(before)))/scale
 
-   The last sum is what eddy currents take of the ampere-turns: the flux density goes with the root
-   of the force, and is led by as much as it lags. Committed is what the iron is left with. */
+   The second term is the ampere-turns that oppose eddy currents: the flux density is proportional
+   to the square root of the force, and leads by as much as it lags. The inner controller commits
+   the current without this term. */
 #ifndef ANHYST_FORCE_CORRECTED_REAL_H
 #define ANHYST_FORCE_CORRECTED_REAL_H
 

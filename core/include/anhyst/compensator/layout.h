@@ -55,15 +55,15 @@ enum {
   ANHYST_WORD_MODEL = 8, /* unsigned: first 32 bits of the model's hash, low half, high half */
 
   /* From demand to flux, the same for every kind. */
-  /* 1..2: exponent: the output is proportional to this power of the flux (2: the output is a force
-     and the flux its root; 1: the output is linear) */
+  /* 1..2: the output is proportional to the flux to this power (2: the output is a force and the
+     flux its root; 1: the output is linear) */
   ANHYST_WORD_POWER = 10,
   ANHYST_WORD_DEMAND_LOW = 11, /* q15: smallest demand */
   ANHYST_WORD_DEMAND_HIGH = 12, /* q15: largest demand */
   ANHYST_WORD_CURRENT_LOW = 13, /* q15: smallest current */
   ANHYST_WORD_CURRENT_HIGH = 14, /* q15: largest current */
   ANHYST_WORD_CURRENT_SHIFT = 15, /* 0..8: 1.0 of the internal current is 2^this times full scale */
-  ANHYST_WORD_FLUX_LIMIT = 16, /* q14: largest flux of a solution, relative to saturated iron */
+  ANHYST_WORD_FLUX_LIMIT = 16, /* q14: largest flux of a solution; 1.0 is saturation */
   ANHYST_WORD_FLUX_SHIFT = 17, /* 0..6: flux = root*gain*2^this */
   ANHYST_WORD_GAP_SEGMENTS = 18, /* 0..6: tables over the gap have 2^this segments */
   ANHYST_WORD_GAP_GAIN = 19, /* table, weight: flux at full-scale demand, over the gap */
@@ -93,8 +93,8 @@ enum {
   ANHYST_WORD_FULL_AIR = 32, /* weight: flux for a field of 1.0 without iron (h*X/4) */
   ANHYST_WORD_FULL_REVERSIBLE = 33, /* q15: reversible fraction c */
   ANHYST_WORD_FULL_PLAY = 34, /* q15: threshold of the play, in units of the field */
-  /* weight: decay of the distance from the anhysteretic curve for a field change of 1.0, octaves
-     (X/(kappa*ln 2), divided by 16*2^shift) */
+  /* weight: octaves of decay for a field change of 1.0 (distance from the anhysteretic curve;
+     X/(kappa*ln 2), divided by 16*2^shift) */
   ANHYST_WORD_FULL_RATE = 35,
   ANHYST_WORD_FULL_RATE_SHIFT = 36, /* 0..12: exponent of the rate */
   /* q8: field of 1.0 divided by the pinning (X/kappa, limited to the largest q8: used only for the
@@ -113,8 +113,8 @@ enum {
   /* Simplified (the closed form) and Euler (eqs. 13 to 15 with 19 and 20 of the paper). */
   ANHYST_WORD_SIMPLE_RATE = 32, /* weight: travel for a flux of 1.0 (divided by 8*2^shift) */
   ANHYST_WORD_SIMPLE_RATE_SHIFT = 33, /* 0..12: exponent of the rate */
-  /* weight: change of the bounded state for a flux change of 1.0, while the state is negative after
-     a reversal (divided by 2^shift) */
+  /* weight: change of the bounded state for a flux of 1.0 after a reversal (while the state is
+     negative; divided by 2^shift) */
   ANHYST_WORD_SIMPLE_HOLD = 34,
   ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12: exponent of the hold */
   ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu of the closed form */
@@ -139,24 +139,23 @@ enum {
      tables, X. */
   ANHYST_WORD_CELLS_AIR = 32, /* weight: flux for a field of 1.0 without iron (h*X/4) */
   ANHYST_WORD_CELLS_COUNT = 33, /* 1..12: number of plays, without the play of threshold 0 */
-  /* 2..8: a row has 2^this segments on each side of zero, up to the end of the zone */
+  /* 2..8: a row has 2^this segments on each side of zero in the zone */
   ANHYST_WORD_CELLS_SEGMENTS = 34,
-  /* 0..5: the zone ends at a field of 2^-this; outside it, segments are wider by a factor of 2^this
-     */
+  /* 0..5: end of the zone: field of 2^-this; outside, segments are 2^this times wider */
   ANHYST_WORD_CELLS_ZONE = 35,
-  /* table, q15: thresholds of the plays in units of the field, in ascending order, over the play */
+  /* table, q15: thresholds of the plays in units of the field, ascending, over the play */
   ANHYST_WORD_CELLS_THRESHOLDS = 36,
   /* table, q15: magnetisation of the moving plays (one row for each number of moving plays, 1 to
      count + 1, over fields of both signs), over the moving plays */
   ANHYST_WORD_CELLS_ROWS = 37,
 
   /* Solid core: layers of the law with diffusion between them. Each tick is one time step. */
-  /* 0..4: number of layers, 2 to 4; 0: laminated core, and all further words are 0 */
+  /* 0..4: number of layers, 2 to 4; 0: laminated core (0: all further words are 0) */
   ANHYST_WORD_SOLID_LAYERS = 38,
-  /* weight: difference of the field between two layers for a flux that rises by 1.0 per tick */
+  /* weight: field between two layers for a flux that rises by 1.0 per tick */
   ANHYST_WORD_SOLID_HOLD = 39,
   ANHYST_WORD_SOLID_HOLD_SHIFT = 40, /* 0..15: exponent of the hold */
-  /* weight: field for a flux of 1.0 in its own layer, in addition to the field of the law */
+  /* weight: field for a flux of 1.0 in its layer, added to that of the law */
   ANHYST_WORD_SOLID_OWN = 41,
   ANHYST_WORD_SOLID_SURFACE = 42, /* q15: fraction of the cross-section in the first layer */
   /* q15: fraction of the flux path in which the field is uniform */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table over force and gap of map.h in floating point. Declarations are in generic/map.h. */
+/* The map of map.h in floating point. Declarations: generic/map.h. */
 #ifndef ANHYST_MAP_REAL_H
 #define ANHYST_MAP_REAL_H
 

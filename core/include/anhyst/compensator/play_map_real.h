@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The map with one play of play_map.h in floating point: the same text, and the same block. Signals
-   are in the units of the model. A word of the block is the value that the word of a fixed-point
-   block stands for: an entry or a limit is a current in the unit of the input, steepness is in its
-   inverse and its shift is 0, a single is in the first of its two words. The words of the checksum
-   are its halves as whole numbers. It covers the bits of the other words, low byte first.
+/* The map with one play of play_map.h in floating point, with the same algorithm and the same
+   block. Signals are in the units of the model. A word of the block contains the value of the
+   corresponding fixed-point word. An entry or a limit is a current in the unit of the input.
+   steepness is in the inverse unit, and its shift is 0. A single is in the first of its two words.
+   The words of the checksum contain its halves as integers; it covers the bits of the other words,
+   low byte first.
 
-   A demand or a gap that is not a number counts as its lowest value. An applied current that is not
-   a number, or beyond 1e30, leaves the play unchanged. */
+   A demand or a gap that is NaN counts as its lowest value. An applied current that is NaN or above
+   1e30 in size leaves the play unchanged. */
 #ifndef ANHYST_PLAY_MAP_REAL_H
 #define ANHYST_PLAY_MAP_REAL_H
 
@@ -18,10 +19,10 @@
 extern "C" {
 #endif
 
-/* The parameters, read from a block. Along the force neither map + half nor map - half falls. */
+/* The parameters, read from a block. Along the force, map + half and map - half never fall. */
 typedef struct {
   anhyst_map_f64 map; /* i */
-  const double *half; /* as many entries, none below 0; may fall */
+  const double *half; /* as many entries as the map, none below 0; may fall */
   double radius;      /* of the play, above 0 */
   double per_radius;  /* 1/radius */
 } anhyst_play_law_f64;

@@ -4,23 +4,23 @@
 
 #include <limits.h>
 
-/* Plays of the law of cells that have a width, at most. */
+/* Maximum number of play cells with a threshold above 0. */
 #define ANHYST_CELLS 12
 
-/* What a compensator has room for: memories of its law. 1 for thin iron, in which the field is the
-   same throughout; solid iron needs one for each layer, and one more where a part of it is
-   laminated. Given to the compiler, the same for all files of a program. */
+/* Number of hysteresis states in a compensator. Laminated iron, whose field is uniform, needs 1.
+   Solid iron needs one for each layer, and one more if a part of it is laminated. A compiler option
+   sets it, which must be the same for all files of a program. */
 #ifndef ANHYST_MEMORIES
 #define ANHYST_MEMORIES 1
 #endif
 
-/* What a saved memory begins with. */
+/* Version at the start of a saved state. */
 #define ANHYST_SAVED_VERSION 1U
 
 /* Size of a type in words of 16 bits. */
 #define ANHYST_WORDS_OF(type) (sizeof(type) * CHAR_BIT / 16U)
 
-/* Missed ticks that a commit makes up for at most. */
+/* Maximum number of missed ticks that anhyst_compensator_commit_after commits. */
 #define ANHYST_CATCH_UP_TICKS_MAX 64U
 
 #endif

@@ -1,18 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How a net force is shared out to drives that only pull, in fixed point.
+/* Allocation of a net force to drives that only pull, in fixed point.
 
      single    every drive gets the net force
-     by halves class A: one of a pair gets half of it more than a bias, the other half of it less
-     class AB  both of a pair always pull, and the product of what they pull is constant:
+     by halves class A: one drive of a pair gets a bias plus half the net force F, the other the
+   bias minus half of F class AB  both drives of a pair always pull, and the product of their forces
+   is constant:
 
-                 F_1*F_2 = idle^2,   F_1 - F_2 = F
+         F_1*F_2 = idle^2,   F_1 - F_2 = F
 
-               At rest both pull with the idle force; for a large force the other one is let go of
-               smoothly. Constants instead of a curve need class A.
+               Without a net force, both pull with the idle force. For a large net force, the other
+               drive is released smoothly. A constant linearisation instead of a curve needs class
+   A.
 
-   Forces are q31 over the full scale of the drives' force; what is beyond it saturates. Error of
-   class AB against exact arithmetic, nothing saturated: less than ANHYST_ALLOCATION_ERROR units in
-   the last place of either force. No loops; nine divisions. */
+   Forces are q31 over the full scale of the drives' force, and saturate. The error of class AB
+   against exact arithmetic without saturation is less than ANHYST_ALLOCATION_ERROR LSB of either
+   force. No loops; nine divisions. */
 #ifndef ANHYST_ALLOCATION_H
 #define ANHYST_ALLOCATION_H
 

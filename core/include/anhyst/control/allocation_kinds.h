@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How a net force is shared out, in every number format; see allocation.h. */
+/* Kinds of force allocation, for every number format; see allocation.h. */
 #ifndef ANHYST_ALLOCATION_KINDS_H
 #define ANHYST_ALLOCATION_KINDS_H
 

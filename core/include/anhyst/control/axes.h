@@ -1,33 +1,35 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The controller of a body of one to six coordinates on any number of drives, in floating point:
-   position heads in, currents out.
+/* The controller of a body with one to six coordinates and any number of drives, in floating point:
+   readings of position heads in, currents out.
 
-     pose    = see*heads, counted from the target
-     error   = decouple*(what is aimed at - pose)
+     pose    = see*heads, relative to the target
+     error   = decouple*(reference - pose)
      wrench  = weigh*PID(error) + forward
-     force   = wrench shared out, see wrench.h
-     current = what each drive's force controller makes of it, limited, on the converter's grid
+     force   = allocation of the wrench to the drives, see wrench.h
+     current = result of each drive's force controller, limited and rounded to the converter's grid
 
-   With decouple taking errors to the centre of mass and weigh the masses about it, every PID sees a
-   mass of one and no axis pushes another. The PIDs are filters of second order
-   (biquad.h), without limits. What is applied is committed to the force controllers at once.
+   decouple transforms errors to the centre of mass, and weigh contains the masses about it. Each
+   PID then sees a mass of one, and no axis disturbs another. The PIDs are second-order filters
+   (biquad.h) without limits. The applied currents are committed to the force controllers
+   immediately.
 
-   Where an error is beyond its reach, or no number, no PID of any axis moves: what the last
-   plausible errors asked for is held, and ANHYST_SAMPLE_IMPLAUSIBLE is set. So wrong readings wind
-   up no integral, however long they last; how many are too many is the caller's to judge.
+   If an error exceeds its reach or is NaN, no PID advances: the last plausible demand is kept, and
+   ANHYST_SAMPLE_IMPLAUSIBLE is set. Therefore, wrong readings never wind up an integral. The caller
+   decides how many of them are too many.
 
-   A drive whose current stays off what was commanded is lost: none is commanded any more, and the
-   others share out without it. What the body goes on without was found beforehand; without any
-   other, or two of them, it lands. A head is lost that says no number, jumps or stands still: the
-   body lands by the others if they still tell the pose, else nothing is driven from then on.
+   A drive whose current stays away from its command is lost. It gets no more commands, and the
+   others share the wrench. `spare` states the drives without which the body can continue. If
+   another drive is lost, or two of them, the body lands. A head is lost if it reads NaN, jumps or
+   does not change. The body then lands with the other heads if they are sufficient for the pose;
+   otherwise all drives are switched off.
 
-   It flies from the first tick on. Of the commands of states.h IDLE lets it go at once; LIFT takes
-   it from rest where it is seen to the target, each axis at a limited speed, and is refused where
-   anything is lost; LAND moves what is aimed at down until the body lies. Others are refused.
+   The body is levitated from the first tick. Commands of states.h: IDLE releases it immediately.
+   LIFT moves it from its position at rest to the target, each axis at a limited speed; it is
+   refused if anything is lost. LAND moves the reference down until the body is at rest. Other
+   commands are refused.
 
-   Heads are counted from what they would read at the target: single precision resolves a nanometre
-   over 8 mm only, so integers or doubles are subtracted before they are rounded. Declarations are
-   in generic/axes.h. */
+   Head readings are relative to the readings at the target. Single precision resolves 1 nm over 8
+   mm only, so subtract integers or doubles before rounding. Declarations: generic/axes.h. */
 #ifndef ANHYST_AXES_H
 #define ANHYST_AXES_H
 
@@ -41,7 +43,7 @@ extern "C" {
 #endif
 
 #define ANHYST_AXES_HEADS 16
-#define ANHYST_AXES_ODD 8U /* how much more doubt there is about a head that jumps */
+#define ANHYST_AXES_ODD 8U /* increase of the doubt about a head that jumps */
 
 typedef enum {
   ANHYST_AXES_FLY,
@@ -50,7 +52,7 @@ typedef enum {
   ANHYST_AXES_LIFT
 } anhyst_axes_state;
 
-/* A matrix row by row, and the PID of an axis: in fixed point they are more, see axes_fixed.h. */
+/* A matrix by rows, and the PID of an axis. axes_fixed.h has types with more members. */
 typedef const double *anhyst_rows_f64;
 typedef const float *anhyst_rows_f32;
 typedef anhyst_biquad_f64 anhyst_axis_pid_f64;

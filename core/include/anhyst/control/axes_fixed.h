@@ -1,23 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The controller of axes.h in fixed point: integers in, integers out, no floating point.
 
-   Every quantity has a full scale of its own, which its codes (q31) are of: what heads read, each
-   coordinate of the pose, each acceleration, each number of the wrench, force and current of the
-   force controllers, the range of the gap. Rows of numbers with a shift (wide.h) take the codes of
-   one to those of the other, are summed up in 64 bits, rounded to the nearest once, and saturate.
+   Every quantity is a q31 code of its own full scale: head readings, each coordinate of the pose,
+   each acceleration, each component of the wrench, force and current of the force controllers, and
+   the range of the gap. Rows of numbers with a shift (wide.h) convert one quantity to another. They
+   are summed in 64 bits, rounded to nearest once, and saturate. A missing head reading or current
+   is ANHYST_Q31_MIN, a missing flux density ANHYST_NO_FLUX.
 
-   A head or current that says nothing is ANHYST_Q31_MIN, a flux density ANHYST_NO_FLUX.
+   The PID of an axis is stored as partial fractions. It has second order with one pole at zero
+   frequency:
 
-   The PID of an axis is its partial fractions, all of second order with one pole at rest:
+     demand   = direct*e + sum + lag
+     sum'     = sum + summed*e                 exactly; limited to full scale of the acceleration
+     lag'     = lag - decay*lag + lagging*e    limited to 2^60
 
-     asked    = direct*e + sum + lag
-     sum'     = sum + summed*e                 exactly; within full scale of the acceleration
-     lag'     = lag - decay*lag + lagging*e    within 2^60
-
-   Both states have `shift` more digits than the acceleration: nothing creeps, however long a body
-   stands still. What is asked for saturates at full scale. Error of one step against exact
-   arithmetic with the same numbers: half a unit of the acceleration, and 2^(29 - shift) of it in
-   the lag. */
+   Both states have `shift` more bits than the acceleration, so that they do not drift at
+   standstill. The demand saturates at full scale. The error of one step against exact arithmetic
+   with the same numbers is half an LSB of the acceleration, plus 2^(29 - shift) LSB in the lag. */
 #ifndef ANHYST_AXES_FIXED_H
 #define ANHYST_AXES_FIXED_H
 
@@ -29,19 +28,19 @@
 extern "C" {
 #endif
 
-#define ANHYST_AXIS_PID_MOST ((int32_t)536870912) /* 2^29, of the size of its numbers */
+#define ANHYST_AXIS_PID_MOST ((int32_t)536870912) /* 2^29, maximum size of its coefficients */
 #define ANHYST_AXIS_PID_SHIFT 29U
 
-/* Numbers of an error over 2^shift. */
+/* Coefficients of the error, divided by 2^shift. */
 typedef struct {
   int32_t direct;
   int32_t summed;
   int32_t lagging;
-  int32_t decay;  /* of the lag in a tick, q30, > 0 */
+  int32_t decay;  /* of the lag per tick, q30, > 0 */
   uint16_t shift; /* 0..ANHYST_AXIS_PID_SHIFT */
 } anhyst_axis_pid_q31;
 
-/* Zero is rest. Any numbers are a state: beyond their bounds they count as these. */
+/* Zero is rest. Any numbers are valid: they are limited to their bounds. */
 typedef struct {
   int64_t sum;
   int64_t lag;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A filter of second order in floating point, by its coefficients of z: a notch at a resonance, a
-   low-pass, a PID. */
+/* A second-order filter in floating point, given by its coefficients in z: notch, low-pass or
+   PID. */
 #ifndef ANHYST_BIQUAD_H
 #define ANHYST_BIQUAD_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The position controller of pidd2.h in floating point. Declarations are in generic/pidd2.h. */
+/* The position controller of pidd2.h in floating point. Declarations: generic/pidd2.h. */
 #ifndef ANHYST_PIDD2_REAL_H
 #define ANHYST_PIDD2_REAL_H
 

@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The controller of a levitating armature, in fixed point: position in, currents out. It joins
-   levitation (what to do when), PIDD2 (position to force) and a force controller for each magnet
-   (force to current). One magnet pulls against a load, or two pull against each other around a
-   bias:
+/* The controller of a levitating armature, in fixed point: position in, currents out. It combines
+   levitation (the sequence), PIDD2 (position to force) and a force controller for each magnet
+   (force to current). Either one magnet pulls against a load, or two pull against each other around
+   a bias:
 
      F_1 = bias + u/2, F_2 = F_1 - u
 
-   At every tick: solve PIDD2 and force controllers, limit the currents and round them to the grid
-   of the converter, and commit to the force controllers what is applied. The integral of PIDD2
-   learns from the force that the force controllers expect wherever a limit was in the way; a
-   rounded current is no limit, for the error of a model would then show as an error of the
-   position.
+   In each tick, it solves PIDD2 and the force controllers, limits the currents and rounds them to
+   the converter's grid, and commits the applied currents to the force controllers. If a limit
+   applied, the integral of PIDD2 uses the force that the force controllers expect. Rounding is not
+   a limit; otherwise the error of a model would appear as an error of the position.
 
-   Applied is what is driven or, if the settings say so, the current measured at the next tick.
+   The applied current is the driven one or, if the settings request it, the current measured at the
+   next tick.
 
    Signals are q31: position, load, force, current and flux density over their full scales. The full
-   scale of the demand is that of the force controllers' force, so that codes pass unchanged.
-   Nothing here allocates, waits, or loops a number of times that depends on a signal. Declarations
-   are in generic/position.h. */
+   scale of the demand is that of the force controllers' force, so that codes pass unchanged. No
+   function allocates memory, waits, or has a loop whose length depends on a signal. Declarations:
+   generic/position.h. */
 #ifndef ANHYST_POSITION_H
 #define ANHYST_POSITION_H
 
@@ -31,7 +31,7 @@
 extern "C" {
 #endif
 
-/* How a position becomes a gap of a magnet, 0..1.0 over its range: offset + 2*factor*position. */
+/* Gap of a magnet, 0..1.0 over its range, from a position: offset + 2*factor*position. */
 typedef struct {
   int32_t offset;
   anhyst_factor factor;
@@ -45,26 +45,25 @@ typedef struct {
 #include "anhyst/control/generic/position.h"
 #include "anhyst/numeric/no_format.h"
 
-/* Goes on with another block in every drive, between two ticks. The drives are compensators, and
-   the block is one that anhyst_compensator_swap may be given. The control goes on at once with the
-   new model. What the currents would jump by is driven on beside what is wanted and fades by
-   limits->release a tick, so that a swap in the air moves no current faster than that, whatever the
-   controller asks for meanwhile. A conditioning sequence begins again. Costs about two solves a
-   magnet. */
+/* Switches every drive to another block, between two ticks. Requires that the drives are
+   compensators, and that the block is suitable for anhyst_compensator_swap. The control uses the
+   new model immediately. The jump of the currents is added to the demanded currents and fades by
+   limits->release per tick. The jump alone therefore moves no current faster than that. A
+   conditioning sequence restarts. Takes about two solves per magnet. */
 void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words);
 
-/* Switches the compensation of hysteresis off and on again, between two ticks: settings->plain
-   gives the currents while it is off, and the compensators commit what is applied, so that their
-   memory is that of the iron when they take over. A controlled armature goes on with the net force
-   that the way switched to expects of what is driven; what the currents would still jump by fades
-   as after a swap. The magnets' force controllers are compensators. ANHYST_OK, also where nothing
-   changes, or ANHYST_BAD_PARAMETER where there is no plain map. Costs about two solves a magnet. */
+/* Switches the hysteresis compensation off and on again, between two ticks. While it is off,
+   settings->plain gives the currents, and the compensators commit them, so that their state stays
+   that of the iron. A controlled armature continues with the net force that the new method expects
+   for the driven currents. The remaining jump of the currents fades as after a swap. Requires that
+   the magnets' force controllers are compensators. Returns ANHYST_OK, also if nothing changes, or
+   ANHYST_BAD_PARAMETER if there is no plain map. Takes about two solves per magnet. */
 anhyst_status anhyst_position_compensate_q31(anhyst_position_q31 *c, int on);
 
-/* Goes on with other settings, which differ in the gains alone, between two ticks: the demand of
-   the next tick is what it would have been, as far as the position stays. ANHYST_OK, or
-   ANHYST_BAD_PARAMETER where the gains are not valid; nothing is changed then. What is pointed to
-   must live on; the settings before are not looked at any more. */
+/* Switches to other settings that differ only in the gains, between two ticks. The demand of the
+   next tick does not change as long as the position is constant. Returns ANHYST_OK, or
+   ANHYST_BAD_PARAMETER, without a change, if the gains are not valid. The structures behind the
+   pointers must live on; the previous settings are not used any more. */
 anhyst_status anhyst_position_retune_q31(anhyst_position_q31 *c,
                                          const anhyst_position_settings_q31 *settings);
 

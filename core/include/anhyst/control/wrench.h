@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How a wanted wrench, forces and moments on a body, is shared out to drives that only pull, or to
-   drives that go both ways; in floating point.
+/* Allocation of a wrench (forces and moments on a body) to drives that only pull or that act in
+   both directions; in floating point.
 
-   Two drives that pull against each other on one line are a pair: its net force is free in sign,
-   and the pair shares it out as allocation.h says. A drive that stands alone pulls at least a given
-   force, which is below zero where it pushes too. The forces are those of least squares that make
-   the wrench; what would pull less than its least is set to it and the rest is found again, as long
-   as the others can still make any wrench, in at most ANHYST_WRENCH_PASSES passes. Each pass solves
-   as many equations as there are axes.
+   Two drives that pull against each other on one line are a pair. Its net force may have either
+   sign; allocation.h divides it between the two drives. A single drive pulls at least a given
+   force, which is negative if it also pushes. The result is the least-squares forces that make the
+   wrench. A drive below its minimum is set to the minimum, and the others are solved again, as long
+   as they can still make any wrench. This takes at most ANHYST_WRENCH_PASSES passes. Each pass
+   solves as many equations as there are axes.
 
-   A drive that is lost pulls nothing; one that it pulled against stands alone from then on. What
-   the others do not make within their bounds is then given up along the axes that yield most: the
-   forces are those of least squares of what is missing, each axis by what it yields, and of the
-   forces, in so many passes too. What a pass has to solve is kept for the next wrench, which mostly
-   asks for the same again: only time depends on what was asked before.
+   A lost drive has no force, and its counterpart becomes a single drive. If the others cannot make
+   the wrench within their bounds, the axes with the largest `yields` are given up first: the result
+   minimises the weighted squares of the missing wrench and the squares of the forces, in the same
+   number of passes. Factorisations are stored for the next wrench, which usually needs the same
+   ones. Only the time depends on earlier wrenches.
 
-   Nothing here allocates memory; loops are bounded by the numbers of axes and drives. Declarations
-   are in generic/wrench.h. */
+   No function allocates memory; loops are bounded by the numbers of axes and drives. Declarations:
+   generic/wrench.h. */
 #ifndef ANHYST_WRENCH_H
 #define ANHYST_WRENCH_H
 

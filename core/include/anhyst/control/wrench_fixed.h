@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How a wanted wrench is shared out, as in wrench.h, in fixed point.
+/* Allocation of a wrench as in wrench.h, in fixed point.
 
-   Nothing is factorised here. Beside the forces of least squares with all drives free, a row a
-   drive, stands the matrix that takes any forces to those of them that make no wrench. A drive is
-   held by one step of elimination in it: the others take over what the held one gives up, along its
-   column, and its row and column are gone from what is free. The numbers of that matrix stay within
-   -1..1, whatever is held. Where axes may be given up there are such rows and such a matrix too, in
-   which what is missing counts as a drive an axis.
+   Nothing is factorised at run time. The layout contains the least-squares forces with all drives
+   free, one row per drive, and the projection of any forces onto those that make no wrench. One
+   elimination step in this projection fixes a drive: the others compensate its change along its
+   column, and its row and column are removed. All numbers of the projection stay within -1..1. If
+   axes may be given up, there are further rows and a further projection, in which the missing
+   wrench counts as one drive per axis.
 
-   Codes of forces are q31 of the full scale of the force controllers, so that they pass unchanged;
-   inside they are q28 (-8..8). Codes of a wrench have full scales of their own, in `make`. A force
-   beyond full scale saturates, and is not made. Error of a force while nothing is held: half a unit
-   of q28, and 2^-28 of what each axis asks for; each drive that is held adds about that of what it
-   gives up over its pivot. Halves of a pair: see allocation.h.
+   Force codes are q31 of the full scale of the force controllers, so that they pass unchanged;
+   internally they are q28 (-8..8). Wrench codes have full scales of their own, which are included
+   in `make`. A force beyond full scale saturates, and the wrench counts as not made. The error of a
+   force without fixed drives is half an LSB of q28, plus 2^-28 of the demand of each axis. Each
+   fixed drive adds about this error of its change, divided by its pivot. For the two drives of a
+   pair, see allocation.h.
 
-   A held drive takes 64-bit divisions, one for each that is free, at most
-   ANHYST_WRENCH_DRIVES*(ANHYST_WRENCH_PASSES + 1). No loop depends on data otherwise than wrench.h
-   says. */
+   Each fixed drive takes 64-bit divisions, one for each free drive, at most
+   ANHYST_WRENCH_DRIVES*(ANHYST_WRENCH_PASSES + 1). Loops depend on data only as in wrench.h. */
 #ifndef ANHYST_WRENCH_FIXED_H
 #define ANHYST_WRENCH_FIXED_H
 
@@ -28,41 +28,41 @@
 extern "C" {
 #endif
 
-/* How a wrench becomes forces. */
+/* Conversion of a wrench to forces. */
 typedef struct {
-  anhyst_rows_q31 make; /* a row a drive, q28 of codes of a wrench; of a pair the first has that of
-                           the net force, the other zeros */
-  const int32_t *apart; /* a row a drive, q30: forces to those that make no wrench; of a pair as
-                           before */
+  anhyst_rows_q31 make; /* one row per drive, q28 per wrench code; the first drive of a pair has the
+                           row of the net force, the other one zeros */
+  const int32_t *apart; /* one row per drive, q30: projection onto forces without a wrench; pairs as
+                           above */
 } anhyst_wrench_way_q31;
 
-/* How the drives stand; constant. */
+/* Arrangement of the drives; constant. */
 typedef struct {
-  uint16_t axes;   /* numbers of a wrench, 1..6 */
-  uint16_t drives; /* 1..16 */
-  const uint16_t
-      *against; /* for each drive that which pulls against it, itself where it is alone */
-  anhyst_wrench_way_q31 whole;  /* as long as every axis is made */
-  anhyst_wrench_way_q31 yields; /* where some is given up */
-  anhyst_allocation_q31 pair;   /* how pairs share; single where there are none */
-  int32_t least;                /* of a drive that stands alone; below 0 where it goes both ways */
-  int32_t most;                 /* of every one once a drive is lost; > 0 */
+  uint16_t axes;           /* components of a wrench, 1..6 */
+  uint16_t drives;         /* 1..16 */
+  const uint16_t *against; /* for each drive, the index of the drive that pulls against it; its own
+                              index for a single drive */
+  anhyst_wrench_way_q31 whole;  /* if every axis is made */
+  anhyst_wrench_way_q31 yields; /* if axes are given up */
+  anhyst_allocation_q31 pair;   /* allocation in pairs; `single` without pairs */
+  int32_t least;                /* minimum force of a single drive; negative if it also pushes */
+  int32_t most;                 /* maximum force of every drive after one is lost; > 0 */
 } anhyst_wrench_layout_q31;
 
 typedef struct {
   const anhyst_wrench_layout_q31 *layout;
-  uint32_t lost; /* drives, bit by bit */
+  uint32_t lost; /* lost drives, bit mask */
 } anhyst_wrench_q31;
 
-/* ANHYST_OK where numbers, pairs and idle force are within their ranges. The layout must live as
-   long as what is made of it. */
+/* Returns ANHYST_OK if numbers, pairs and idle force are within their ranges, otherwise
+   ANHYST_BAD_PARAMETER. The layout must live as long as w. */
 anhyst_status anhyst_wrench_init_q31(anhyst_wrench_q31 *w, const anhyst_wrench_layout_q31 *layout);
 
-/* Does without a drive from now on. */
+/* Excludes a drive from now on. */
 void anhyst_wrench_lose_q31(anhyst_wrench_q31 *w, int drive);
 
-/* Codes of the forces of the drives for a wrench; 1 where they make it. Lost drives pull nothing,
-   each alone at least its least. */
+/* Sets the force codes of the drives for a wrench. Returns 1 if they make it. Lost drives have no
+   force; each single drive has at least its minimum. */
 int anhyst_wrench_share_q31(const anhyst_wrench_q31 *w, const int32_t *wrench, int32_t *force);
 
 #ifdef __cplusplus

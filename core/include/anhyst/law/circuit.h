@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Physical quantities: drive to flux density and back, through a gap, with eddy currents. */
+/* The magnetic circuit in physical units: drive to flux density and back, with eddy currents. */
 #ifndef ANHYST_CIRCUIT_H
 #define ANHYST_CIRCUIT_H
 
@@ -14,102 +14,103 @@
 extern "C" {
 #endif
 
-/* Layers of a solid iron, at most. */
+/* Maximum number of layers of solid iron. */
 #define ANHYST_LAYERS_MAX 16
-/* Memories of an iron, at most: of each layer, and of what is laminated. */
+/* Maximum number of hysteresis states of an iron: one for each layer and the laminated part. */
 #define ANHYST_MEMORIES_MAX (ANHYST_LAYERS_MAX + 1)
 
-/* A material in physical units; what it points to must outlive it. One of several layers is solid:
-   its field diffuses from the surface inwards (layers.c). */
+/* A material in physical units. The structures behind the pointers must outlive it. Iron with
+   several layers is solid: its field diffuses from the surface inwards (layers.c). */
 typedef struct {
   const anhyst_law_f64 *law;
   const void *parameters; /* of the law */
   double saturation;      /* unit of the magnetisation in the law, A/m */
   double shape;           /* unit of the effective field in the law, A/m */
   double interaction;     /* alpha, below 1 */
-  double grain;           /* size of a state's numbers, that a tolerance is a part of */
-  int layers;             /* 1: the field is the same throughout */
-  double surface;         /* share of the first layer in the section, above 0; 1 where it is all */
-  double laminated;       /* share of the path in sheets, that follow at once; 0 up to below 1 */
+  double grain;           /* scale of a state's numbers, reference of tolerances */
+  int layers;             /* 1: uniform field */
+  double surface;         /* share of the first layer in the section, above 0; 1: single layer */
+  double laminated;       /* laminated share of the path, without eddy currents; 0 to below 1 */
 } anhyst_iron_f64;
 
-/* The circuit around the iron at one sample. All zero: the drive is the field itself. */
+/* The circuit around the iron at one sample. All zeros: the drive is the field itself. */
 typedef struct {
   double gap_ratio; /* rho: reluctance of the gap over that of an air-filled iron path, >= 0 */
-  /* gamma/dt, A/(m T): field, from the surface to the middle of what is solid, that opposes each
+  /* gamma/dt, A/(m T): field, from the surface to the middle of the solid part, that opposes each
      change of flux density, >= 0 */
   double eddy;
 } anhyst_circuit_f64;
 
-/* A solution that has not been committed. */
+/* A solution before its commit. */
 typedef struct {
-  anhyst_solution_f64 solution[ANHYST_MEMORIES_MAX]; /* of the memories */
+  anhyst_solution_f64 solution[ANHYST_MEMORIES_MAX]; /* of each hysteresis state */
   double drive;                                      /* c_H*I, or the applied field, A/m */
   double field;                                      /* in the iron, A/m */
   double flux;                                       /* flux density B, T */
 } anhyst_reaction_f64;
 
-/* Makes an iron of a law on the Langevin curve from physical parameters; k, r_d in A/m. Fills law,
-   which must outlive the iron, as must the branch; that may be null unless step is exact. Returns
-   ANHYST_OK or ANHYST_BAD_PARAMETER. */
+/* Initialises an iron with a law on the Langevin curve from physical parameters; pinning (k) and
+   play_width (r_d) in A/m. Fills law. law and branch must outlive the iron; branch may be null
+   unless step is exact. Returns ANHYST_OK or ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *law,
                                    anhyst_step step, double saturation, double shape,
                                    double pinning, double reversibility, double interaction,
                                    double play_width, const anhyst_branch_f64 *branch);
 
-/* Makes an iron of play cells, tabulated; they must outlive it. Returns ANHYST_OK or
+/* Initialises an iron with tabulated play cells, which must outlive it. Returns ANHYST_OK, or
    ANHYST_BAD_PARAMETER for an interaction of 1 and more. */
 anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells_f64 *cells,
                                        double interaction);
 
-/* Makes an iron solid: 1 (as it is made) to ANHYST_LAYERS_MAX layers. Its state is then the
-   memories of all layers, the surface first, and that of what is laminated. Where no eddy field
-   holds them apart, all layers have one field, and the iron is what it was. Returns ANHYST_OK or
-   ANHYST_BAD_PARAMETER. */
+/* Sets the number of layers of an iron, 1 (initial value) to ANHYST_LAYERS_MAX. A state then
+   consists of the hysteresis states of all layers, the surface first, and of the laminated part.
+   Without an eddy field, all layers have the same field, and the iron behaves as before. Returns
+   ANHYST_OK or ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
                                      double laminated);
 
-/* Memories that a state of the iron consists of. */
+/* Returns the number of hysteresis states in a state of the iron. */
 int anhyst_memories_f64(const anhyst_iron_f64 *iron);
 
-/* Flux density of a state, T. Here and below a state is the first of its memories. */
+/* Returns the flux density of a state, T. From here on, state points to its first hysteresis
+   state. */
 double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state);
 
-/* Takes a solution over into the state from which it was found. */
+/* Commits a solution to the state from which it was found. */
 void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                        const anhyst_reaction_f64 *reaction);
 
-/* Drive given: x + (R/(1+R) - alpha)*M = (drive + eddy*B0)/(1+R), R = rho + eddy*mu0; backward
-   Euler for the eddy field gamma*dB/dt. Solid iron: the equations of layers.c, at worst to 1e-10
-   of the fields in them, or to 1e-12 of the law's scale as a flux density. The state is not
-   touched; status as anhyst_solve. */
+/* Solves for a given drive: x + (R/(1+R) - alpha)*M = (drive + eddy*B0)/(1+R), R = rho + eddy*mu0;
+   the eddy field gamma*dB/dt uses backward Euler. Solid iron: the equations of layers.c, with an
+   error of at most 1e-10 of the fields in them, or 1e-12 of the law's scale as a flux density. Does
+   not change the state. Returns a status like anhyst_solve. */
 anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double drive,
                                  anhyst_reaction_f64 *reaction);
 
-/* Flux density given: x + (1-alpha)*M = B/mu0, then
-   drive = x - alpha*M + rho*B/mu0 + eddy*(B - B0). The state is not touched. */
+/* Solves for a given flux density: x + (1-alpha)*M = B/mu0, then drive = x - alpha*M + rho*B/mu0 +
+   eddy*(B - B0). Does not change the state. */
 anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double flux,
                                  anhyst_reaction_f64 *reaction);
 
-/* Advances the state with the drive that was really applied (after limits and the amplifier).
-   On failure the state is unchanged. */
+/* Advances the state with the drive that was really applied (after limits and the amplifier). Does
+   not change the state after a failure. */
 anhyst_status anhyst_commit_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                                 const anhyst_circuit_f64 *circuit, double applied_drive);
 
-/* A whole record: for each of n samples the given quantity in given[i] and the circuit in rho[i],
-   eddy[i]; with inverse = 0 the given one is the drive and found[i] the flux density, otherwise the
-   other way round. field[i] is the field in the iron. The state is advanced. On failure *index is
-   the sample, and the state that of the last good one. */
+/* Follows a whole record: for each of n samples, the given quantity is given[i] and the circuit
+   rho[i], eddy[i]. With inverse = 0, given is the drive and found the flux density, otherwise vice
+   versa. field[i] is the field in the iron. Advances the state. After a failure, *index is the
+   sample, and the state that of the last valid sample. */
 anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double *found, double *field, size_t *index);
 
-/* Repeats a cycle of n samples until every number of the state returns within tol (in parts of the
-   iron's grain) after one repetition; where a law creeps, every fourth repetition is used to
-   extrapolate. The state is then that of the settled cycle before its first sample; *cycles counts
-   the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles. */
+/* Repeats a cycle of n samples until every number of the state returns within tol (fraction of the
+   iron's grain) after one repetition. If a law drifts slowly, every fourth repetition is
+   extrapolated. The state is then that of the steady-state cycle before its first sample; *cycles
+   counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles repetitions. */
 anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double tol, int most_cycles, int *cycles,

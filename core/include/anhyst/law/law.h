@@ -1,51 +1,51 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What circuits need of a law, whichever it is: one table of functions a law. */
+/* The interface between circuits and hysteresis laws: one table of functions for each law. */
 #ifndef ANHYST_LAW_H
 #define ANHYST_LAW_H
 
 #include "anhyst/law/cells.h"
 #include "anhyst/law/solver.h"
 
-/* Numbers that the state of any law consists of, at most. */
+/* Maximum number of numbers in the state of any law. */
 #define ANHYST_NUMBERS_MAX ANHYST_CELLS_MAX
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* The state of an iron of any law. All zero: demagnetised. */
+/* Hysteresis state for any law. All zeros is the demagnetised state. */
 typedef union {
   anhyst_state_f64 lag;
   anhyst_cells_state_f64 cells;
 } anhyst_memory_f64;
 
-/* A solution that has not been committed. */
+/* A solution before its commit. */
 typedef struct {
   double x;     /* effective field */
-  double m;     /* magnetisation, both in units of the law */
-  double slope; /* dm/dx where it stands, along the way there */
+  double m;     /* magnetisation; both in units of the law */
+  double slope; /* dm/dx at the solution, in the direction of travel */
   union {
     anhyst_state_f64 lag;
     anhyst_cells_candidate_f64 cells;
   } next;
 } anhyst_solution_f64;
 
-/* A law by its functions; the first argument is its parameters. */
+/* The functions of a law; their first argument is its parameters. */
 typedef struct {
-  /* Numbers of a state, at most ANHYST_NUMBERS_MAX; the first is x. */
+  /* Returns the number of numbers in a state, at most ANHYST_NUMBERS_MAX; the first is x. */
   int (*numbers)(const void *law);
-  /* Solves x + omega*m(x) = r as solver.h and cells.h say; the state is not touched. */
+  /* Solves x + omega*m(x) = r as in solver.h and cells.h. Does not change the state. */
   anhyst_status (*solve)(const void *law, const anhyst_memory_f64 *state, double omega, double r,
                          anhyst_solution_f64 *found);
-  /* Takes a solution over into the state from which it was found. */
+  /* Commits a solution to the state from which it was found. */
   void (*accept)(const void *law, anhyst_memory_f64 *state, const anhyst_solution_f64 *found);
-  /* Effective field and magnetisation of a state. */
+  /* Returns effective field and magnetisation of a state. */
   void (*read)(const void *law, const anhyst_memory_f64 *state, double *x, double *m);
-  /* A state from its numbers: ANHYST_BAD_STATE where the law cannot reach it. */
+  /* Convert numbers to a state and back. ANHYST_BAD_STATE: the law cannot reach the state. */
   anhyst_status (*enter)(const void *law, const double *numbers, anhyst_memory_f64 *state);
   void (*leave)(const void *law, const anhyst_memory_f64 *state, double *numbers);
-  /* From the numbers after three repetitions of a cycle, the oldest first, guesses where they lead,
-     and makes that the state if it is one. Null where a cycle is settled after one repetition. */
+  /* Extrapolates the numbers after three repetitions of a cycle, the oldest first. Sets the state
+     to the result if it is valid. Null if one repetition is enough for a steady state. */
   void (*hasten)(const void *law, const double *const ends[3], anhyst_memory_f64 *state);
 } anhyst_law_f64;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Derivatives of a path with respect to parameters, forward mode, double precision. */
+/* Derivatives of a path with respect to parameters, in forward mode and double precision. */
 #ifndef ANHYST_SENSITIVITY_H
 #define ANHYST_SENSITIVITY_H
 
@@ -11,15 +11,14 @@
 extern "C" {
 #endif
 
-/* One direction of differentiation: the derivatives of what is constant along the path, and of the
-   state, which is advanced. */
+/* One direction of differentiation: derivatives of the parameters and of the advanced state. */
 typedef struct {
   double kappa, c, play;
   anhyst_state_f64 state;
 } anhyst_tangent_f64;
 
-/* A drive of n samples in the terms of the solver, and its derivatives: row i of omega_t and r_t
-   holds the `directions` derivatives at sample i. */
+/* A drive of n samples in the variables of the solver, and its derivatives: row i of omega_t and
+   r_t contains the `directions` derivatives at sample i. */
 typedef struct {
   size_t n;
   size_t directions;
@@ -27,13 +26,13 @@ typedef struct {
   const double *omega_t, *r_t;
 } anhyst_differentiated_drive_f64;
 
-/* Follows the drive as anhyst_solve does, sample by sample, and beside it every tangent, by the
-   implicit function theorem: x1_t = (r_t - omega_t*m - omega*Mp)/(1 + omega*dm/dx).
-   x, m: n values; x_t, m_t: n rows of `directions`. State and tangents are advanced.
-   branch_slope is needed for the exact step, else may be null. Error against the derivative of the
-   computed path: 1e-9 relative, away from jumps, where none exists.
-   Returns a status as anhyst_solve does, with *index the sample; ANHYST_BAD_PARAMETER for the law
-   of 1986, whose sub-steps are not differentiated. */
+/* Follows the drive sample by sample like anhyst_solve, and computes every tangent by the implicit
+   function theorem: x1_t = (r_t - omega_t*m - omega*Mp)/(1 + omega*dm/dx). x, m: n values; x_t,
+   m_t: n rows of `directions`. State and tangents are advanced. branch_slope is required for the
+   exact step, and may be null otherwise. The relative error against the derivative of the computed
+   path is 1e-9, except at jumps, where there is no derivative. Returns a status like anhyst_solve,
+   with the sample in *index; ANHYST_BAD_PARAMETER for the law of 1986, whose sub-steps are not
+   differentiated. */
 anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
                                      const anhyst_branch_slope_f64 *branch_slope,
                                      const anhyst_differentiated_drive_f64 *drive,

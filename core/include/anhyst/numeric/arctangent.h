@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The arc tangent inline, for loops that a call would slow down. elementary.h states its error. */
+/* The arc tangent as an inline function, for loops in which a call would cost too much time.
+   elementary.h states its error. */
 #ifndef ANHYST_ARCTANGENT_H
 #define ANHYST_ARCTANGENT_H
 
@@ -11,12 +12,12 @@
 extern "C" {
 #endif
 
-/* The number nearest to a constant, and the rest of the constant. */
+/* A constant in two parts: the nearest double, and the constant minus that double. */
 typedef struct {
   double value, rest;
 } anhyst_pair;
 
-/* atan(c) of c = 0, then of the middle c of each eighth of an octave from 1/32 to 64. */
+/* atan(c) for c = 0, then for the centre c of each eighth of an octave from 1/32 to 64. */
 extern const anhyst_pair anhyst_angles[89];
 
 static inline double anhyst_arctangent(double x)
@@ -25,21 +26,21 @@ static inline double anhyst_arctangent(double x)
   double u;
   double value;
   double rest;
-  if (!(t < 64.0)) { /* nor what is not a number, which stays so */
+  if (!(t < 64.0)) { /* NaN also takes this branch, and the result is NaN */
     value = 0x1.921fb54442d18p+0;
     rest = 0x1.1a62633145c07p-54;
     u = -1.0 / t;
   } else {
     /* atan(t) = atan(c) + atan((t - c)/(1 + t*c)) */
-    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* of 1/32 */
+    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* bits of 1/32 */
     const anhyst_pair *at = anhyst_angles;
     double c = 0.0;
     uint64_t bits;
     uint64_t eighths;
     memcpy(&bits, &t, sizeof bits);
     eighths = bits >> 49U;
-    if (eighths >=
-        first) { /* a predicted branch: below 1/32 the quotient does not wait for the table */
+    if (eighths >= first) { /* A branch instead of a table entry for c = 0: it is predicted well, so
+                               that for |x| < 1/32 the quotient does not wait for the table. */
       bits = (2U * eighths + 1U) << 48U;
       memcpy(&c, &bits, sizeof c);
       at += eighths - first + 1U;

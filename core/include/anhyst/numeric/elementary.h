@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Functions that C libraries compute with other last bits on other processors: here they are sums,
-   products and quotients alone, the same bits wherever these are rounded as IEEE 754 says and no
-   product is fused into a sum. The square root is exact everywhere and needs no place here. */
+/* Elementary functions with identical bits on every processor. The functions of C libraries differ
+   in the last bits. These functions consist of sums, products and quotients only. Their results are
+   identical wherever these are rounded as IEEE 754 defines and no product is fused into a sum. The
+   square root is not included because IEEE 754 defines it exactly. */
 #ifndef ANHYST_ELEMENTARY_H
 #define ANHYST_ELEMENTARY_H
 
@@ -9,8 +10,8 @@
 extern "C" {
 #endif
 
-/* Any argument, with the limits and NaN of the C library. Error, in units of the last place: 0.6
-   for exp (0.8 below the normal numbers), 0.7 for atan, 1.1 for log. */
+/* Each function accepts any argument and returns the limits and the NaN of the C library. Errors:
+   0.6 ulp for exp (0.8 ulp for subnormal results), 0.7 ulp for atan, 1.1 ulp for log. */
 double anhyst_exp_f64(double x);
 double anhyst_log_f64(double x);
 double anhyst_atan_f64(double x);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A factor of any size in 32 bits. */
+/* A factor with a 16-bit mantissa and an exponent, for products with q31 signals. */
 #ifndef ANHYST_FACTOR_H
 #define ANHYST_FACTOR_H
 
@@ -12,30 +12,30 @@ extern "C" {
 #define ANHYST_FACTOR_SHIFT_LOW (-15)
 #define ANHYST_FACTOR_SHIFT_HIGH 16
 
-/* mantissa/65536*2^shift. Normalised: |mantissa| is at least 16384, or zero. */
+/* The factor is mantissa/65536*2^shift. Normalised means: |mantissa| >= 16384, or mantissa = 0. */
 typedef struct {
   int16_t mantissa;
   int16_t shift; /* ANHYST_FACTOR_SHIFT_LOW..ANHYST_FACTOR_SHIFT_HIGH */
 } anhyst_factor;
 
-/* Whether the shift is within its range. */
+/* Returns whether the shift is in its range. */
 static inline int anhyst_factor_is_valid(anhyst_factor factor)
 {
   return factor.shift >= ANHYST_FACTOR_SHIFT_LOW && factor.shift <= ANHYST_FACTOR_SHIFT_HIGH;
 }
 
-/* Whether it is minus a share, -1..0; exactly -1 is mantissa -32768 and shift 1: the negative end
-   of a mantissa reaches further. */
+/* Returns whether the factor is in -1..0, that is, minus a share. Exactly -1 is mantissa -32768
+   with shift 1, because a mantissa has no positive value of this size. */
 static inline int anhyst_factor_is_share(anhyst_factor factor)
 {
   return factor.mantissa <= 0 && factor.shift >= 0 && factor.shift <= 1;
 }
 
-/* x*factor, floor, error below one unit in the last place; saturates where x*2^shift does. */
+/* Returns x*factor, rounded down. Error below 1 LSB. Saturates if x*2^shift does. */
 static inline int32_t anhyst_factor_product(int32_t x, anhyst_factor factor)
 {
   if (factor.shift >= 0) {
-    /* Shifted first, so that what the product's floor cuts off is not made larger. */
+    /* First shifted, because a later shift would enlarge the rounding error of the product. */
     return anhyst_scale(anhyst_shl_q31(x, (uint16_t)factor.shift), factor.mantissa);
   }
   return anhyst_scale(x, factor.mantissa) >> -factor.shift;

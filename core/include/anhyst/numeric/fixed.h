@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fractional numbers in 16 and 32 bits.
+/* Arithmetic with fractional numbers of 16 and 32 bits.
 
-   Formats: q15 is an int16_t with the value n/2^15, q31 an int32_t with n/2^31, q30 an int32_t with
-   n/2^30, so that it reaches from -2 up to just below 2. A weight is an int16_t with n/2^16: a
-   factor between -0.5 and 0.5.
+   Formats: q15 is an int16_t with the value n/2^15, q31 an int32_t with n/2^31, and q30 an int32_t
+   with n/2^30 (range -2 to just below 2). A weight is an int16_t with n/2^16, a factor between -0.5
+   and 0.5.
 
-   Every function is defined for every argument within its stated range; none overflows on the way
-   (proved). "Saturates" means: a result beyond the format becomes its largest
-   or smallest number. "Floor" means towards minus infinity. */
+   Every function is defined for every argument in its stated range. No intermediate result
+   overflows (proved). "Saturates" means: a result outside the format becomes the largest or
+   smallest number of the format. "Floor" means rounding towards minus infinity. */
 #ifndef ANHYST_FIXED_H
 #define ANHYST_FIXED_H
 
@@ -25,7 +25,7 @@ extern "C" {
 #define ANHYST_Q31_MAX ((int32_t)2147483647)
 #define ANHYST_Q31_MIN ((int32_t)(-2147483647 - 1))
 
-/* The nearest q15 to an int32_t that holds a q15: saturates. Exact inside the range. */
+/* Saturates an int32_t to -32768..32767. Exact inside this range. */
 static inline int16_t anhyst_sat_q15(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_Q15
@@ -38,7 +38,7 @@ static inline int16_t anhyst_sat_q15(int32_t a)
 #endif
 }
 
-/* The nearest number of 0..32767. Exact inside the range. */
+/* Saturates an int32_t to 0..32767. Exact inside this range. */
 static inline int32_t anhyst_sat_u15(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_U15
@@ -51,7 +51,7 @@ static inline int32_t anhyst_sat_u15(int32_t a)
 #endif
 }
 
-/* The nearest number of -2^28..2^28 - 1, which is -1 to just below 1 in q28. Exact inside. */
+/* Saturates to -2^28..2^28 - 1, in q28 from -1 to just below 1. Exact inside this range. */
 static inline int32_t anhyst_sat_q28(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_Q28
@@ -64,7 +64,7 @@ static inline int32_t anhyst_sat_q28(int32_t a)
 #endif
 }
 
-/* The nearest number of -2^30..2^30 - 1, which is -1 to just below 1 in q30. Exact inside. */
+/* Saturates to -2^30..2^30 - 1, in q30 from -1 to just below 1. Exact inside this range. */
 static inline int32_t anhyst_sat_q30(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_Q30
@@ -89,7 +89,7 @@ static inline int16_t anhyst_sub_q15(int16_t a, int16_t b)
   return anhyst_sat_q15((int32_t)a - b);
 }
 
-/* a*b, rounded to the nearest (halves upwards); saturates for (-1)*(-1) alone. */
+/* a*b, rounded to the nearest (halves upwards). Saturates only for (-1)*(-1). */
 static inline int16_t anhyst_mul_q15(int16_t a, int16_t b)
 {
   return anhyst_sat_q15(((int32_t)a * b + 0x4000) >> 15);
@@ -121,7 +121,7 @@ static inline int32_t anhyst_sub_q31(int32_t a, int32_t b)
 #endif
 }
 
-/* |a|, saturates for -1. */
+/* |a|. Saturates for a = -1. */
 static inline int32_t anhyst_abs_q31(int32_t a)
 {
   if (a >= 0) {
@@ -130,7 +130,7 @@ static inline int32_t anhyst_abs_q31(int32_t a)
   return a == ANHYST_Q31_MIN ? ANHYST_Q31_MAX : -a;
 }
 
-/* The number of low..high nearest to a. Precondition: low <= high. */
+/* Limits a to low..high. Requires low <= high. */
 static inline int32_t anhyst_clamp(int32_t a, int32_t low, int32_t high)
 {
   if (a < low) {
@@ -139,9 +139,9 @@ static inline int32_t anhyst_clamp(int32_t a, int32_t low, int32_t high)
   return a > high ? high : a;
 }
 
-/* a times the weight b, floor(a*b/65536), in the format of a. Cannot overflow: |result| <= (|a| +
-   1)/2. Error below one unit in the last place. The workhorse: two 16-bit products, or one
-   instruction (SMULWB) where the port has it. */
+/* Returns a times the weight b, floor(a*b/65536), in the format of a. Cannot overflow because
+   |result| <= (|a| + 1)/2. The error is less than 1 LSB. Most products of the core use this
+   function: two 16-bit products, or one instruction (SMULWB) if the port defines it. */
 static inline int32_t anhyst_scale(int32_t a, int16_t b)
 {
 #ifdef ANHYST_PORT_SCALE
@@ -157,17 +157,17 @@ static inline int32_t anhyst_scale(int32_t a, int16_t b)
 static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
 {
   const int32_t shifted = (int32_t)((uint32_t)a << n);
-  if ((shifted >> n) != a) { /* what was shifted out is missing */
+  if ((shifted >> n) != a) { /* some of the shifted-out bits differ from the sign */
     return a < 0 ? ANHYST_Q31_MIN : ANHYST_Q31_MAX;
   }
   return shifted;
 }
 
-/* Nearest q15 to a q31 (halves upwards), saturates. */
+/* Rounds a q31 to the nearest q15 (halves upwards). Saturates. */
 static inline int16_t anhyst_round_q31(int32_t a) { return anhyst_sat_q15(((a >> 15) + 1) >> 1); }
 
-/* How far a positive number can be shifted left before its top bit would reach the sign: 0..30.
-   Precondition: a > 0. */
+/* Returns the number of leading zeros after the sign bit, 0..30: the largest left shift that does
+   not change the sign. Requires a > 0. */
 static inline uint16_t anhyst_headroom(int32_t a)
 {
 #ifdef ANHYST_PORT_LEADING_ZEROS

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Forgets the number format selected by f64.h or f32.h; ends every public header. */
+/* Clears the number format of f64.h, f32.h or q31.h. Every public header ends with it. */
 #undef ANHYST_REAL
 #undef ANHYST_NAME
 #undef ANHYST_SQRT

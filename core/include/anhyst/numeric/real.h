@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Sum and difference in floating point, under the names that fixed.h has for q31. */
+/* Sum and difference in floating point, under the names that fixed.h uses for q31. */
 #ifndef ANHYST_REAL_H
 #define ANHYST_REAL_H
 

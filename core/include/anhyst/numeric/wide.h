@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows of 32-bit numbers times 32-bit signals, summed up in 64 bits: of the fixed-point core this
-   alone asks for more than port.h says, a 64-bit type. Every result is rounded to the nearest,
-   halves upwards. "Saturates" is as in fixed.h. Nothing overflows on the way (proved). */
+/* Rows of 32-bit numbers times 32-bit signals, with sums of 64 bits. This is the only part of the
+   fixed-point core that needs a 64-bit type. Every result is rounded to the nearest, halves
+   upwards. "Saturates" has the meaning of fixed.h. No intermediate result overflows (proved). */
 #ifndef ANHYST_WIDE_H
 #define ANHYST_WIDE_H
 
@@ -11,18 +11,18 @@
 extern "C" {
 #endif
 
-#define ANHYST_ROW_LENGTH 16                           /* numbers of a row at most */
-#define ANHYST_ROW_MOST ((int32_t)134217728)           /* 2^27, of the size of each of them */
-#define ANHYST_ROW_SHIFT 58U                           /* of a row at most */
+#define ANHYST_ROW_LENGTH 16                           /* maximum count of numbers in a row */
+#define ANHYST_ROW_MOST ((int32_t)134217728)           /* 2^27, maximum of |number| */
+#define ANHYST_ROW_SHIFT 58U                           /* maximum shift of a row */
 #define ANHYST_WIDE_ONE ((int64_t)1152921504606846976) /* 2^60 */
 
-/* Rows one after another; a row is worth its numbers over 2^shift. */
+/* Rows, stored one after the other. A row contains the values number/2^shift. */
 typedef struct {
   const int32_t *number;
-  const uint16_t *shift; /* of each row, 0..ANHYST_ROW_SHIFT */
+  const uint16_t *shift; /* one for each row, 0..ANHYST_ROW_SHIFT */
 } anhyst_rows_q31;
 
-/* The nearest int32_t. */
+/* Saturates to int32_t. */
 static inline int32_t anhyst_sat_wide(int64_t a)
 {
   if (a > ANHYST_Q31_MAX) {
@@ -31,7 +31,7 @@ static inline int32_t anhyst_sat_wide(int64_t a)
   return a < ANHYST_Q31_MIN ? ANHYST_Q31_MIN : (int32_t)a;
 }
 
-/* The number of -most..most nearest to a. Precondition: most >= 0. */
+/* Limits a to -most..most. Requires most >= 0. */
 static inline int64_t anhyst_clamp_wide(int64_t a, int64_t most)
 {
   if (a > most) {
@@ -40,22 +40,22 @@ static inline int64_t anhyst_clamp_wide(int64_t a, int64_t most)
   return a < -most ? -most : a;
 }
 
-/* a*b; its size is at most that of a times 2^31. */
+/* Returns a*b; |result| <= |a|*2^31. */
 static inline int64_t anhyst_wide(int32_t a, int32_t b) { return (int64_t)a * b; }
 
-/* a/2^n for |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
+/* Returns a/2^n. Requires |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
 static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
 {
   return (a + (((int64_t)1 << n) >> 1)) >> n;
 }
 
-/* a/2^31*b, saturates for (-1)*(-1) alone. */
+/* Returns a*b/2^31. Saturates only for (-1)*(-1). */
 static inline int32_t anhyst_product_q31(int32_t a, int32_t b)
 {
   return anhyst_sat_wide(anhyst_part_wide(anhyst_wide(a, b), 31));
 }
 
-/* Whether so many numbers and shifts are within their ranges. */
+/* Returns whether numbers and shifts of `count` rows of `length` numbers are in range. */
 static inline int anhyst_rows_are_valid_q31(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 {
   int valid = length <= ANHYST_ROW_LENGTH;
@@ -69,7 +69,7 @@ static inline int anhyst_rows_are_valid_q31(anhyst_rows_q31 rows, uint16_t count
   return valid;
 }
 
-/* A valid row times so many signals; saturates. */
+/* Returns the product of a valid row and `length` signals. Saturates. */
 static inline int32_t anhyst_row_product_q31(const int32_t *number, uint16_t shift, uint16_t length,
                                              const int32_t *signal)
 {

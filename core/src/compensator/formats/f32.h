@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Names of one format, single precision, for the templates of the laws in ../generic. */
+/* Types of the number format single precision, for the templates of the laws in ../generic. */
 #ifndef ANHYST_FORMAT_F32_H
 #define ANHYST_FORMAT_F32_H
 
@@ -17,7 +17,7 @@ typedef anhyst_cells_memory_f32 cells_memory;
 typedef anhyst_compensator_f32 compensator;
 typedef anhyst_kernel_f32 kernel_type;
 
-#define NUMBER_EPS 1.1920929e-7f /* distance from 1 to the next number */
+#define NUMBER_EPS 1.1920929e-7f /* distance from 1 to the next larger number */
 
 #include "../generic/real.h"
 #endif

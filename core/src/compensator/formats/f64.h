@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Names of one format, double precision, for the templates of the laws in ../generic. */
+/* Types of the number format double precision, for the templates of the laws in ../generic. */
 #ifndef ANHYST_FORMAT_F64_H
 #define ANHYST_FORMAT_F64_H
 
@@ -17,7 +17,7 @@ typedef anhyst_cells_memory_f64 cells_memory;
 typedef anhyst_compensator_f64 compensator;
 typedef anhyst_kernel_f64 kernel_type;
 
-#define NUMBER_EPS 2.220446049250313e-16 /* distance from 1 to the next number */
+#define NUMBER_EPS 2.220446049250313e-16 /* distance from 1 to the next larger number */
 
 #include "../generic/real.h"
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Names of fixed point for the templates of the laws in ../generic. */
+/* Types of the fixed-point format, for the templates of the laws in ../generic. */
 #ifndef ANHYST_FORMAT_FIXED_H
 #define ANHYST_FORMAT_FIXED_H
 

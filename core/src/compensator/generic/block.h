@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the check of a parameter block, for every format. ../block.c, block_f32.c and
+/* Template: the check of a parameter block, for every number format. ../block.c, block_f32.c and
    block_f64.c include it after their format. */
 
 #include "../checksum.h"
 
-/* CRC-32 of all words except its own, each word low byte first. */
+/* Returns the CRC-32 of all words except its own, each word low byte first. */
 static uint32_t checksum(const entry *words, int32_t length)
 {
   uint32_t sum = ANHYST_CHECKSUM_START;
@@ -20,12 +20,12 @@ static uint32_t checksum(const entry *words, int32_t length)
 
 static int is_checksum_right(const entry *words)
 {
-  const uint32_t sum = checksum(words, length_of(words));
+  const uint32_t sum = checksum(words, block_length(words));
   return is_unsigned(words[ANHYST_WORD_CRC], (uint16_t)(sum & 0xFFFFU)) &&
          is_unsigned(words[ANHYST_WORD_CRC + 1], (uint16_t)(sum >> 16));
 }
 
-/* Whether the head is that of a block of this kind. Reads no word beyond capacity. */
+/* Returns whether the head is that of a block of this kind. Reads no word beyond capacity. */
 static int is_head_valid(const entry *words, uint32_t capacity, uint16_t kind)
 {
   return capacity >= (uint32_t)ANHYST_BLOCK_LEAST_WORDS &&
@@ -33,17 +33,17 @@ static int is_head_valid(const entry *words, uint32_t capacity, uint16_t kind)
          is_unsigned(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
          is_integer(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT, ANHYST_BLOCK_LAYOUT) &&
          is_integer(words[ANHYST_WORD_LENGTH], ANHYST_BLOCK_LEAST_WORDS, MAX_BLOCK_WORDS) &&
-         (uint32_t)length_of(words) <= capacity && is_unsigned(words[ANHYST_WORD_KIND], kind);
+         (uint32_t)block_length(words) <= capacity && is_unsigned(words[ANHYST_WORD_KIND], kind);
 }
 
-/* Whether two words are limits in order, within full scale. */
-static int are_limits(const entry *words, int16_t low, int16_t high)
+static int are_limits_valid(const entry *words, int16_t low, int16_t high)
 {
   return is_in_range(words[low], -ENTRY_ONE, words[high]) &&
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Whether a lag, if there is one, has a table over the gap. Its sum with the flux arm saturates. */
+/* Returns whether a lag, if there is one, has a table over the gap. Its sum with the flux arm
+   saturates. */
 static int is_lag_valid(const entry *words)
 {
   return words[ANHYST_WORD_GAP_LAG_ARM] == 0 ||
@@ -53,21 +53,21 @@ static int is_lag_valid(const entry *words)
 static int are_common_words_valid(const entry *words)
 {
   return is_integer(words[ANHYST_WORD_POWER], 1, 2) &&
-         are_limits(words, ANHYST_WORD_DEMAND_LOW, ANHYST_WORD_DEMAND_HIGH) &&
-         are_limits(words, ANHYST_WORD_CURRENT_LOW, ANHYST_WORD_CURRENT_HIGH) &&
+         are_limits_valid(words, ANHYST_WORD_DEMAND_LOW, ANHYST_WORD_DEMAND_HIGH) &&
+         are_limits_valid(words, ANHYST_WORD_CURRENT_LOW, ANHYST_WORD_CURRENT_HIGH) &&
          is_integer(words[ANHYST_WORD_CURRENT_SHIFT], 0, MAX_CURRENT_SHIFT) &&
-         is_in_range(words[ANHYST_WORD_FLUX_LIMIT], ENTRY_LEAST, FLUX_LIMIT_MOST) &&
+         is_in_range(words[ANHYST_WORD_FLUX_LIMIT], MIN_WEIGHT, MAX_FLUX_LIMIT) &&
          is_integer(words[ANHYST_WORD_FLUX_SHIFT], 0, MAX_FLUX_SHIFT) &&
          is_integer(words[ANHYST_WORD_GAP_SEGMENTS], 0, 6) &&
          is_integer(words[ANHYST_WORD_CONDITION_CYCLES], 0, 64) &&
          is_integer(words[ANHYST_WORD_CONDITION_TICKS], 2, 32767) &&
          is_integer(words[ANHYST_WORD_ROOT_KNEE], 2, 8) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_GAIN, ENTRY_LEAST) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_OFFSET, -ENTRY_MOST) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_BIAS, -ENTRY_MOST) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, -ENTRY_MOST) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, ENTRY_LEAST) && is_lag_valid(words) &&
-         are_scales(words);
+         is_table_over_gap(words, ANHYST_WORD_GAP_GAIN, MIN_WEIGHT) &&
+         is_table_over_gap(words, ANHYST_WORD_GAP_OFFSET, -MAX_ENTRY) &&
+         is_table_over_gap(words, ANHYST_WORD_GAP_BIAS, -MAX_ENTRY) &&
+         is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, -MAX_ENTRY) &&
+         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, MIN_WEIGHT) && is_lag_valid(words) &&
+         are_scales_valid(words);
 }
 
 static anhyst_status check_block(const kernel_type *kernel, const entry *words, uint32_t capacity)
@@ -77,7 +77,7 @@ static anhyst_status check_block(const kernel_type *kernel, const entry *words, 
   return is_valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-static uint16_t misfit(const entry *words, const entry *scales)
+static uint16_t find_misfit(const entry *words, const entry *scales)
 {
   for (uint16_t i = 0; i < ANHYST_SCALE_WORDS; i++) {
     if (!(words[ANHYST_WORD_SCALE_DEMAND + i] == scales[i])) {

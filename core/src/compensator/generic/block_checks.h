@@ -1,30 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: checks of the words of a parameter block, for every format. A law includes
-   ../formats/block_fixed.h or block_real.h, which define the operations on a word.
-   Every check is false for a word that is not a number. */
+/* Template: checks of the words of a parameter block, for every number format. A law includes
+   ../formats/block_fixed.h or block_real.h, which define the operations on a word. Every check
+   returns 0 for a word that is NaN. */
 
-/* Length of a block whose head is valid, words. */
-static inline int32_t length_of(const entry *words) { return (int32_t)words[ANHYST_WORD_LENGTH]; }
+/* Returns the length of a block with a valid head, in words. */
+static inline int32_t block_length(const entry *words)
+{
+  return (int32_t)words[ANHYST_WORD_LENGTH];
+}
 
-/* Whether a word is a number of low..high. */
 static inline int is_in_range(entry word, entry low, entry high)
 {
   return word >= low && word <= high;
 }
 
-/* Whether a table with this number of entries lies after the head of the block and inside it. */
-static inline int is_table_inside(const entry *words, entry first, int32_t entries)
+/* Returns whether a table with this number of entries is in the block, after its head. */
+static inline int is_table_in_block(const entry *words, entry first, int32_t entries)
 {
-  return entries > 0 && entries <= length_of(words) &&
-         is_integer(first, ANHYST_BLOCK_LEAST_WORDS, length_of(words) - entries);
+  return entries > 0 && entries <= block_length(words) &&
+         is_integer(first, ANHYST_BLOCK_LEAST_WORDS, block_length(words) - entries);
 }
 
-/* Whether a table is inside the block, begins at the least value or above, ends at ENTRY_ONE or
-   below, never falls, and rises by at most `steepest` from entry to entry. */
+/* Returns whether a table is in the block, starts at `least` or above, ends at ENTRY_ONE or below,
+   never falls, and rises by at most max_rise between neighbours. */
 static inline int is_table_rising(const entry *words, entry first, int32_t entries, entry least,
-                                  entry steepest)
+                                  entry max_rise)
 {
-  if (!is_table_inside(words, first, entries)) {
+  if (!is_table_in_block(words, first, entries)) {
     return 0;
   }
   const entry *table = words + (int32_t)first;
@@ -33,23 +35,24 @@ static inline int is_table_rising(const entry *words, entry first, int32_t entri
     return 0;
   }
   for (int32_t i = 1; i < entries; i++) {
-    if (!(table[i] >= table[i - 1] && (number)table[i] - table[i - 1] <= steepest)) {
+    if (!(table[i] >= table[i - 1] && (number)table[i] - table[i - 1] <= max_rise)) {
       return 0;
     }
   }
   return 1;
 }
 
-/* Whether the word names a table over the gap whose entries are all at least `least`. */
+/* Returns whether the word is the index of a table over the gap whose entries are all at least
+   `least`. */
 static inline int is_table_over_gap(const entry *words, int16_t word, entry least)
 {
   const int32_t entries = ((int32_t)1 << (int32_t)words[ANHYST_WORD_GAP_SEGMENTS]) + 1;
-  if (!is_table_inside(words, words[word], entries)) {
+  if (!is_table_in_block(words, words[word], entries)) {
     return 0;
   }
   const entry *table = words + (int32_t)words[word];
   for (int32_t i = 0; i < entries; i++) {
-    if (!(table[i] >= least && is_entry_after(table[i], table[i > 0 ? i - 1 : 0]))) {
+    if (!(table[i] >= least && is_entry_valid(table[i], table[i > 0 ? i - 1 : 0]))) {
       return 0;
     }
   }

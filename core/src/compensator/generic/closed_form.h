@@ -1,59 +1,56 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the closed form of the simplified law, exact for a step of any size. simplified.h comes
-   before it.
+/* Template: the closed form of the simplified law, exact for a step of any size. simplified.h is
+   included before. On a rising path, p is the bounded state, and v = 1 - p. The distance from p = 0
+   is z = -ln v + nu*v - nu, which rises in proportion to the flux. A table over z gives p. Its
+   segment width doubles from octave to octave, because the curve is steep at z = 0 and flat at
+   large z. A search in the same table gives z, so that both directions agree. */
 
-   On a rising path p is the bounded state, and v = 1 - p. The distance from p = 0 is
-   z = -ln v + nu*v - nu, which grows in proportion to the flux. A table over z gives p. Its
-   segments double from octave to octave, because the curve is sharp at z = 0 and flat far out. A
-   search in the same table gives z, so that there and back agree. */
-
-/* The bounded state at a distance >= 0. */
-static number state_of(const entry *words, number z)
+static number state_at_distance(const entry *words, number z)
 {
-  return value_at(spot_at(words, z < DISTANCE_MAX ? z : DISTANCE_MAX));
+  return value_at(locate_distance(words, z < DISTANCE_MAX ? z : DISTANCE_MAX));
 }
 
-/* The distance at a bounded state of 0..1. */
-static number distance_of(const entry *words, number state)
+static number distance_at_state(const entry *words, number state)
 {
   const entry *table = words + (int32_t)words[ANHYST_WORD_SIMPLE_CURVE];
   const int32_t n = (int32_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
   const int32_t segments = ((int32_t)words[ANHYST_WORD_SIMPLE_OCTAVES] + 1) * ((int32_t)1 << n);
   int32_t index = 0;
   for (int32_t step = (int32_t)8 << n; step > 0; step >>= 1) {
-    if (index + step < segments && level_of(table[index + step]) <= state) {
+    if (index + step < segments && word_value(table[index + step]) <= state) {
       index += step;
     }
   }
-  const number risen = difference(state, level_of(table[index]));
-  return distance_at(words, index, part_of(risen, table[index], table[index + 1]));
+  const number rise_up_to_state = difference(state, word_value(table[index]));
+  return distance_at_part(words, index,
+                          part_at_rise(rise_up_to_state, table[index], table[index + 1]));
 }
 
-static number start_of(const entry *words, number state)
+static number path_start(const entry *words, number state)
 {
-  return state < 0 ? state : distance_of(words, state);
+  return state < 0 ? state : distance_at_state(words, state);
 }
 
-static number state_beyond(const entry *words, const simplified_memory *path, number flux)
+static number state_at_flux(const entry *words, const simplified_memory *path, number flux)
 {
-  const number way = difference(flux, path->turn);
+  const number travel = difference(flux, path->turn);
   number z = path->start;
   if (path->start < 0) {
-    const number held = sum(path->start, held_change(words, way));
-    if (held < 0) {
-      return held;
+    const number hold_state = sum(path->start, hold_change(words, travel));
+    if (hold_state < 0) {
+      return hold_state;
     }
-    z = -held_distance(words, path->start);
+    z = -hold_distance(words, path->start);
   }
-  z = sum(z, distance_on(words, way));
-  return state_of(words, z > 0 ? z : 0);
+  z = sum(z, distance_of_travel(words, travel));
+  return state_at_distance(words, z > 0 ? z : 0);
 }
 
-static int simplified_is_valid(const entry *words)
+static int is_simplified_valid(const entry *words)
 {
   const entry octaves = words[ANHYST_WORD_SIMPLE_OCTAVES];
   const entry n = words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  return path_is_valid(words) && is_integer(octaves, 4, 14) && is_integer(n, 2, 6) &&
+  return is_path_valid(words) && is_integer(octaves, 4, 14) && is_integer(n, 2, 6) &&
          is_table_rising(words, words[ANHYST_WORD_SIMPLE_CURVE],
                          ((int32_t)octaves + 1) * ((int32_t)1 << (int32_t)n) + 1, 0, ENTRY_ONE);
 }

@@ -1,25 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the compensator, for every format. The few operations in which the formats differ come
-   before it: ../compensator.c for fixed point, compensator_real.h for floating point. The stages of
-   the candidate are those of stage.h. */
+/* Template: the compensator, for every number format. The operations that depend on the format are
+   included before: ../compensator.c for fixed point, compensator_real.h for floating point. stage.h
+   defines the stages of the trial step. */
 #include "anhyst/numeric/port.h"
 
-/* The number of low..high nearest to a. Sets a flag if `a` is beyond a limit by more than `code`.
- */
-static inline number limited(compensator *c, number a, number low, number high, number code,
+/* Limits a to low..high. Sets a flag if it exceeds a limit by more than the tolerance. */
+static inline number limited(compensator *c, number a, number low, number high, number tolerance,
                              uint16_t flag)
 {
   if (a >= low && a <= high) {
     return a;
   }
-  if (!(difference_of(a, high) <= code && difference_of(low, a) <= code)) {
+  if (!(subtract(a, high) <= tolerance && subtract(low, a) <= tolerance)) {
     c->flags |= flag;
   }
   return a > high ? high : low;
 }
 
-/* Begins a call with these flags. In a debug build it marks the compensator as busy, and an
-   assertion fails if it is already. */
+/* Starts a call with these flags. In a debug build it marks the compensator as busy, and an
+   assertion fails if it is already busy. */
 static inline void enter(compensator *c, uint16_t flags)
 {
 #if ANHYST_HAS_ASSERT
@@ -39,55 +38,57 @@ static inline void leave(compensator *c)
 #endif
 }
 
-/* Where the gap falls in the tables; remembers the gap and flags one out of range. */
-static place take_gap(compensator *c, number gap)
+/* Returns the position of the gap in the tables. Stores the gap, and sets a flag if it is out of
+   range. */
+static gap_position accept_gap(compensator *c, number gap)
 {
   const number fraction = gap_fraction(c, gap);
   c->gap = gap;
   if (!is_in_gap_range(fraction)) {
     c->flags |= ANHYST_GAP_LIMITED;
   }
-  return place_of(c->words, fraction);
+  return locate_gap(c->words, fraction);
 }
 
-/* How the current is made up in this tick. Iron with a lag asks for more current as long as its
-   flux rises, in proportion to the rise in a tick: at rest what bias and arm get cancels. */
-static arms_type arms_at(const compensator *c, place at)
+/* Returns the coefficients of the current for this tick. Iron with a lag needs more current while
+   its flux rises, in proportion to the rise per tick. At constant flux, the changes of bias and arm
+   cancel. */
+static arms_type arms_at(const compensator *c, gap_position position)
 {
   const entry *words = c->words;
   arms_type arms;
-  arms.bias = bias_of(over_gap(at, words[ANHYST_WORD_GAP_BIAS]));
-  arms.flux_arm = over_gap(at, words[ANHYST_WORD_GAP_FLUX_ARM]);
-  arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
+  arms.bias = bias_of(over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
+  arms.flux_arm = over_gap(position, words[ANHYST_WORD_GAP_FLUX_ARM]);
+  arms.field_arm = over_gap(position, words[ANHYST_WORD_GAP_FIELD_ARM]);
   if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
-    const entry lag = over_gap(at, words[ANHYST_WORD_GAP_LAG_ARM]);
-    arms.flux_arm = arm_sum(arms.flux_arm, lag);
-    arms.bias = bias_within(arms.bias - product(c->flux_applied, lag));
+    const entry lag = over_gap(position, words[ANHYST_WORD_GAP_LAG_ARM]);
+    arms.flux_arm = add_arms(arms.flux_arm, lag);
+    arms.bias = limit_bias(arms.bias - product(c->flux_applied, lag));
   }
   return arms;
 }
 
-/* The output at this gap without flux. */
-static number offset_at(const entry *words, place at)
+static number offset_at(const entry *words, gap_position position)
 {
-  return signal_of(over_gap(at, words[ANHYST_WORD_GAP_OFFSET]));
+  return word_to_signal(over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
 }
 
-/* The demand at this gap as a flux; at least 0 if it goes with a square. */
-static number flux_of(compensator *c, number demand, place at)
+/* Returns the flux for the demand at this gap; at least 0 if the output is proportional to its
+   square. */
+static number demand_to_flux(compensator *c, number demand, gap_position position)
 {
   const entry *words = c->words;
-  const number low = signal_of(words[ANHYST_WORD_DEMAND_LOW]);
-  const number high = signal_of(words[ANHYST_WORD_DEMAND_HIGH]);
-  const number accepted = limited(c, demand, low, high, DEMAND_CODE, ANHYST_DEMAND_LIMITED);
-  const number beyond = difference_of(accepted, offset_at(words, at));
+  const number low = word_to_signal(words[ANHYST_WORD_DEMAND_LOW]);
+  const number high = word_to_signal(words[ANHYST_WORD_DEMAND_HIGH]);
+  const number accepted = limited(c, demand, low, high, DEMAND_TOLERANCE, ANHYST_DEMAND_LIMITED);
+  const number above_offset = subtract(accepted, offset_at(words, position));
   const number limit = flux_limit(words);
-  if (beyond < 0 && words[ANHYST_WORD_POWER] == 2) {
+  if (above_offset < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const number flux =
-      limited(c, flux_for(words, beyond, at), -limit, limit, 0, ANHYST_FLUX_LIMITED);
-  return whole_flux(words, flux);
+  const number flux = limited(c, output_to_flux(words, above_offset, position), -limit, limit, 0,
+                              ANHYST_FLUX_LIMITED);
+  return to_inner_flux(words, flux);
 }
 
 static const kernel_type *kernel_for(const kernel_type *kernel, const entry *words)
@@ -109,12 +110,11 @@ static void demagnetise(compensator *c)
   }
 }
 
-/* Starts with a valid block. */
 static void init(compensator *c, const kernel_type *kernel, const entry *words)
 {
   c->kernel = kernel_for(kernel, words);
   c->words = words;
-  take_scales(c);
+  read_scales(c);
   c->current = 0;
   c->applied = 0;
   c->flux = 0;
@@ -128,10 +128,10 @@ static void solve(compensator *c, number demand, number gap)
 {
   const entry *words = c->words;
   enter(c, 0);
-  const place at = take_gap(c, gap);
-  c->arms = arms_at(c, at);
-  c->flux = flux_of(c, demand, at);
-  if (c->stage == ANHYST_STAGE_AHEAD) { /* of a step that nobody took */
+  const gap_position position = accept_gap(c, gap);
+  c->arms = arms_at(c, position);
+  c->flux = demand_to_flux(c, demand, position);
+  if (c->stage == ANHYST_STAGE_AHEAD) { /* a step that was not committed */
     c->stage = ANHYST_STAGE_UNKNOWN;
     c->flags |= ANHYST_UNCOMMITTED;
   }
@@ -142,13 +142,13 @@ static void solve(compensator *c, number demand, number gap)
       limited(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
               current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
   c->stage = ANHYST_STAGE_AHEAD;
-  c->current = outer_current(words, current);
+  c->current = to_outer_current(words, current);
   leave(c);
 }
 
-/* What was solved is committed by a copy, unless a limit of the current was in the way: its flux is
-   searched here. A law has its candidate at the limit then, so that this search is short. Leaves
-   the memory alone if the applied current is not a number. */
+/* Commits the solved current by a copy, unless a limit of the current applied: then the flux is
+   searched for. In this case, the law has stored its trial step at the limit, so that the search is
+   short. Leaves the state unchanged if the applied current is not finite. */
 static void commit(compensator *c, number applied, number gap)
 {
   const entry *words = c->words;
@@ -157,17 +157,18 @@ static void commit(compensator *c, number applied, number gap)
   const int is_solved =
       is_at_gap && applied == c->current && (c->flags & ANHYST_CURRENT_LIMITED) == 0U;
   enter(c, (uint16_t)(c->flags & (is_ahead ? 0xFFFFU : ANHYST_CONDITIONING)));
-  (void)limited(c, applied, signal_of(words[ANHYST_WORD_CURRENT_LOW]),
-                signal_of(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_CODE, ANHYST_CURRENT_LIMITED);
+  (void)limited(c, applied, word_to_signal(words[ANHYST_WORD_CURRENT_LOW]),
+                word_to_signal(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_TOLERANCE,
+                ANHYST_CURRENT_LIMITED);
   if (!is_at_gap) {
-    c->arms = arms_at(c, take_gap(c, gap));
+    c->arms = arms_at(c, accept_gap(c, gap));
   }
   if (!is_finite(applied)) {
     c->stage = ANHYST_STAGE_UNKNOWN;
     leave(c);
     return;
   }
-  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, inner_current(words, applied));
+  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, to_inner_current(words, applied));
   if (c->kernel->keep != 0) {
     c->kernel->keep(c);
   }
@@ -179,26 +180,27 @@ static void commit(compensator *c, number applied, number gap)
 
 static number output(const compensator *c)
 {
-  const place at = place_of(c->words, gap_fraction(c, c->gap));
-  return sum_of(output_beyond(c->words, c->flux_applied, at), offset_at(c->words, at));
+  const gap_position position = locate_gap(c->words, gap_fraction(c, c->gap));
+  return add(flux_to_output(c->words, c->flux_applied, position), offset_at(c->words, position));
 }
 
-/* Both blocks state the same scales. */
+/* Requires two blocks with the same scales. */
 static void swap(compensator *c, const entry *words)
 {
-  const number before = output(c);
-  const place at = place_of(words, gap_fraction(c, c->gap));
+  const number output_before = output(c);
+  const gap_position position = locate_gap(words, gap_fraction(c, c->gap));
   enter(c, 0);
-  number flux = whole_flux(words, flux_for(words, difference_of(before, offset_at(words, at)), at));
+  number flux = to_inner_flux(
+      words, output_to_flux(words, subtract(output_before, offset_at(words, position)), position));
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }
-  flux = flux_within(flux);
+  flux = limit_flux(flux);
   c->kernel = kernel_for(c->kernel, words);
   c->kernel->carry(c, words, flux);
   c->flux_applied = flux;
   c->words = words;
-  take_scales(c);
+  read_scales(c);
   c->stage = ANHYST_STAGE_UNKNOWN;
   leave(c);
 }
@@ -209,7 +211,7 @@ static int32_t conditioning_length(const compensator *c)
          (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
 }
 
-/* The current of a tick of the start-up as a word of the block. */
+/* Returns the current of a tick of the start-up sequence as a word of the block. */
 static entry conditioning(const compensator *c, int32_t tick)
 {
   const int32_t ramp = (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
@@ -219,6 +221,6 @@ static entry conditioning(const compensator *c, int32_t tick)
     return 0;
   }
   const int32_t phase = tick % (2 * ramp);
-  const int32_t climbed = phase < ramp ? phase : 2 * ramp - phase;
-  return (entry)(low + (span * (number)climbed) / (number)ramp);
+  const int32_t ramp_ticks = phase < ramp ? phase : 2 * ramp - phase;
+  return (entry)(low + (span * (number)ramp_ticks) / (number)ramp);
 }

@@ -1,25 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations of a floating-point compensator, for compensator.h. Signals are in the units of the
-   model; inside, demand and current are fractions of full scale. */
+   model; internally, demand and current are fractions of full scale. */
 
-#define FRACTION_CODE ((number)3.0517578125e-5) /* 2^-15: what a signal may pass a limit by */
-#define DEMAND_CODE FRACTION_CODE
-#define CURRENT_CODE FRACTION_CODE
-#define CURRENT_MOST ((number)2) /* the largest current whose flux is searched, of full scale */
+/* 2^-15: tolerance of a signal beyond a limit. */
+#define FRACTION_TOLERANCE ((number)3.0517578125e-5)
+#define DEMAND_TOLERANCE FRACTION_TOLERANCE
+#define CURRENT_TOLERANCE FRACTION_TOLERANCE
+/* The largest current whose flux is searched for, fraction of full scale. */
+#define MAX_CURRENT ((number)2)
 
-/* Where a gap falls in the tables over the gap. */
 typedef struct {
-  const entry *words; /* of the block, moved on to the segment */
-  number part;        /* of the segment, 0..1 */
-} place;
+  const entry *words; /* words of the block, advanced to the segment */
+  number part;        /* position on the segment, 0..1 */
+} gap_position;
 
 static number current_in_units(const compensator *c)
 {
   return c->current * c->words[ANHYST_WORD_SCALE_CURRENT];
 }
 
-/* Finds the reciprocals of the scales of the block in use. */
-static void take_scales(compensator *c)
+static void read_scales(compensator *c)
 {
   const entry *words = c->words;
   const number range = words[ANHYST_WORD_SCALE_GAP_HIGH] - words[ANHYST_WORD_SCALE_GAP_LOW];
@@ -28,7 +28,7 @@ static void take_scales(compensator *c)
   c->per_gap = range > (number)0 ? (number)1 / range : (number)0;
 }
 
-/* A gap as a fraction of its range; 0 if nothing depends on the gap. */
+/* Returns a gap as a fraction of its range; 0 if nothing depends on the gap. */
 static number gap_fraction(const compensator *c, number gap)
 {
   return (gap - c->words[ANHYST_WORD_SCALE_GAP_LOW]) * c->per_gap;
@@ -36,44 +36,38 @@ static number gap_fraction(const compensator *c, number gap)
 
 static int is_in_gap_range(number fraction)
 {
-  return fraction >= -FRACTION_CODE && fraction <= (number)1 + FRACTION_CODE;
+  return fraction >= -FRACTION_TOLERANCE && fraction <= (number)1 + FRACTION_TOLERANCE;
 }
 
-static place place_of(const entry *words, number fraction)
+static gap_position locate_gap(const entry *words, number fraction)
 {
   const int32_t segments = (int32_t)1 << (int32_t)words[ANHYST_WORD_GAP_SEGMENTS];
-  const number at = within(fraction, (number)0, (number)1) * (number)segments;
-  const int32_t index = at < (number)segments ? (int32_t)at : segments - 1;
-  const place found = {words + index, at - (number)index};
+  const number position = clamp(fraction, (number)0, (number)1) * (number)segments;
+  const int32_t index = position < (number)segments ? (int32_t)position : segments - 1;
+  const gap_position found = {words + index, position - (number)index};
   return found;
 }
 
-static number over_gap(place at, entry first)
+static number over_gap(gap_position position, entry first)
 {
-  const entry *found = at.words + (int32_t)first;
-  return found[0] + (found[1] - found[0]) * at.part;
+  const entry *entry_below = position.words + (int32_t)first;
+  return entry_below[0] + (entry_below[1] - entry_below[0]) * position.part;
 }
 
 static number bias_of(number over_gap) { return over_gap; }
-
-static number bias_within(number bias) { return bias; }
-
-static number arm_sum(number a, number b) { return a + b; }
-
+static number limit_bias(number bias) { return bias; }
+static number add_arms(number a, number b) { return a + b; }
 static number product(number a, number weight) { return a * weight; }
+static number add(number a, number b) { return a + b; }
+static number subtract(number a, number b) { return a - b; }
+static number word_to_signal(number word) { return word; }
 
-static number sum_of(number a, number b) { return a + b; }
+/* Returns whether a is finite and at most 3e38 in size. */
+static int is_finite(number a) { return absolute(a) <= (number)3e38; }
 
-static number difference_of(number a, number b) { return a - b; }
-
-static number signal_of(number word) { return word; }
-
-/* Whether a is a number of at most 3e38. */
-static int is_finite(number a) { return size_of(a) <= (number)3e38; }
-
-/* Root of a number that is not negative, meant for 0..1. Below the knee, 2^(-2*knee), a straight
-   line; from there to 1 a relative error below one unit in the last place of a float and 1e-14 in
-   double precision. */
+/* Returns the square root of a number that is not negative, intended for 0..1. Below the knee,
+   2^(-2*knee), the function is linear. From the knee to 1, the relative error is below 1 ulp in
+   single precision and 1e-14 in double precision. */
 static number root(number a, int32_t knee)
 {
   const number steepness = (number)((int32_t)1 << knee);
@@ -81,7 +75,7 @@ static number root(number a, int32_t knee)
   if (a * steepness * steepness < (number)1) {
     return a * steepness;
   }
-  /* Into 1/4..1 by even powers of two, which are exact; the least knee is 2^-16. */
+  /* Scales to 1/4..1 by even powers of two, which are exact; the smallest knee is 2^-16. */
   if (a < (number)0.00390625) {
     a *= (number)256;
     scale *= (number)0.0625;
@@ -94,57 +88,54 @@ static number root(number a, int32_t knee)
     a *= (number)4;
     scale *= (number)0.5;
   }
-  /* A line within 3 % to begin with; each step doubles the digits. */
+  /* A linear start value has an error of at most 3 %; each Newton step doubles the digits. */
   number r = (number)0.686 * a + (number)0.343;
   r = (number)0.5 * (r + a / r);
   r = (number)0.5 * (r + a / r);
   return scale * (r + a / r);
 }
 
-/* What an output by this much beyond the offset needs as a flux. */
-static number flux_for(const entry *words, number beyond, place at)
+static number output_to_flux(const entry *words, number above_offset, gap_position position)
 {
-  number part = beyond;
+  number part = above_offset;
   if (words[ANHYST_WORD_POWER] == (entry)2) {
-    part = root(beyond > (number)0 ? beyond : (number)0, (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
+    part = root(above_offset > (number)0 ? above_offset : (number)0,
+                (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
   }
-  return part * over_gap(at, words[ANHYST_WORD_GAP_GAIN]);
+  return part * over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
 }
 
 static number flux_limit(const entry *words) { return words[ANHYST_WORD_FLUX_LIMIT]; }
+static number limit_flux(number flux) { return clamp(flux, (number)-1, (number)1); }
 
-static number flux_within(number flux) { return within(flux, (number)-1, (number)1); }
-
-static number whole_flux(const entry *words, number flux)
+static number to_inner_flux(const entry *words, number flux)
 {
   (void)words;
   return flux;
 }
 
-/* The output beyond the offset under a flux. */
-static number output_beyond(const entry *words, number flux, place at)
+static number flux_to_output(const entry *words, number flux, gap_position position)
 {
-  const number part = flux / over_gap(at, words[ANHYST_WORD_GAP_GAIN]);
+  const number part = flux / over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
   if (words[ANHYST_WORD_POWER] == (entry)1) {
     return part;
   }
-  const number size = size_of(part);
+  const number flux_size = absolute(part);
   const number steepness = (number)((int32_t)1 << (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
-  return size * steepness < (number)1 ? size / steepness : size * size;
+  return flux_size * steepness < (number)1 ? flux_size / steepness : flux_size * flux_size;
 }
 
-/* The limit of the inner current at this word of the block. */
 static number current_limit(const entry *words, int16_t word) { return words[word]; }
 
-/* The solved current from the inner one, and back. */
-static number outer_current(const entry *words, number current)
+/* Convert the inner current to the result of a solve, and back. */
+static number to_outer_current(const entry *words, number current)
 {
   (void)words;
   return current;
 }
 
-static number inner_current(const entry *words, number current)
+static number to_inner_current(const entry *words, number current)
 {
   (void)words;
-  return within(current, -CURRENT_MOST, CURRENT_MOST);
+  return clamp(current, -MAX_CURRENT, MAX_CURRENT);
 }

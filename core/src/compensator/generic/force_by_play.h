@@ -24,8 +24,8 @@ static ANHYST_REAL expected(const anhyst_force_controller_x *c, ANHYST_REAL appl
   return play->demand;
 }
 
-/* Any play is one: nothing has to be made known. */
-static int32_t length(const anhyst_force_controller_x *c)
+/* Returns 0: any play is a valid state, so that no conditioning is necessary. */
+static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
   (void)c;
   return 0;
@@ -48,10 +48,10 @@ static void carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
 
 void anhyst_force_controller_init_play_x(anhyst_force_controller_x *c, anhyst_play_map_x *play)
 {
-  static const anhyst_force_method_x by_play = {solve,        commit,      expected, length,
-                                                conditioning, demagnetise, carry};
-  const anhyst_force_controller_x fresh = {0};
-  *c = fresh;
+  static const anhyst_force_method_x by_play = {
+      solve, commit, expected, conditioning_ticks, conditioning, demagnetise, carry};
+  const anhyst_force_controller_x initial = {0};
+  *c = initial;
   c->method = &by_play;
   c->own = play;
 }

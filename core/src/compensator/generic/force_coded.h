@@ -4,9 +4,9 @@
 
 static int is_scale(ANHYST_REAL a) { return a >= R(1e-12) && a <= R(1e12); }
 
-/* The next code towards zero; the lowest for what is no number, which of a flux density means no
-   probe. */
-static int32_t code(ANHYST_REAL codes)
+/* Truncates to a code, towards zero. Returns the lowest code for NaN; the lowest code of a flux
+   density means no probe. */
+static int32_t to_code(ANHYST_REAL codes)
 {
   if (codes >= ANHYST_CODES) {
     return ANHYST_Q31_MAX;
@@ -14,71 +14,72 @@ static int32_t code(ANHYST_REAL codes)
   return codes > -ANHYST_CODES ? (int32_t)codes : ANHYST_Q31_MIN;
 }
 
-static int32_t gap_code(const anhyst_coded_x *own, ANHYST_REAL gap)
+static int32_t gap_code(const anhyst_coded_x *data, ANHYST_REAL gap)
 {
-  const int32_t found = code((gap - own->gap_low) * own->gap);
-  return found > 0 ? found : 0;
+  const int32_t initial = to_code((gap - data->gap_low) * data->gap);
+  return initial > 0 ? initial : 0;
 }
 
-/* Whether a gap is within its codes; up to 2^-15 of the range beyond counts as within. */
-static int is_in_gap_range(const anhyst_coded_x *own, ANHYST_REAL gap)
+/* Returns whether a gap is in its range, extended by 2^-15 of the range. */
+static int is_gap_in_range(const anhyst_coded_x *data, ANHYST_REAL gap)
 {
-  const ANHYST_REAL codes = (gap - own->gap_low) * own->gap;
+  const ANHYST_REAL codes = (gap - data->gap_low) * data->gap;
   return codes >= R(-65536.0) && codes <= ANHYST_CODES + R(65536.0);
 }
 
 static ANHYST_REAL solve(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
                          ANHYST_REAL flux)
 {
-  const anhyst_coded_x *own = c->own;
-  const int known = gap >= R(-1e30);
+  const anhyst_coded_x *data = c->own;
+  const int is_gap_number = gap >= R(-1e30);
   const int32_t current = anhyst_force_controller_solve_q31(
-      own->inner, known ? code(demand * own->force) : ANHYST_Q31_MIN, gap_code(own, gap),
-      code(flux * own->flux));
-  c->flags = own->inner->flags;
-  if (!is_in_gap_range(own, gap)) {
+      data->inner, is_gap_number ? to_code(demand * data->force) : ANHYST_Q31_MIN,
+      gap_code(data, gap), to_code(flux * data->flux));
+  c->flags = data->inner->flags;
+  if (!is_gap_in_range(data, gap)) {
     c->flags |= ANHYST_GAP_LIMITED;
   }
-  c->current = (ANHYST_REAL)current * own->ampere;
+  c->current = (ANHYST_REAL)current * data->ampere;
   return c->current;
 }
 
 static ANHYST_REAL commit(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
-  const anhyst_coded_x *own = c->own;
-  const int32_t force = anhyst_force_controller_commit_q31(own->inner, code(applied * own->current),
-                                                           gap_code(own, gap));
-  return (ANHYST_REAL)force * own->newton;
+  const anhyst_coded_x *data = c->own;
+  const int32_t force = anhyst_force_controller_commit_q31(
+      data->inner, to_code(applied * data->current), gap_code(data, gap));
+  return (ANHYST_REAL)force * data->newton;
 }
 
 static ANHYST_REAL expected(const anhyst_force_controller_x *c, ANHYST_REAL applied,
                             ANHYST_REAL gap)
 {
-  const anhyst_coded_x *own = c->own;
+  const anhyst_coded_x *data = c->own;
   const int32_t force = anhyst_force_controller_expected_q31(
-      own->inner, code(applied * own->current), gap_code(own, gap));
-  return (ANHYST_REAL)force * own->newton;
+      data->inner, to_code(applied * data->current), gap_code(data, gap));
+  return (ANHYST_REAL)force * data->newton;
 }
 
-static int32_t length(const anhyst_force_controller_x *c)
+static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
-  const anhyst_coded_x *own = c->own;
-  return anhyst_force_controller_conditioning_length_q31(own->inner);
+  const anhyst_coded_x *data = c->own;
+  return anhyst_force_controller_conditioning_length_q31(data->inner);
 }
 
 static ANHYST_REAL conditioning(const anhyst_force_controller_x *c, int32_t tick)
 {
-  const anhyst_coded_x *own = c->own;
-  return (ANHYST_REAL)anhyst_force_controller_conditioning_q31(own->inner, tick) * own->ampere;
+  const anhyst_coded_x *data = c->own;
+  return (ANHYST_REAL)anhyst_force_controller_conditioning_q31(data->inner, tick) * data->ampere;
 }
 
 static void demagnetise(anhyst_force_controller_x *c)
 {
-  const anhyst_coded_x *own = c->own;
-  anhyst_force_controller_demagnetise_q31(own->inner);
+  const anhyst_coded_x *data = c->own;
+  anhyst_force_controller_demagnetise_q31(data->inner);
 }
 
-/* Another block is one of words: the inner controller takes it itself. */
+/* Does nothing: another block consists of q31 words, and the inner controller accepts it
+   directly. */
 static void carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
   (void)c;
@@ -90,15 +91,15 @@ anhyst_status anhyst_force_controller_init_coded_x(anhyst_force_controller_x *c,
                                                    const anhyst_code_scales_x *scales,
                                                    anhyst_force_controller_q31 *inner)
 {
-  static const anhyst_force_method_x by_codes = {solve,        commit,      expected, length,
-                                                 conditioning, demagnetise, carry};
-  const anhyst_force_controller_x fresh = {.method = &by_codes, .own = coded};
+  static const anhyst_force_method_x by_codes = {
+      solve, commit, expected, conditioning_ticks, conditioning, demagnetise, carry};
+  const anhyst_force_controller_x initial = {.method = &by_codes, .own = coded};
   const ANHYST_REAL range = scales->gap_high - scales->gap_low;
   if (!is_scale(scales->demand) || !is_scale(scales->current) || !is_scale(scales->flux) ||
       !is_scale(range)) {
     return ANHYST_BAD_PARAMETER;
   }
-  *c = fresh;
+  *c = initial;
   coded->inner = inner;
   coded->force = ANHYST_CODES / scales->demand;
   coded->current = ANHYST_CODES / scales->current;

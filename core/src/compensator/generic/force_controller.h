@@ -1,30 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* What follows is the same in every format; the few operations in which they differ stand before
-   it: force_controller.c for q31, generic/force_controller_real.h for the others. */
+/* Template: the methods of the force controller, for every number format. The operations that
+   depend on the format are included before: ../force_controller.c for q31, force_controller_real.h
+   for floating point. */
 
 static int are_limits(ANHYST_REAL low, ANHYST_REAL high)
 {
-  return is_known(low) && is_known(high) && low <= high;
+  return is_finite(low) && is_finite(high) && low <= high;
 }
 
-/* What a current that was found, and what the measured flux adds to it, are within limits. */
-static ANHYST_REAL corrected(anhyst_force_controller_x *c, ANHYST_REAL current)
+/* Adds the correction by the measured flux to a current, and limits the sum. */
+static ANHYST_REAL apply_correction(anhyst_force_controller_x *c, ANHYST_REAL current)
 {
   c->wanted = anhyst_add_x(current, c->correction);
-  c->current = limited(c, c->wanted);
+  c->current = limit_current(c, c->wanted);
   if (c->current != c->wanted) {
     c->flags |= ANHYST_CURRENT_LIMITED;
   }
   return c->current;
 }
 
-/* ---- by a map ---- */
+/* ---- method map ---- */
 
-static void take_demand(anhyst_force_controller_x *c, ANHYST_REAL demand)
+static void accept_demand(anhyst_force_controller_x *c, ANHYST_REAL demand)
 {
   c->solved = 1;
-  c->demand = pulling(c->map, demand);
+  c->demand = limit_demand(c->map, demand);
   c->flags = c->demand != demand ? ANHYST_DEMAND_LIMITED : 0U;
 }
 
@@ -32,13 +33,13 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
                                 ANHYST_REAL flux)
 {
   (void)flux;
-  take_demand(c, demand);
-  return corrected(c, anhyst_map_value_x(c->map, c->demand, gap));
+  accept_demand(c, demand);
+  return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
-/* The force of an applied current, of which the measured flux added a part. */
-static ANHYST_REAL output_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
-                                 ANHYST_REAL added, ANHYST_REAL gap)
+/* Returns the force of an applied current; `added` is the part that the measured flux added. */
+static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
+                                ANHYST_REAL added, ANHYST_REAL gap)
 {
   if (c->solved != 0U && applied == c->wanted) {
     return c->demand;
@@ -48,7 +49,7 @@ static ANHYST_REAL output_by_map(anhyst_force_controller_x *c, ANHYST_REAL appli
 
 static ANHYST_REAL commit_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
-  const ANHYST_REAL output = output_by_map(c, applied, 0, gap);
+  const ANHYST_REAL output = force_by_map(c, applied, 0, gap);
   c->solved = 0;
   return output;
 }
@@ -59,8 +60,8 @@ static ANHYST_REAL expected_by_map(const anhyst_force_controller_x *c, ANHYST_RE
   return anhyst_map_force_x(c->map, applied, gap);
 }
 
-/* A map has no memory. */
-static int32_t no_length(const anhyst_force_controller_x *c)
+/* A map has no hysteresis state. */
+static int32_t no_conditioning_length(const anhyst_force_controller_x *c)
 {
   (void)c;
   return 0;
@@ -73,9 +74,9 @@ static ANHYST_REAL no_conditioning(const anhyst_force_controller_x *c, int32_t t
   return 0;
 }
 
-static void no_iron(anhyst_force_controller_x *c) { (void)c; }
+static void no_demagnetise(anhyst_force_controller_x *c) { (void)c; }
 
-static void no_block(anhyst_force_controller_x *c, const anhyst_block_x *block)
+static void no_carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
   (void)c;
   (void)block;
@@ -86,12 +87,13 @@ anhyst_status anhyst_force_controller_init_map_x(anhyst_force_controller_x *c,
                                                  ANHYST_REAL high)
 {
   static const anhyst_force_method_x by_map = {
-      solve_by_map, commit_by_map, expected_by_map, no_length, no_conditioning, no_iron, no_block};
-  const anhyst_force_controller_x fresh = {0};
+      solve_by_map,    commit_by_map,  expected_by_map, no_conditioning_length,
+      no_conditioning, no_demagnetise, no_carry};
+  const anhyst_force_controller_x initial = {0};
   if (anhyst_map_check_x(map) != ANHYST_OK || !are_limits(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
-  *c = fresh;
+  *c = initial;
   c->method = &by_map;
   c->map = map;
   c->low = low;
@@ -99,21 +101,21 @@ anhyst_status anhyst_force_controller_init_map_x(anhyst_force_controller_x *c,
   return ANHYST_OK;
 }
 
-/* ---- by a map and the measured flux ---- */
+/* ---- method flux ---- */
 
 static ANHYST_REAL solve_by_flux(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
                                  ANHYST_REAL flux)
 {
-  take_demand(c, demand);
-  correct(c, gap, flux);
-  return corrected(c, anhyst_map_value_x(c->map, c->demand, gap));
+  accept_demand(c, demand);
+  update_correction(c, gap, flux);
+  return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
 static ANHYST_REAL commit_by_flux(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                   ANHYST_REAL gap)
 {
-  const ANHYST_REAL added = c->solved == 0U ? held(c) : c->correction;
-  const ANHYST_REAL output = output_by_map(c, applied, added, gap);
+  const ANHYST_REAL added = c->solved == 0U ? integral_current(c) : c->correction;
+  const ANHYST_REAL output = force_by_map(c, applied, added, gap);
   if (c->solved != 0U) {
     advance_flux(c, applied);
   }
@@ -126,10 +128,10 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
                                                   const anhyst_flux_loop_x *loop, ANHYST_REAL low,
                                                   ANHYST_REAL high)
 {
-  static const anhyst_force_method_x by_flux = {solve_by_flux, commit_by_flux,  expected_by_map,
-                                                no_length,     no_conditioning, no_iron,
-                                                no_block};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_valid(loop) ||
+  static const anhyst_force_method_x by_flux = {
+      solve_by_flux,   commit_by_flux, expected_by_map, no_conditioning_length,
+      no_conditioning, no_demagnetise, no_carry};
+  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_loop_valid(loop) ||
       anhyst_force_controller_init_map_x(c, map, low, high) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -138,7 +140,7 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
   return ANHYST_OK;
 }
 
-/* ---- by a compensator, or past it ---- */
+/* ---- method compensator, and its bypass ---- */
 
 static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL demand,
                                         ANHYST_REAL gap, ANHYST_REAL flux)
@@ -151,8 +153,9 @@ static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REA
   return c->current;
 }
 
-/* What the compensator expects, beside what it expected of the solved current: both have the error
-   of the way back from flux to force, which must not reach the integral of whoever asked. */
+/* Returns the demand plus the difference between the outputs of the applied and the solved current.
+   Both outputs contain the error of the conversion from flux to force, which must not reach the
+   integral of the outer controller. */
 static ANHYST_REAL commit_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                          ANHYST_REAL gap)
 {
@@ -175,7 +178,7 @@ static ANHYST_REAL expected_by_compensator(const anhyst_force_controller_x *c, A
   return anhyst_compensator_output_x(&c->compensator);
 }
 
-static int32_t length(const anhyst_force_controller_x *c)
+static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
   return conditioning_length(&c->compensator);
 }
@@ -193,12 +196,13 @@ static void carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
 const anhyst_force_method_x anhyst_force_by_compensator_x = {solve_by_compensator,
                                                              commit_by_compensator,
                                                              expected_by_compensator,
-                                                             length,
+                                                             conditioning_ticks,
                                                              conditioning,
                                                              demagnetise,
                                                              carry};
 
-static ANHYST_REAL commit_past(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
+static ANHYST_REAL commit_bypassed(anhyst_force_controller_x *c, ANHYST_REAL applied,
+                                   ANHYST_REAL gap)
 {
   const ANHYST_REAL output = commit_by_map(c, applied, gap);
   anhyst_compensator_commit_x(&c->compensator, applied, gap);
@@ -208,35 +212,36 @@ static ANHYST_REAL commit_past(anhyst_force_controller_x *c, ANHYST_REAL applied
 void anhyst_force_controller_bypass_x(anhyst_force_controller_x *c, const anhyst_map_x *map,
                                       ANHYST_REAL low, ANHYST_REAL high)
 {
-  static const anhyst_force_method_x past_compensator = {
-      solve_by_map, commit_past, expected_by_map, length, conditioning, demagnetise, carry};
-  c->method = map != NULL ? &past_compensator : &anhyst_force_by_compensator_x;
+  static const anhyst_force_method_x bypassed = {
+      solve_by_map, commit_bypassed, expected_by_map, conditioning_ticks, conditioning, demagnetise,
+      carry};
+  c->method = map != NULL ? &bypassed : &anhyst_force_by_compensator_x;
   c->map = map;
   c->low = low;
   c->high = high;
 }
 
-/* ---- by a compensator and the measured flux ---- */
+/* ---- fused compensator ---- */
 
 static ANHYST_REAL solve_fused(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
                                ANHYST_REAL flux)
 {
   const ANHYST_REAL by_law = solve_by_compensator(c, demand, gap, flux);
-  correct(c, gap, flux);
-  bound_correction(c);
-  return corrected(c, by_law);
+  update_correction(c, gap, flux);
+  limit_correction(c);
+  return apply_correction(c, by_law);
 }
 
-/* The iron is taken for one of which the measured flux corrects the current: the compensator
-   commits what is left of it. */
+/* Commits the current without the part that the measured flux added, because this part corrects the
+   model of the iron. */
 static ANHYST_REAL commit_fused(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
   const uint16_t solved = c->solved;
-  const ANHYST_REAL added = solved == 0U ? held(c) : c->correction;
+  const ANHYST_REAL added = solved == 0U ? integral_current(c) : c->correction;
   const ANHYST_REAL output = commit_by_compensator(c, anhyst_sub_x(applied, added), gap);
   if (solved != 0U) {
     advance_flux(c, applied);
-    bound_integral(c);
+    limit_integral(c);
   }
   return output;
 }
@@ -246,8 +251,10 @@ anhyst_status anhyst_force_controller_fuse_x(anhyst_force_controller_x *c,
                                              ANHYST_REAL high)
 {
   static const anhyst_force_method_x fused = {
-      solve_fused, commit_fused, expected_by_compensator, length, conditioning, demagnetise, carry};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_valid(loop) || !are_limits(low, high)) {
+      solve_fused, commit_fused, expected_by_compensator, conditioning_ticks, conditioning,
+      demagnetise, carry};
+  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_loop_valid(loop) ||
+      !are_limits(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   c->method = &fused;

@@ -5,41 +5,40 @@ anhyst_status anhyst_force_controller_init_compensator_x(anhyst_force_controller
                                                          const ANHYST_REAL *words,
                                                          uint32_t capacity)
 {
-  anhyst_force_controller_x found = {0};
-  found.method = &anhyst_force_by_compensator_x;
+  anhyst_force_controller_x initial = {0};
+  initial.method = &anhyst_force_by_compensator_x;
   const anhyst_status status =
-      anhyst_compensator_init_x(&found.compensator, kernel, words, capacity);
+      anhyst_compensator_init_x(&initial.compensator, kernel, words, capacity);
   if (status == ANHYST_OK) {
-    *c = found;
+    *c = initial;
   }
   return status;
 }
 
-/* Whether it is a number that can be reckoned with. */
-static int is_known(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+/* Returns whether a is in -1e30..1e30; 0 for NaN. */
+static int is_finite(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
-static int is_valid(const anhyst_flux_loop_x *loop)
+static int is_loop_valid(const anhyst_flux_loop_x *loop)
 {
-  return is_known(loop->proportional) && is_known(loop->integral) && loop->back >= R(0.0) &&
+  return is_finite(loop->proportional) && is_finite(loop->integral) && loop->back >= R(0.0) &&
          loop->back <= R(1.0) && loop->smoothing > R(0.0) && loop->smoothing <= R(1.0) &&
          loop->most >= R(0.0);
 }
 
-static ANHYST_REAL limited(const anhyst_force_controller_x *c, ANHYST_REAL current)
+static ANHYST_REAL limit_current(const anhyst_force_controller_x *c, ANHYST_REAL current)
 {
   return anhyst_limited_x(current, c->low, c->high);
 }
 
-/* The nearest force of the map; none where the demand is no number. */
-static ANHYST_REAL pulling(const anhyst_map_x *map, ANHYST_REAL demand)
+/* Limits a demand to the forces of the map. Returns a force of 0 for NaN. */
+static ANHYST_REAL limit_demand(const anhyst_map_x *map, ANHYST_REAL demand)
 {
   const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
   return demand >= map->force_low ? anhyst_limited_x(demand, map->force_low, map->force_high)
                                   : below;
 }
 
-/* What the integral of the measured flux adds to the current. */
-static ANHYST_REAL held(const anhyst_force_controller_x *c) { return c->integral; }
+static ANHYST_REAL integral_current(const anhyst_force_controller_x *c) { return c->integral; }
 
 static int32_t conditioning_length(const anhyst_compensator_x *compensator)
 {
@@ -56,21 +55,23 @@ static void swap(anhyst_compensator_x *compensator, const ANHYST_REAL *words)
   anhyst_compensator_swap_x(compensator, words);
 }
 
-/* What the measured flux adds to the current. Compared is what should show by now, not what is
-   wanted: the difference between those is delay, which no current removes. */
-static void correct(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
+/* Updates the current that the measured flux adds. The measured flux is compared with the flux that
+   is expected at present, not with the demanded one: their difference is a delay, which no current
+   removes. */
+static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
 {
   const anhyst_map_x *wanted = &c->loop->wanted;
   const int pulls = wanted->force_low >= R(0.0);
   const ANHYST_REAL force =
-      pulls ? ANHYST_SQRT(pulling(wanted, c->demand) * wanted->force_high) : c->demand;
+      pulls ? ANHYST_SQRT(limit_demand(wanted, c->demand) * wanted->force_high) : c->demand;
   c->flux = anhyst_map_value_x(wanted, force, gap);
-  c->error = is_known(flux) ? c->expected - flux : R(0.0);
+  c->error = is_finite(flux) ? c->expected - flux : R(0.0);
   c->correction = c->loop->proportional * c->error + c->integral;
 }
 
-/* Only a limit leads the integral back: a current that was measured differs from the wanted one by
-   the error of its sensor too, and by how far the amplifier is behind. */
+/* Advances the expected flux and the integral. Only a limit drives the integral back: a measured
+   current differs from the solved one also by the error of its sensor and by the lag of the
+   amplifier. */
 static void advance_flux(anhyst_force_controller_x *c, ANHYST_REAL applied)
 {
   const anhyst_flux_loop_x *loop = c->loop;
@@ -81,13 +82,12 @@ static void advance_flux(anhyst_force_controller_x *c, ANHYST_REAL applied)
   }
 }
 
-/* What is added to a compensator is bounded, so that a probe that fails costs no more than that. */
-static void bound_correction(anhyst_force_controller_x *c)
+static void limit_correction(anhyst_force_controller_x *c)
 {
   c->correction = anhyst_limited_x(c->correction, -c->loop->most, c->loop->most);
 }
 
-static void bound_integral(anhyst_force_controller_x *c)
+static void limit_integral(anhyst_force_controller_x *c)
 {
   c->integral = anhyst_limited_x(c->integral, -c->loop->most, c->loop->most);
 }

@@ -1,83 +1,85 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* What eddy currents take of the current while the force changes as it is asked for. */
-static ANHYST_REAL led(const anhyst_corrected_x *own)
+/* Returns the current that opposes the eddy currents of the demanded change of force, in the unit
+   of the inner controller. */
+static ANHYST_REAL lead_current(const anhyst_corrected_x *data)
 {
-  return own->correction.lead * (own->root - own->before);
+  return data->correction.lead * (data->root - data->before);
 }
 
 static ANHYST_REAL solve(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
                          ANHYST_REAL flux)
 {
-  anhyst_corrected_x *own = c->own;
-  const anhyst_correction_x *k = &own->correction;
+  anhyst_corrected_x *data = c->own;
+  const anhyst_correction_x *k = &data->correction;
   const ANHYST_REAL current =
-      anhyst_force_controller_solve_x(own->inner, demand, gap - k->zero, flux * k->density);
-  own->root = demand > R(0.0) ? ANHYST_SQRT(demand) : R(0.0);
-  c->flags = own->inner->flags;
-  c->current = (current + led(own)) / k->scale;
+      anhyst_force_controller_solve_x(data->inner, demand, gap - k->zero, flux * k->density);
+  data->root = demand > R(0.0) ? ANHYST_SQRT(demand) : R(0.0);
+  c->flags = data->inner->flags;
+  c->current = (current + lead_current(data)) / k->scale;
   return c->current;
 }
 
 static ANHYST_REAL commit(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
-  anhyst_corrected_x *own = c->own;
-  const ANHYST_REAL left = applied * own->correction.scale - led(own);
-  own->before = own->root;
-  return anhyst_force_controller_commit_x(own->inner, left, gap - own->correction.zero);
+  anhyst_corrected_x *data = c->own;
+  const ANHYST_REAL iron_current = applied * data->correction.scale - lead_current(data);
+  data->before = data->root;
+  return anhyst_force_controller_commit_x(data->inner, iron_current, gap - data->correction.zero);
 }
 
 static ANHYST_REAL expected(const anhyst_force_controller_x *c, ANHYST_REAL applied,
                             ANHYST_REAL gap)
 {
-  const anhyst_corrected_x *own = c->own;
-  return anhyst_force_controller_expected_x(own->inner, applied * own->correction.scale - led(own),
-                                            gap - own->correction.zero);
+  const anhyst_corrected_x *data = c->own;
+  return anhyst_force_controller_expected_x(data->inner,
+                                            applied * data->correction.scale - lead_current(data),
+                                            gap - data->correction.zero);
 }
 
-static int32_t length(const anhyst_force_controller_x *c)
+static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
-  const anhyst_corrected_x *own = c->own;
-  return anhyst_force_controller_conditioning_length_x(own->inner);
+  const anhyst_corrected_x *data = c->own;
+  return anhyst_force_controller_conditioning_length_x(data->inner);
 }
 
 static ANHYST_REAL conditioning(const anhyst_force_controller_x *c, int32_t tick)
 {
-  const anhyst_corrected_x *own = c->own;
-  return anhyst_force_controller_conditioning_x(own->inner, tick) / own->correction.scale;
+  const anhyst_corrected_x *data = c->own;
+  return anhyst_force_controller_conditioning_x(data->inner, tick) / data->correction.scale;
 }
 
 static void demagnetise(anhyst_force_controller_x *c)
 {
-  anhyst_corrected_x *own = c->own;
-  own->root = R(0.0);
-  own->before = R(0.0);
-  anhyst_force_controller_demagnetise_x(own->inner);
+  anhyst_corrected_x *data = c->own;
+  data->root = R(0.0);
+  data->before = R(0.0);
+  anhyst_force_controller_demagnetise_x(data->inner);
 }
 
 static void carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
-  anhyst_corrected_x *own = c->own;
-  anhyst_force_controller_carry_x(own->inner, block);
+  anhyst_corrected_x *data = c->own;
+  anhyst_force_controller_carry_x(data->inner, block);
 }
 
-static int is_number(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+static int is_finite(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
 anhyst_status anhyst_force_controller_init_corrected_x(anhyst_force_controller_x *c,
                                                        anhyst_corrected_x *corrected,
                                                        const anhyst_correction_x *correction,
                                                        anhyst_force_controller_x *inner)
 {
-  static const anhyst_force_method_x by_correction = {solve,        commit,      expected, length,
-                                                      conditioning, demagnetise, carry};
-  const anhyst_force_controller_x fresh = {.method = &by_correction, .own = corrected};
-  const anhyst_corrected_x rest = {*correction, inner, R(0.0), R(0.0)};
-  if (!is_number(correction->zero) || !is_number(correction->lead) ||
-      !(correction->scale > R(0.0) && is_number(correction->scale)) ||
-      !(correction->density > R(0.0) && is_number(correction->density))) {
+  static const anhyst_force_method_x by_correction = {
+      solve, commit, expected, conditioning_ticks, conditioning, demagnetise, carry};
+  const anhyst_force_controller_x initial = {.method = &by_correction, .own = corrected};
+  const anhyst_corrected_x start_data = {*correction, inner, R(0.0), R(0.0)};
+  if (!is_finite(correction->zero) || !is_finite(correction->lead) ||
+      !(correction->scale > R(0.0) && is_finite(correction->scale)) ||
+      !(correction->density > R(0.0) && is_finite(correction->density))) {
     return ANHYST_BAD_PARAMETER;
   }
-  *c = fresh;
-  *corrected = rest;
+  *c = initial;
+  *corrected = start_data;
   return ANHYST_OK;
 }

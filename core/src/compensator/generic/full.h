@@ -1,24 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the law of Jiles and Atherton with its exact step, for every format. The few operations
-   in which the formats differ come before it: ../full_fixed.h, full_real.h. A path and the search
-   along it are in full_path.h and full_search.h, the check of a block in full_block.h. */
+/* Template: the Jiles-Atherton law with its exact step, for every number format. The operations
+   that depend on the format are included before: ../full_fixed.h, full_real.h. full_path.h and
+   full_search.h contain a path and the search along it, full_block.h the check of a block. */
 
-/* The longest step along a tangent at all. */
-#define MAX_SLIDE (UNIT / 64)
+/* Longest step along a tangent. */
+#define MAX_EXTRAPOLATION (UNIT / 64)
 
-/* An interval in which the anhysteretic curve is a better guess than its middle, at least. */
+/* Shortest interval in which the anhysteretic curve gives a better guess than the middle. */
 #define MIN_CURVE_INTERVAL (UNIT / 16)
 
 /* A shorter step is accepted without a check; about the uncertainty of the tables, 6e-5. */
 #define MIN_CHECKED_STEP (UNIT / 16384)
 
-/* Steps of the guess that follows the anhysteretic curve against the air. */
+/* Steps of the guess along the anhysteretic curve if the iron weight is negative. */
 #define CHORD_STEPS 4
 
-/* The largest residual of a search. */
 #define MAX_RESIDUAL (2 * MAX_FIELD)
 
-/* A current is beyond its limit if it is so by more than the rounding of its arms, 6e-5. */
+/* Excess of a current that counts as beyond its limit: the rounding of its arms, 6e-5. */
 #define LIMIT_MARGIN (UNIT / 16384)
 
 #include "full_path.h"
@@ -27,170 +26,173 @@
 
 #include "full_block.h"
 
-/* The direction of a mirror. */
-static inline int16_t direction_of(mirror way) { return way < 0 ? -1 : 1; }
+static inline int16_t direction_for(mirror_type mirror) { return mirror < 0 ? -1 : 1; }
 
-/* The place of the memory, in no direction; *rise is that of the anhysteretic curve there. */
-static inline answer at_memory(const compensator *c, number *rise)
+/* Returns the point of the memory, without a direction. *rise is the rise of the anhysteretic curve
+   there. */
+static inline path_point point_of_memory(const compensator *c, number *rise)
 {
   const full_memory *from = &c->memory.full;
-  answer at = {within_unit(to_inner(from->x)), within_unit(to_inner(from->y)), 0, 0, 0, 0};
-  at.m = magnetisation(at.y, odd_value(curve_of(c->words), at.x, rise),
-                       c->words[ANHYST_WORD_FULL_REVERSIBLE]);
-  return at;
+  path_point point = {
+      limit_to_unit(to_inner(from->x)), limit_to_unit(to_inner(from->y)), 0, 0, 0, 0};
+  point.m = magnetisation(point.y, interpolate_odd(curve_of(c->words), point.x, rise),
+                          c->words[ANHYST_WORD_FULL_REVERSIBLE]);
+  return point;
 }
 
-/* Sets out from the memory. */
-static inline void start(const compensator *c, path *along, mirror way, number rise, answer *at)
+static inline void start_path(const compensator *c, branch_path *path, mirror_type mirror,
+                              number rise, path_point *point)
 {
-  begin(along, c->words, &c->memory.full, way);
-  depart(along, c->words, &c->memory.full, way);
-  at->x = along->x;
-  at->m = turned(at->m, way);
-  find_start_slopes(along, rise, at);
+  init_branch_path(path, c->words, &c->memory.full, mirror);
+  find_departure(path, c->words, &c->memory.full, mirror);
+  point->x = path->x;
+  point->m = mirrored(point->m, mirror);
+  find_start_slopes(path, rise, point);
 }
 
-/* Stores a place on a path as the candidate, in the direction that the path really had. If the play
-   has not moved, it has not turned either. */
-static inline void remember(compensator *c, const path *along, mirror way, const answer *at)
+/* Stores a point on a path as the trial step, in the true direction of the path. If the play has
+   not moved, it has not reversed either. */
+static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
+                              const path_point *point)
 {
   const full_memory *from = &c->memory.full;
   candidate *to = &c->next;
-  to->memory.full.x = to_memory(turned(at->x, way));
-  to->memory.full.y = to_memory(turned(at->y, way));
-  to->memory.full.p = to_memory(turned(at->p, way));
+  to->memory.full.x = to_memory(mirrored(point->x, mirror));
+  to->memory.full.y = to_memory(mirrored(point->y, mirror));
+  to->memory.full.p = to_memory(mirrored(point->p, mirror));
   to->memory.full.turn = from->turn;
   to->memory.full.level = from->level;
-  if (at->p > along->p && on_path(from->turn, way) >= along->p) {
+  if (point->p > path->p && on_path(from->turn, mirror) >= path->p) {
     to->memory.full.turn = from->p;
     to->memory.full.level = from->y;
   }
-  to->of.full.m = turned(at->m, way);
-  to->of.full.y_slope = (candidate_slope)at->y_slope;
-  to->of.full.m_slope = (candidate_slope)at->m_slope;
-  to->of.full.direction = direction_of(way);
+  to->of.full.m = mirrored(point->m, mirror);
+  to->of.full.y_slope = (candidate_slope)point->y_slope;
+  to->of.full.m_slope = (candidate_slope)point->m_slope;
+  to->of.full.direction = direction_for(mirror);
 }
 
-/* The iron stays where it is, exactly, unless the memory was damaged. */
-static void stay(compensator *c, number m)
+/* Keeps the state exactly as it is, unless the memory was damaged. */
+static void keep_state(compensator *c, number m)
 {
   c->next.memory = c->memory;
-  c->next.memory.full.x = to_memory(within_unit(to_inner(c->memory.full.x)));
+  c->next.memory.full.x = to_memory(limit_to_unit(to_inner(c->memory.full.x)));
   c->next.of.full.m = m;
   c->next.of.full.direction = 0;
 }
 
-/* h*x + m at a place: the flux. */
 static inline number flux_at(const entry *words, number x, number m)
 {
   return m + scaled(x, words[ANHYST_WORD_FULL_AIR]) * 4;
 }
 
-/* flux_arm*flux + field_arm*x at a place: the current without its bias. */
+/* Returns flux_arm*flux + field_arm*x of a point: the current without its bias. */
 static inline number current_at(const compensator *c, number x, number m)
 {
   return scaled(flux_at(c->words, x, m), c->arms.flux_arm) + scaled(x, c->arms.field_arm);
 }
 
-/* The equation of a current; its air is rounded in fixed point. */
-static inline equation of_current(const compensator *c, number target)
+/* Returns the equation of a current. In fixed point, its air weight is rounded. */
+static inline equation current_equation(const compensator *c, number target)
 {
-  const equation of = {air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms), c->arms.flux_arm,
+  const equation eq = {air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms), c->arms.flux_arm,
                        bounded(target)};
-  return of;
+  return eq;
 }
 
-/* Returns the field that belongs to the flux of a compensator. If its current is beyond a limit,
-   returns the largest field instead, and the candidate is where the current reaches the limit. */
+/* Returns the field for the flux of a compensator. If the current of this flux exceeds a limit,
+   returns the largest field instead. The trial step is then the point where the current reaches the
+   limit. */
 static number field_for_flux(compensator *c)
 {
   number segment_rise;
-  answer at = at_memory(c, &segment_rise);
-  equation of = {c->words[ANHYST_WORD_FULL_AIR], QUARTER, scaled(to_inner(c->flux), QUARTER)};
-  const number residual = sum_at(&of, at.x, at.m) - of.target;
+  path_point point = point_of_memory(c, &segment_rise);
+  equation eq = {c->words[ANHYST_WORD_FULL_AIR], QUARTER, scaled(to_inner(c->flux), QUARTER)};
+  const number residual = left_side(&eq, point.x, point.m) - eq.target;
   if (!is_residual(residual)) {
-    stay(c, at.m);
+    keep_state(c, point.m);
     return c->next.memory.full.x;
   }
   const int is_falling = residual > 0;
-  const mirror way = mirror_of(is_falling);
+  const mirror_type mirror = mirror_for(is_falling);
   const number limit =
       current_limit(c->words, is_falling ? ANHYST_WORD_CURRENT_LOW : ANHYST_WORD_CURRENT_HIGH) -
       to_inner(c->arms.bias);
-  if (turned(limit - current_at(c, at.x, at.m), way) <= RESIDUAL_DEADBAND) {
-    stay(c, at.m);
-    return to_memory(turned(MAX_FIELD, way));
+  if (mirrored(limit - current_at(c, point.x, point.m), mirror) <= RESIDUAL_DEADBAND) {
+    keep_state(c, point.m);
+    return to_memory(mirrored(MAX_FIELD, mirror));
   }
-  path along;
-  const equation of_limit = of_current(c, turned(limit, way));
-  of.target = turned(of.target, way);
-  start(c, &along, way, segment_rise, &at);
-  const int is_limited = rise(&along, &of, &of_limit, &at);
-  remember(c, &along, way, &at);
-  return is_limited ? to_memory(turned(MAX_FIELD, way)) : c->next.memory.full.x;
+  branch_path path;
+  const equation of_limit = current_equation(c, mirrored(limit, mirror));
+  eq.target = mirrored(eq.target, mirror);
+  start_path(c, &path, mirror, segment_rise, &point);
+  const int is_limited = search_path(&path, &eq, &of_limit, &point);
+  store_step(c, &path, mirror, &point);
+  return is_limited ? to_memory(mirrored(MAX_FIELD, mirror)) : c->next.memory.full.x;
 }
 
-/* The equation of a current of which this much is missing at a place. */
-static inline equation aim(const compensator *c, const answer *at, number missing)
+/* Returns the equation of a current that exceeds the current of a point by this residual. */
+static inline equation equation_for_residual(const compensator *c, const path_point *point,
+                                             number residual)
 {
-  equation of = of_current(c, 0);
-  of.target = bounded(sum_at(&of, at->x, at->m) + missing);
-  return of;
+  equation eq = current_equation(c, 0);
+  eq.target = bounded(left_side(&eq, point->x, point->m) + residual);
+  return eq;
 }
 
-/* Finds the place of a current from the end of the path that was solved last. Returns 0 if the
-   current is not on this path. */
-static int find_from_end(compensator *c, number wanted)
+/* Solves for a current, starting at the end of the last solved path. Returns 0 if the current is
+   not on this path. */
+static int solve_from_last_step(compensator *c, number target)
 {
   const candidate *end = &c->next;
-  const mirror way = mirror_of(end->of.full.direction < 0);
-  path along;
-  answer at;
-  begin(&along, c->words, &c->memory.full, way);
-  at.x = above(turned(to_inner(end->memory.full.x), way), along.x);
-  at.y = turned(to_inner(end->memory.full.y), way);
-  at.p = along.p;
-  at.m = within_unit(turned(end->of.full.m, way));
-  at.y_slope = rising(end->of.full.y_slope);
-  at.m_slope = rising(end->of.full.m_slope);
-  const equation of = of_current(c, 0);
-  const number missing = turned(wanted, way) - current_at(c, at.x, at.m);
-  const number next = at.x + step_against(-missing, sum_slope(&of, at.m_slope));
-  if (next >= along.x && next <= MAX_FIELD && is_near(&along, at.x, next)) {
-    slide(&along, next, &at);
-    remember(c, &along, way, &at);
+  const mirror_type mirror = mirror_for(end->of.full.direction < 0);
+  branch_path path;
+  path_point point;
+  init_branch_path(&path, c->words, &c->memory.full, mirror);
+  point.x = limit_from_below(mirrored(to_inner(end->memory.full.x), mirror), path.x);
+  point.y = mirrored(to_inner(end->memory.full.y), mirror);
+  point.p = path.p;
+  point.m = limit_to_unit(mirrored(end->of.full.m, mirror));
+  point.y_slope = rising(end->of.full.y_slope);
+  point.m_slope = rising(end->of.full.m_slope);
+  const equation eq = current_equation(c, 0);
+  const number residual = mirrored(target, mirror) - current_at(c, point.x, point.m);
+  const number next = point.x + step_against(-residual, left_side_slope(&eq, point.m_slope));
+  if (next >= path.x && next <= MAX_FIELD && is_tangent_accurate(&path, point.x, next)) {
+    follow_tangent(&path, next, &point);
+    store_step(c, &path, mirror, &point);
     return 1;
   }
   number segment_rise;
-  const answer from = at_memory(c, &segment_rise);
-  if (missing < 0 && turned(wanted - current_at(c, from.x, from.m), way) <= RESIDUAL_DEADBAND) {
+  const path_point from = point_of_memory(c, &segment_rise);
+  if (residual < 0 &&
+      mirrored(target - current_at(c, from.x, from.m), mirror) <= RESIDUAL_DEADBAND) {
     return 0;
   }
-  depart(&along, c->words, &c->memory.full, way);
-  const equation of_rest = aim(c, &at, missing);
-  (void)rise(&along, &of_rest, 0, &at);
-  remember(c, &along, way, &at);
+  find_departure(&path, c->words, &c->memory.full, mirror);
+  const equation of_rest = equation_for_residual(c, &point, residual);
+  (void)search_path(&path, &of_rest, 0, &point);
+  store_step(c, &path, mirror, &point);
   return 1;
 }
 
-/* Returns the flux to which a current leads. */
 static number flux_for_current(compensator *c, number current)
 {
-  const number wanted = to_inner(current) - to_inner(c->arms.bias);
+  const number target = to_inner(current) - to_inner(c->arms.bias);
   if (c->stage != ANHYST_STAGE_AHEAD || c->next.of.full.direction == 0 ||
-      !find_from_end(c, wanted)) {
+      !solve_from_last_step(c, target)) {
     number segment_rise;
-    answer at = at_memory(c, &segment_rise);
-    const number missing = wanted - current_at(c, at.x, at.m);
-    if (is_residual(missing)) {
-      const mirror way = mirror_of(missing < 0);
-      path along;
-      start(c, &along, way, segment_rise, &at);
-      const equation of = aim(c, &at, turned(missing, way));
-      (void)rise(&along, &of, 0, &at);
-      remember(c, &along, way, &at);
+    path_point point = point_of_memory(c, &segment_rise);
+    const number residual = target - current_at(c, point.x, point.m);
+    if (is_residual(residual)) {
+      const mirror_type mirror = mirror_for(residual < 0);
+      branch_path path;
+      start_path(c, &path, mirror, segment_rise, &point);
+      const equation eq = equation_for_residual(c, &point, mirrored(residual, mirror));
+      (void)search_path(&path, &eq, 0, &point);
+      store_step(c, &path, mirror, &point);
     } else {
-      stay(c, at.m);
+      keep_state(c, point.m);
     }
   }
   return to_outer(flux_at(c->words, to_inner(c->next.memory.full.x), c->next.of.full.m));

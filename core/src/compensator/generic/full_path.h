@@ -1,37 +1,35 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: a path of the law of Jiles and Atherton, for full.h. Every path rises: a falling one is
+/* Template: a path of the Jiles-Atherton law, for full.h. Every path rises: a falling one is
    mirrored, which does not change the law. Along a path
 
-     m = (1-c)*y + c*L(x),   y = A(p) + (y0 - A(b))*exp(-(p - b)/kappa)   beyond the departure b,
+     m = (1-c)*y + c*L(x),   y = A(p) + (y0 - A(b))*exp(-(p - b)/kappa)   after the departure b,
 
-   with L the anhysteretic curve and A the ascending branch of a fully pinned iron, both tables. The
-   play p follows the field x at a distance. The memory only ever fades, so an error of a table
-   appears in y at most once, whatever the length of the path. */
+   where L is the anhysteretic curve and A the ascending branch of fully pinned iron, both tables.
+   The play p follows the field x within its half-width. The effect of the history only decays.
+   Therefore, an error of a table appears in y at most once, for a path of any length. */
 
-/* A rising path. */
 typedef struct {
-  number x; /* where it begins */
+  number x; /* start of the path */
   number y;
   number p;
   number play;         /* half-width */
-  number tangent_step; /* the longest step along a tangent without an evaluation */
-  /* After depart(): */
+  number tangent_step; /* longest step along a tangent without an evaluation */
+  /* set by find_departure(): */
   table curve;
   table branch;
   table inverse;
-  fading fades;
-  number turn;      /* play where it turned into this direction ... */
-  number level;     /* ... and y there */
-  number departure; /* of the irreversible part, from there */
+  decay_rate decay;
+  number turn;      /* play at the last reversal into this direction */
+  number level;     /* y at that reversal */
+  number departure; /* play at which y starts to move */
   number offset;    /* level - A(departure) */
-  entry lead;       /* -offset, see lead_of() */
-  number kappa;     /* the field in which the memory fades to 1/e */
+  entry lead;       /* -offset as a weight, see lead_of() */
+  number kappa;     /* field in which the effect of the history decays to 1/e */
   entry steepness;
   entry reversible;
-  int16_t evaluations; /* at most */
-} path;
+  int16_t evaluations; /* maximum number */
+} branch_path;
 
-/* A place on a path. */
 typedef struct {
   number x;
   number y;
@@ -39,32 +37,30 @@ typedef struct {
   number m;
   slope y_slope; /* dy/dx */
   slope m_slope; /* dm/dx */
-} answer;
+} path_point;
 
-/* a within -1..1, but not below `least`, which is. */
-static inline number above(number a, number least)
+/* Limits a to -1..1 and to at least `least`, which must be in -1..1. */
+static inline number limit_from_below(number a, number least)
 {
-  const number inside = within_unit(a);
+  const number inside = limit_to_unit(a);
   return inside > least ? inside : least;
 }
 
-/* An odd table, -1 <= u <= 1. */
-static inline number odd_value(table t, number u, number *rise)
+/* Interpolates an odd table at -1 <= u <= 1. */
+static inline number interpolate_odd(table t, number u, number *rise)
 {
-  const mirror way = mirror_of(u < 0);
-  return turned(value(t, turned(u, way), rise), way);
+  const mirror_type mirror = mirror_for(u < 0);
+  return mirrored(interpolate(t, mirrored(u, mirror), rise), mirror);
 }
 
-/* A(x). */
-static inline number branch_value(const path *along, number x, number *rise)
+static inline number branch_value(const branch_path *path, number x, number *rise)
 {
-  return value(along->branch, half_of(x + UNIT), rise);
+  return interpolate(path->branch, half(x + UNIT), rise);
 }
 
-/* m = y + c*(L - y). */
 static inline number magnetisation(number y, number anhysteretic, entry reversible)
 {
-  return y + part_of(anhysteretic - y, reversible);
+  return y + multiply_by_part(anhysteretic - y, reversible);
 }
 
 static inline table curve_of(const entry *words)
@@ -79,103 +75,110 @@ static inline table inverse_of(const entry *words)
                   (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS]);
 }
 
-/* A number of a memory on a path. */
-static inline number on_path(number a, mirror way) { return turned(within_unit(to_inner(a)), way); }
-
-/* A path from a memory. */
-static inline void begin(path *along, const entry *words, const full_memory *from, mirror way)
+/* Converts a number of a memory to the direction of a path. */
+static inline number on_path(number a, mirror_type mirror)
 {
-  along->x = on_path(from->x, way);
-  along->y = on_path(from->y, way);
-  along->p = on_path(from->p, way);
-  along->play = part_of(UNIT, words[ANHYST_WORD_FULL_PLAY]);
-  along->tangent_step = tangent_step_of(words[ANHYST_WORD_FULL_STEEPNESS]);
+  return mirrored(limit_to_unit(to_inner(a)), mirror);
 }
 
-/* Finds where the play turned, where the irreversible part departs and what it has to forget. The
-   play turns here if it moved the other way, or not yet. y is held until the anhysteretic has
-   crossed it. An error of that place barely matters, since y leaves with slope zero. */
-static inline void depart(path *along, const entry *words, const full_memory *from, mirror way)
+static inline void init_branch_path(branch_path *path, const entry *words, const full_memory *from,
+                                    mirror_type mirror)
+{
+  path->x = on_path(from->x, mirror);
+  path->y = on_path(from->y, mirror);
+  path->p = on_path(from->p, mirror);
+  path->play = multiply_by_part(UNIT, words[ANHYST_WORD_FULL_PLAY]);
+  path->tangent_step = tangent_step_of(words[ANHYST_WORD_FULL_STEEPNESS]);
+}
+
+/* Finds the last reversal of the play, the departure of the irreversible part, and its offset from
+   the branch. The play reverses here if it moved in the other direction, or not yet. y is constant
+   until the anhysteretic curve has crossed it. An error of this crossing has almost no effect,
+   because y departs with slope zero. */
+static inline void find_departure(branch_path *path, const entry *words, const full_memory *from,
+                                  mirror_type mirror)
 {
   number rise;
-  along->curve = curve_of(words);
-  along->branch = table_at(words, words[ANHYST_WORD_FULL_BRANCH],
-                           (uint16_t)((uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS] + 1U));
-  along->inverse = inverse_of(words);
-  along->fades = fading_of(words);
-  along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
-  along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  along->kappa = kappa_of(along->steepness);
-  along->evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
-  along->turn = on_path(from->turn, way);
-  along->level = on_path(from->level, way);
-  if (along->turn >= along->p) {
-    along->turn = along->p;
-    along->level = along->y;
+  path->curve = curve_of(words);
+  path->branch = table_at(words, words[ANHYST_WORD_FULL_BRANCH],
+                          (uint16_t)((uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS] + 1U));
+  path->inverse = inverse_of(words);
+  path->decay = read_decay_rate(words);
+  path->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
+  path->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
+  path->kappa = kappa_of(path->steepness);
+  path->evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
+  path->turn = on_path(from->turn, mirror);
+  path->level = on_path(from->level, mirror);
+  if (path->turn >= path->p) {
+    path->turn = path->p;
+    path->level = path->y;
   }
-  const number crossing = odd_value(along->inverse, along->level, &rise);
-  along->departure = crossing > along->turn ? crossing : along->turn;
-  along->offset = along->level - branch_value(along, along->departure, &rise);
-  along->lead = lead_of(-along->offset);
+  const number crossing = interpolate_odd(path->inverse, path->level, &rise);
+  path->departure = crossing > path->turn ? crossing : path->turn;
+  path->offset = path->level - branch_value(path, path->departure, &rise);
+  path->lead = lead_of(-path->offset);
 }
 
-/* The irreversible part where the play is at p; *y_slope is dy/dp. */
-static inline number irreversible(const path *along, number p, slope *y_slope)
+/* Returns the irreversible magnetisation at the play p; *y_slope is dy/dp. */
+static inline number irreversible_m(const branch_path *path, number p, slope *y_slope)
 {
-  const number travel = p - along->departure;
+  const number travel = p - path->departure;
   if (travel <= 0) {
     *y_slope = 0;
-    return along->y;
+    return path->y;
   }
   number rise;
-  const number here = branch_value(along, p, &rise);
-  const number gone = forgotten_along(along->fades, travel);
-  const number y = above(here + along->offset + part_of_lead(gone, along->lead), along->y);
-  *y_slope = rising(slope_of(along->curve, rise) + pulled(here - y, along->steepness));
+  const number here = branch_value(path, p, &rise);
+  const number decayed = decayed_share_after(path->decay, travel);
+  const number y = limit_from_below(here + path->offset + lead_part(decayed, path->lead), path->y);
+  *y_slope = rising(slope_of(path->curve, rise) + irreversible_slope(here - y, path->steepness));
   return y;
 }
 
-/* The place at x. While x is inside the play, y is exactly what it was. */
-static inline answer evaluate(const path *along, number x)
+/* Returns the point at x. While x is within the play, y does not change at all. */
+static inline path_point evaluate(const branch_path *path, number x)
 {
-  answer at = {x, along->y, along->p, 0, 0, 0};
+  path_point point = {x, path->y, path->p, 0, 0, 0};
   number rise;
-  const number anhysteretic = odd_value(along->curve, x, &rise);
-  const number pulls = x - along->play;
-  if (pulls >= along->p) {
-    at.p = pulls;
-    at.y = irreversible(along, pulls, &at.y_slope);
+  const number anhysteretic = interpolate_odd(path->curve, x, &rise);
+  const number play_at_x = x - path->play;
+  if (play_at_x >= path->p) {
+    point.p = play_at_x;
+    point.y = irreversible_m(path, play_at_x, &point.y_slope);
   }
-  at.m = magnetisation(at.y, anhysteretic, along->reversible);
-  at.m_slope = mixed_slope(at.y_slope, slope_of(along->curve, rise), along->reversible);
-  return at;
+  point.m = magnetisation(point.y, anhysteretic, path->reversible);
+  point.m_slope = mixed_slope(point.y_slope, slope_of(path->curve, rise), path->reversible);
+  return point;
 }
 
-/* The slopes beyond the start of a path that has departed; x_rise is that of the curve there. */
-static inline void find_start_slopes(const path *along, number x_rise, answer *at)
+/* Sets the slopes after the start of a path with a known departure; x_rise is the rise of the curve
+   there. */
+static inline void find_start_slopes(const branch_path *path, number x_rise, path_point *point)
 {
-  at->y_slope = 0;
-  if (along->p >= along->departure && along->x - along->p >= along->play - PLAY_SLACK) {
+  point->y_slope = 0;
+  if (path->p >= path->departure && path->x - path->p >= path->play - PLAY_SLACK) {
     number rise;
-    const number pull = odd_value(along->curve, along->p, &rise);
-    at->y_slope = rising(pulled(pull - along->y, along->steepness));
+    const number anhysteretic_m = interpolate_odd(path->curve, path->p, &rise);
+    point->y_slope = rising(irreversible_slope(anhysteretic_m - path->y, path->steepness));
   }
-  at->m_slope = mixed_slope(at->y_slope, slope_of(along->curve, x_rise), along->reversible);
+  point->m_slope = mixed_slope(point->y_slope, slope_of(path->curve, x_rise), path->reversible);
 }
 
-/* Moves an answer along its tangents towards x, at most by MAX_SLIDE. */
-static inline void slide(const path *along, number goal, answer *at)
+/* Moves a point along its tangents towards x, at most by MAX_EXTRAPOLATION. */
+static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
 {
-  const number step = clamped(goal - at->x, -MAX_SLIDE, MAX_SLIDE);
-  at->x += step;
-  at->y = above(at->y + along_slope(step, at->y_slope), along->y);
-  at->m = within_unit(at->m + along_slope(step, at->m_slope));
-  at->p = above(at->x - along->play, along->p);
+  const number step = clamped(goal - point->x, -MAX_EXTRAPOLATION, MAX_EXTRAPOLATION);
+  point->x += step;
+  point->y = limit_from_below(point->y + along_slope(step, point->y_slope), path->y);
+  point->m = limit_to_unit(point->m + along_slope(step, point->m_slope));
+  point->p = limit_from_below(point->x - path->play, path->p);
 }
 
-/* Whether the tangents lead to a place: near, and not beyond where the play begins to pull y. */
-static inline int is_near(const path *along, number x, number next)
+/* Returns whether the tangents are accurate up to a field: it is close, and y does not start to
+   move before it. */
+static inline int is_tangent_accurate(const branch_path *path, number x, number next)
 {
-  const number taken_up = along->p + along->play - PLAY_SLACK;
-  return size_of(next - x) <= along->tangent_step && (x >= taken_up || next <= taken_up);
+  const number contact_field = path->p + path->play - PLAY_SLACK;
+  return absolute(next - x) <= path->tangent_step && (x >= contact_field || next <= contact_field);
 }

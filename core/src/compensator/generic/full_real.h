@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Arithmetic of the law of Jiles and Atherton in floating point, for full.h. Include after f32.h or
-   f64.h, and after MAX_TANGENT_STEP is defined. */
+/* Arithmetic of the Jiles-Atherton law in floating point, for full.h. Include after f32.h or f64.h,
+   and after the definition of MAX_TANGENT_STEP. */
 #ifndef ANHYST_FULL_REAL_H
 #define ANHYST_FULL_REAL_H
 
 #include "block_real.h"
 
 #define UNIT ((number)1)
-#define MAX_FIELD UNIT                             /* the largest field */
-#define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS) /* a residual that is not more than rounding */
-#define PLAY_SLACK                                                                                 \
-  ((number)4 * NUMBER_EPS)       /* what rounding leaves between the play and its stop             \
-                                  */
-#define MIN_SLOPE ((number)1e-6) /* the least slope of a sum that is divided by */
+#define MAX_FIELD UNIT /* the largest field */
+/* Largest residual that counts as rounding error. */
+#define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS)
+/* Rounding error between the play and its end position. */
+#define PLAY_SLACK ((number)4 * NUMBER_EPS)
+#define MIN_SLOPE ((number)1e-6) /* smallest slope of a left side that is divided by */
 #define MAX_SLOPE ((number)1e6)
 #define QUARTER ((entry)0.25)
 
@@ -23,17 +23,16 @@
 
 typedef number slope;
 typedef number candidate_slope;
-typedef number mirror; /* -1: the path falls, 1: it rises */
+typedef number mirror_type; /* -1: the path falls, 1: it rises */
 
-/* A table over 0..1. */
 typedef struct {
   const entry *at;
-  int32_t last;    /* its last segment */
-  number segments; /* their number */
+  int32_t last;    /* index of its last segment */
+  number segments; /* number of segments */
 } table;
 
-/* How fast the memory fades along the play, octaves for a field of 1.0. */
-typedef number fading;
+/* Decay of the effect of the history along the play, octaves per field of 1.0. */
+typedef number decay_rate;
 
 static inline table table_at(const entry *words, entry first, uint16_t n)
 {
@@ -42,49 +41,42 @@ static inline table table_at(const entry *words, entry first, uint16_t n)
   return t;
 }
 
-static inline fading fading_of(const entry *words)
+static inline decay_rate read_decay_rate(const entry *words)
 {
   return words[ANHYST_WORD_FULL_RATE] * (number)16;
 }
 
 static inline number to_inner(number a) { return a; }
-
 static inline number to_memory(number a) { return a; }
-
 static inline number to_outer(number a) { return a; }
+static inline number limit_to_unit(number a) { return clamp(a, -UNIT, UNIT); }
+static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
 
-static inline number within_unit(number a) { return within(a, -UNIT, UNIT); }
+static inline mirror_type mirror_for(int is_falling)
+{
+  return is_falling ? (mirror_type)-1 : (mirror_type)1;
+}
 
-static inline number clamped(number a, number low, number high) { return within(a, low, high); }
+static inline number mirrored(number a, mirror_type mirror) { return a * mirror; }
 
-static inline mirror mirror_of(int is_falling) { return is_falling ? (mirror)-1 : (mirror)1; }
-
-static inline number turned(number a, mirror way) { return a * way; }
-
-/* False for what is not a number. */
-static inline int is_residual(number residual) { return size_of(residual) > RESIDUAL_DEADBAND; }
-
+/* Returns 0 for NaN. */
+static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
 static inline number scaled(number a, entry weight) { return a * weight; }
+static inline number multiply_by_part(number a, entry part) { return a * part; }
+static inline number half(number a) { return a * (number)0.5; }
 
-static inline number part_of(number a, entry part) { return a * part; }
-
-static inline number half_of(number a) { return a * (number)0.5; }
-
-/* The value of a table at u, 0 <= u <= 1; *rise is that of the segment. */
-static inline number value(table t, number u, number *rise)
+static inline number interpolate(table t, number u, number *rise)
 {
   const number place = u * t.segments;
-  const int32_t found = (int32_t)place;
-  const int32_t segment = found < t.last ? found : t.last;
-  const entry *at = t.at + segment;
-  *rise = at[1] - at[0];
-  return at[0] + *rise * (place - (number)segment);
+  const int32_t index = (int32_t)place;
+  const int32_t segment = index < t.last ? index : t.last;
+  const entry *entries = t.at + segment;
+  *rise = entries[1] - entries[0];
+  return entries[0] + *rise * (place - (number)segment);
 }
 
 static inline slope slope_of(table curve, number rise) { return rise * curve.segments; }
-
-static inline slope rising(slope a) { return within(a, (slope)0, MAX_SLOPE); }
-
+static inline slope rising(slope a) { return clamp(a, (slope)0, MAX_SLOPE); }
 static inline number along_slope(number step, slope a) { return step * a; }
 
 static inline number slope_of_sum(entry air, entry iron, slope m_slope)
@@ -97,20 +89,20 @@ static inline slope mixed_slope(slope y_slope, slope x_slope, entry part)
   return y_slope + (x_slope - y_slope) * part;
 }
 
-static inline slope pulled(number above, entry steepness) { return above * steepness; }
+static inline slope irreversible_slope(number above, entry steepness) { return above * steepness; }
 
-static inline number air_sum(entry air, entry flux_arm, entry field_arm)
+static inline number air_term(entry air, entry flux_arm, entry field_arm)
 {
   return field_arm + (number)4 * air * flux_arm;
 }
 
 static inline entry air_of_current(entry air, const arms_type *arms)
 {
-  const number sum = air_sum(air, arms->flux_arm, arms->field_arm);
+  const number sum = air_term(air, arms->flux_arm, arms->field_arm);
   return sum > MIN_SLOPE ? sum : MIN_SLOPE;
 }
 
-static inline number sum_rounding(entry air, slope steepest)
+static inline number slope_rounding(entry air, slope steepest)
 {
   (void)air;
   (void)steepest;
@@ -135,9 +127,10 @@ static inline number tangent_step_of(entry steepness)
   return step < MAX_TANGENT_STEP ? step : MAX_TANGENT_STEP;
 }
 
-/* 1 - 2^(-t) for t octaves, t >= 0. Below one octave a polynomial for (1 - 2^-f)/f, whole octaves
-   by an exact power of two. Error below 1e-9 before rounding, relative to t where t is small. */
-static inline number forgotten(number t)
+/* Returns 1 - 2^(-t) for t >= 0 octaves. Below one octave, uses a polynomial for (1 - 2^-f)/f;
+   whole octaves are exact powers of two. The error before rounding is below 1e-9, relative to t for
+   small t. */
+static inline number decayed_share(number t)
 {
   if (t >= (number)31) {
     return UNIT;
@@ -151,21 +144,16 @@ static inline number forgotten(number t)
   return UNIT - (UNIT - f * ratio) / (number)((uint32_t)1 << whole);
 }
 
-static inline number forgotten_along(fading fades, number travel)
+static inline number decayed_share_after(decay_rate decay, number travel)
 {
-  return forgotten(travel * fades);
+  return decayed_share(travel * decay);
 }
 
 static inline number kappa_of(entry steepness) { return UNIT / steepness; }
-
-static inline number share_of(number a, number share) { return a * share; }
-
+static inline number multiply_by_share(number a, number share) { return a * share; }
 static inline number lead_of(number a) { return a; }
-
-static inline number part_of_lead(number part, number lead) { return part * lead; }
-
+static inline number lead_part(number part, number lead) { return part * lead; }
 static inline number bounded(number a) { return a; }
-
 static inline number current_limit(const entry *words, int16_t word) { return words[word]; }
 
 #endif

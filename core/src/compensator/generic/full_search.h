@@ -1,53 +1,53 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the search along a path, for full.h. A flux and a current are both one equation,
-   air*x + iron*m = target. Iron that couples to itself more than the gap decouples it makes the
-   flux arm, and so iron, negative. air stays above 0, and the sum rises with x as long as m is
-   nowhere steeper than air/-iron, which the check of a block requires. So the solution is unique.
- */
+/* Template: the search along a path, for full.h. The equations for a flux and for a current have
+   the same form, air*x + iron*m = target. If the iron couples to itself more than the gap decouples
+   it, the flux arm and therefore iron are negative. air stays above 0. The left side rises with x
+   if the slope of m is below air/-iron everywhere, which the check of a block requires. Therefore,
+   the solution is unique. */
 
-/* air*x + iron*m = target. */
 typedef struct {
   entry air;
   entry iron;
   number target;
 } equation;
 
-static inline number sum_at(const equation *of, number x, number m)
+static inline number left_side(const equation *eq, number x, number m)
 {
-  return scaled(x, of->air) + scaled(m, of->iron);
+  return scaled(x, eq->air) + scaled(m, eq->iron);
 }
 
-/* The slope of a sum, above 0. */
-static inline number sum_slope(const equation *of, slope m_slope)
+/* Returns the slope of the left side, above 0. */
+static inline number left_side_slope(const equation *eq, slope m_slope)
 {
-  const number found = slope_of_sum(of->air, of->iron, m_slope);
+  const number found = slope_of_sum(eq->air, eq->iron, m_slope);
   return found > MIN_SLOPE ? found : MIN_SLOPE;
 }
 
-/* A residual over a slope, in the direction that removes the residual. */
+/* Returns the Newton step: residual/slope, with the sign that removes the residual. */
 static inline number step_against(number residual, number steepness)
 {
   return residual < 0 ? quotient(-residual, steepness) : -quotient(residual, steepness);
 }
 
-/* Returns where the path would meet its target from x on if m rose like the anhysteretic curve: a
-   guess for long steps, for which a tangent is wrong. */
-static number follow_curve(const path *along, const equation *of, number x, number residual)
+/* Returns the field of the solution under the assumption that m rises like the anhysteretic curve
+   from x on. This is a guess for long steps, for which a tangent is wrong. */
+static number guess_along_curve(const branch_path *path, const equation *eq, number x,
+                                number residual)
 {
   number rise;
-  const number start = odd_value(along->curve, x, &rise);
-  if (of->iron >= 0) { /* without the air, which counts little */
-    const number level = start + step_against(residual, of->iron + MIN_SLOPE);
-    return odd_value(along->inverse, within_unit(level), &rise);
+  const number start = interpolate_odd(path->curve, x, &rise);
+  if (eq->iron >= 0) { /* without the air, whose share is small */
+    const number level = start + step_against(residual, eq->iron + MIN_SLOPE);
+    return interpolate_odd(path->inverse, limit_to_unit(level), &rise);
   }
-  /* Against the air: as far as the air alone would lead, then with the iron up to there, which
-     never leads too far. */
+  /* First the field for the air alone, then repeatedly with the iron up to that field. The guess
+     never exceeds the solution. */
   number next = x;
-  number missing = residual;
+  number remaining = residual;
   for (int16_t i = 0; i < CHORD_STEPS; i++) {
-    next = within_unit(x + step_against(missing, of->air));
-    const number risen = odd_value(along->curve, next, &rise) - start;
-    missing = clamped(residual + scaled(risen, of->iron), -MAX_RESIDUAL, MAX_RESIDUAL);
+    next = limit_to_unit(x + step_against(remaining, eq->air));
+    const number risen = interpolate_odd(path->curve, next, &rise) - start;
+    remaining = clamped(residual + scaled(risen, eq->iron), -MAX_RESIDUAL, MAX_RESIDUAL);
   }
   return next;
 }
@@ -58,106 +58,109 @@ typedef struct {
   number high;
 } interval;
 
-/* Returns where to look first on a path that begins held, if the tangent leads beyond the hold. At
-   its end m needs no evaluation of the path, and it shows on which side the solution is. Beyond the
-   end the path falls behind the curve, by the share of a lag of kappa that is forgotten. */
-static number leave_hold(const path *along, const equation *of, number end, interval *within)
+/* Returns the first guess on a path that starts with constant y, if the tangent leads beyond the
+   end of this range. At this end, m is known without an evaluation of the path, and shows on which
+   side the solution is. After the end, the path is behind the curve by the decayed share of a lag
+   of kappa. */
+static number guess_after_hold(const branch_path *path, const equation *eq, number end,
+                               interval *within)
 {
   number rise;
-  const number anhysteretic = odd_value(along->curve, end, &rise);
-  const number m = magnetisation(along->y, anhysteretic, along->reversible);
-  const number residual = sum_at(of, end, m) - of->target;
+  const number anhysteretic = interpolate_odd(path->curve, end, &rise);
+  const number m = magnetisation(path->y, anhysteretic, path->reversible);
+  const number residual = left_side(eq, end, m) - eq->target;
   if (residual >= 0) {
     within->high = end;
     return end;
   }
   within->low = end;
-  const number guess = clamped(follow_curve(along, of, end, residual), end, within->high);
-  const number lag = along->kappa - part_of(along->kappa, along->reversible);
-  const number behind = share_of(lag, forgotten_along(along->fades, guess - end));
-  return clamped(guess + behind, end, within->high);
+  const number guess = clamped(guess_along_curve(path, eq, end, residual), end, within->high);
+  const number lag = path->kappa - multiply_by_part(path->kappa, path->reversible);
+  const number lag_shift = multiply_by_share(lag, decayed_share_after(path->decay, guess - end));
+  return clamped(guess + lag_shift, end, within->high);
 }
 
-/* Returns where to look after a Newton step that was not accepted: along the anhysteretic curve.
-   Looks in the middle if the interval is short, the curve leads out of it, or the last step was not
-   accepted either: the curve may lead only a little way at a time. */
-static number look_elsewhere(const path *along, const equation *of, const interval *within,
-                             number x, number residual, int is_stuck)
+/* Returns the next guess after a rejected Newton step: along the anhysteretic curve. Returns the
+   middle if the interval is short, the curve leads out of it, or the last step was also rejected,
+   because the curve may make little progress. */
+static number guess_after_rejection(const branch_path *path, const equation *eq,
+                                    const interval *within, number x, number residual,
+                                    int was_rejected)
 {
   const number width = within->high - within->low;
   number next = within->low;
-  if (width > MIN_CURVE_INTERVAL && !is_stuck) {
-    next = follow_curve(along, of, x, residual);
+  if (width > MIN_CURVE_INTERVAL && !was_rejected) {
+    next = guess_along_curve(path, eq, x, residual);
   }
-  return next > within->low && next < within->high ? next : within->low + half_of(width);
+  return next > within->low && next < within->high ? next : within->low + half(width);
 }
 
-/* Solves from a place on a path that has departed, at whose start the residual is negative. Makes
-   Newton steps inside an interval that always contains the solution. A step is accepted if it
-   remains inside and is shorter by a quarter than the last one, since tangents can swing across the
-   two bends of the curve, or if it is too short to matter. The number of evaluations is bounded,
-   and at least 1, since tangents at the start would add up errors of many short steps; the last
-   step is taken along the tangents. If the solution is beyond that of the equation `limit`, solves
-   that one instead and returns 1. */
+/* Solves from a point on a path with a known departure, at whose start the residual is negative.
+   Makes Newton steps in an interval that always contains the solution. A step is accepted if it
+   stays inside and is shorter by a quarter than the last one, or if it is too short to matter.
+   Other steps could oscillate across the two bends of the curve. The number of evaluations is
+   bounded. It is at least 1, because tangents from the start would accumulate the errors of many
+   short steps. The last step follows the tangents. If the solution exceeds that of the equation
+   `limit`, solves `limit` instead and returns 1. */
 /* NOLINTNEXTLINE(readability-function-cognitive-complexity): one search, its state in locals */
-static int rise(const path *along, const equation *of, const equation *limit, answer *found)
+static int search_path(const branch_path *path, const equation *eq, const equation *limit,
+                       path_point *found)
 {
-  const number moves = along->departure > along->p ? along->departure : along->p;
-  const number freed = moves + along->play;
-  const equation *const wanted = of;
-  interval within = {along->x, MAX_FIELD};
-  answer at = *found;
-  number residual = sum_at(of, at.x, at.m) - of->target;
-  number next = at.x + step_against(residual, sum_slope(of, at.m_slope));
+  const number start_field = path->departure > path->p ? path->departure : path->p;
+  const number release_field = start_field + path->play;
+  const equation *const target = eq;
+  interval within = {path->x, MAX_FIELD};
+  path_point point = *found;
+  number residual = left_side(eq, point.x, point.m) - eq->target;
+  number next = point.x + step_against(residual, left_side_slope(eq, point.m_slope));
   number last_step = MAX_FIELD + MAX_FIELD;
-  int is_stuck = 0;
+  int was_rejected = 0;
   if (residual >= 0) {
-    within.high = at.x;
+    within.high = point.x;
   }
-  if (freed - at.x > PLAY_SLACK && next > freed && freed < within.high) {
-    next = leave_hold(along, of, freed, &within);
+  if (release_field - point.x > PLAY_SLACK && next > release_field && release_field < within.high) {
+    next = guess_after_hold(path, eq, release_field, &within);
   } else if (next <= within.low || next >= within.high) {
-    next = look_elsewhere(along, of, &within, at.x, residual, 0);
+    next = guess_after_rejection(path, eq, &within, point.x, residual, 0);
   } else {
-    last_step = size_of(next - at.x);
+    last_step = absolute(next - point.x);
   }
-  for (int32_t left = along->evaluations;; left--) {
-    at = evaluate(along, next);
-    residual = sum_at(of, at.x, at.m) - of->target;
-    if (residual < 0 && limit != 0 && of == wanted &&
-        sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
-      of = limit;
-      within.low = along->x;
-      residual = sum_at(of, at.x, at.m) - of->target;
+  for (int32_t evaluations_left = path->evaluations;; evaluations_left--) {
+    point = evaluate(path, next);
+    residual = left_side(eq, point.x, point.m) - eq->target;
+    if (residual < 0 && limit != 0 && eq == target &&
+        left_side(limit, point.x, point.m) > limit->target + LIMIT_MARGIN) {
+      eq = limit;
+      within.low = path->x;
+      residual = left_side(eq, point.x, point.m) - eq->target;
     }
-    const number steepness = sum_slope(of, at.m_slope);
-    number room; /* to the end of the interval */
+    const number steepness = left_side_slope(eq, point.m_slope);
+    number to_bound; /* distance to the end of the interval */
     number step;
     if (residual < 0) {
-      within.low = at.x;
-      room = within.high - at.x;
+      within.low = point.x;
+      to_bound = within.high - point.x;
       step = quotient(-residual, steepness);
-      next = at.x + (step < room ? step : room);
+      next = point.x + (step < to_bound ? step : to_bound);
     } else {
-      within.high = at.x;
-      room = at.x - within.low;
+      within.high = point.x;
+      to_bound = point.x - within.low;
       step = quotient(residual, steepness);
-      next = at.x - (step < room ? step : room);
+      next = point.x - (step < to_bound ? step : to_bound);
     }
-    if (left <= 1 || is_near(along, at.x, next)) {
+    if (evaluations_left <= 1 || is_tangent_accurate(path, point.x, next)) {
       break;
     }
-    if (step > MIN_CHECKED_STEP &&
-        (step >= room || step > last_step - half_of(half_of(last_step)))) {
-      next = look_elsewhere(along, of, &within, at.x, residual, is_stuck);
+    if (step > MIN_CHECKED_STEP && (step >= to_bound || step > last_step - half(half(last_step)))) {
+      next = guess_after_rejection(path, eq, &within, point.x, residual, was_rejected);
       last_step = within.high - within.low;
-      is_stuck = 1;
+      was_rejected = 1;
     } else {
       last_step = step;
-      is_stuck = 0;
+      was_rejected = 0;
     }
   }
-  slide(along, next, &at);
-  *found = at;
-  return of != wanted;
+  follow_tangent(path, next, &point);
+  *found = point;
+  return eq != target;
 }

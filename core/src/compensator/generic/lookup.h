@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Where a number falls in a table of equal segments. */
+/* Position of a number in a table of equal segments. */
 typedef struct {
-  uint16_t index;   /* of the lower end of its segment */
-  ANHYST_REAL part; /* of the segment, 0..1 */
+  uint16_t index;   /* index of the segment */
+  ANHYST_REAL part; /* position on the segment, 0..1 */
 } anhyst_spot_x;
 
-/* The spot of a place counted in segments; beyond the table the nearest end, and the lower one for
-   what is not a number. */
+/* Returns the position of a place counted in segments. Outside the table, returns the nearest end;
+   for NaN, the lower end. */
 static inline anhyst_spot_x anhyst_spot_of_x(uint16_t segments, ANHYST_REAL place)
 {
   anhyst_spot_x spot = {0, R(0.0)};
@@ -21,23 +21,20 @@ static inline anhyst_spot_x anhyst_spot_of_x(uint16_t segments, ANHYST_REAL plac
   return spot;
 }
 
-/* The value there. */
 static inline ANHYST_REAL anhyst_value_at_x(const ANHYST_REAL *table, anhyst_spot_x spot)
 {
   const ANHYST_REAL low = table[spot.index];
   return low + spot.part * (table[spot.index + 1U] - low);
 }
 
-/* The rise over its segment. */
 static inline ANHYST_REAL anhyst_rise_at_x(const ANHYST_REAL *table, anhyst_spot_x spot)
 {
   return table[spot.index + 1U] - table[spot.index];
 }
 
-/* |a|. */
 static inline ANHYST_REAL anhyst_size_x(ANHYST_REAL a) { return a < R(0.0) ? -a : a; }
 
-/* The number of low..high nearest to a; low for what is not a number. */
+/* Limits a to low..high; returns low for NaN. */
 static inline ANHYST_REAL anhyst_limited_x(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
 {
   if (!(a > low)) {
@@ -46,12 +43,12 @@ static inline ANHYST_REAL anhyst_limited_x(ANHYST_REAL a, ANHYST_REAL low, ANHYS
   return a > high ? high : a;
 }
 
-/* What rounding leaves of a difference of terms of this size: below it a residual is zero. Without
-   that a standing demand would creep, up in steps of rounding and down again by another way. */
+/* Returns the rounding error of a difference of terms of this size. A residual below it counts as
+   zero. Otherwise, at a constant demand the state would drift in steps of rounding. */
 static inline ANHYST_REAL anhyst_noise_x(ANHYST_REAL size) { return R(4.0) * ANHYST_EPS * size; }
 
-/* Whether a table of so many segments begins at least at one number, never falls, and ends at most
-   at another. */
+/* Returns whether a table with `segments` segments never falls, starts at `least` or above, and
+   ends at `most` or below. */
 static inline int anhyst_rises_x(const ANHYST_REAL *table, uint16_t segments, ANHYST_REAL least,
                                  ANHYST_REAL most)
 {

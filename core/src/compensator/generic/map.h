@@ -1,47 +1,47 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A template: the map over force and gap, the same text in every format. Before it are the
-   operations of the format: ../map_fixed.h, or map_real.h. */
+/* Template: the map over force and gap, for every number format. The operations of a format are
+   included before: ../map_fixed.h or map_real.h. */
 
-/* Whether no row falls, and no number is too large or too far from its neighbours. */
-static inline int is_map(const map_type *map)
+/* Returns whether no row falls, and all entries and their differences from neighbours are in
+   range. */
+static inline int is_map_valid(const map_type *map)
 {
   if (!has_shape(map)) {
     return 0;
   }
-  const entry *now = map->entries;
+  const entry *entry_now = map->entries;
   const size_t length = columns_of(map) + 1U;
   for (size_t row = 0; row <= rows_of(map); row++) {
     for (size_t column = 0; column < length; column++) {
-      const number value = now[0];
-      const number rise = column > 0U ? value - now[-1] : 0;
-      const number change = row > 0U ? value - *(now - length) : 0;
-      if (!(value >= -LARGEST && value <= LARGEST && rise >= 0 && rise <= LARGEST &&
-            change >= -LARGEST && change <= LARGEST)) {
+      const number value = entry_now[0];
+      const number rise = column > 0U ? value - entry_now[-1] : 0;
+      const number change = row > 0U ? value - *(entry_now - length) : 0;
+      if (!(value >= -MAX_ENTRY && value <= MAX_ENTRY && rise >= 0 && rise <= MAX_ENTRY &&
+            change >= -MAX_ENTRY && change <= MAX_ENTRY)) {
         return 0;
       }
-      now++;
+      entry_now++;
     }
   }
   return 1;
 }
 
-/* The row of a table at a gap: a part of the way from one row of entries to the next one. */
+/* The row of a table at a gap, interpolated between two rows of entries. */
 typedef struct {
-  const entry *first; /* of the row below */
+  const entry *first; /* first entry of the row below */
   size_t length;
   number part;
 } table_row;
 
 static inline table_row row_at(const map_type *map, number gap)
 {
-  const place at = gap_place(map, gap);
+  const table_position position = locate_gap(map, gap);
   const size_t length = columns_of(map) + 1U;
-  const table_row row = {map->entries + at.index * length, length, at.part};
+  const table_row row = {map->entries + position.index * length, length, position.part};
   return row;
 }
 
-/* The number at a column. */
-static inline number at_column(const table_row *row, size_t column)
+static inline number column_value(const table_row *row, size_t column)
 {
   const entry *below = row->first + column;
   return interpolate(below[0], below[row->length], row->part);
@@ -50,30 +50,30 @@ static inline number at_column(const table_row *row, size_t column)
 static inline number map_value(const map_type *map, number force, number gap)
 {
   const table_row row = row_at(map, gap);
-  const place at = force_place(map, force);
-  const number low = at_column(&row, at.index);
-  return low + times(at_column(&row, at.index + 1U) - low, at.part);
+  const table_position position = locate_force(map, force);
+  const number low = column_value(&row, position.index);
+  return low + multiply_by_part(column_value(&row, position.index + 1U) - low, position.part);
 }
 
 static inline number map_force(const map_type *map, number value, number gap)
 {
   const table_row row = row_at(map, gap);
   size_t above = columns_of(map);
-  place at = {0, 0};
-  while (above - at.index > 1U) {
-    const size_t middle = (at.index + above) / 2U;
-    if (at_column(&row, middle) <= value) {
-      at.index = middle;
+  table_position position = {0, 0};
+  while (above - position.index > 1U) {
+    const size_t middle = (position.index + above) / 2U;
+    if (column_value(&row, middle) <= value) {
+      position.index = middle;
     } else {
       above = middle;
     }
   }
-  const number low = at_column(&row, at.index);
-  const number high = at_column(&row, above);
+  const number low = column_value(&row, position.index);
+  const number high = column_value(&row, above);
   if (value >= high) {
-    at.part = ONE;
+    position.part = ONE;
   } else if (value > low) {
-    at.part = ratio_of(value - low, high - low);
+    position.part = ratio_of(value - low, high - low);
   }
-  return force_of(map, at);
+  return force_at(map, position);
 }

@@ -1,23 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations in floating point for the templates map.h and play_map.h. Before it are typedefs of
-   number and map_type. */
+/* Operations in floating point for the templates map.h and play_map.h. ../map_fixed.h describes the
+   functions. The types number and map_type are defined before. */
 
 typedef number entry;
 
-#define LARGEST ((number)1e30) /* size of an entry, and of the step to its neighbour */
+/* Maximum size of an entry, and of the difference between neighbours. */
+#define MAX_ENTRY ((number)1e30)
 #define ONE ((number)1)
 
-/* A signal among equal segments. */
+/* Position of a signal in equal segments. */
 typedef struct {
   size_t index; /* of the segment */
-  number part;  /* of the segment, 0..1 */
-} place;
+  number part;  /* position on the segment, 0..1 */
+} table_position;
 
-/* The place of a signal, counted in segments. Outside the table it is the nearest end; for what is
-   not a number it is the lower one. */
-static inline place place_of(uint16_t segments, number signal)
+/* Returns the position of a signal counted in segments. Outside the table, returns the nearest end;
+   for NaN, the lower end. */
+static inline table_position locate(uint16_t segments, number signal)
 {
-  place at = {0, 0};
+  table_position at = {0, 0};
   if (signal >= (number)segments) {
     at.index = segments - 1U;
     at.part = ONE;
@@ -28,34 +29,30 @@ static inline place place_of(uint16_t segments, number signal)
   return at;
 }
 
-static inline place gap_place(const map_type *map, number gap)
+static inline table_position locate_gap(const map_type *map, number gap)
 {
-  return place_of(map->gap_segments, (gap - map->gap_low) / (map->gap_high - map->gap_low) *
-                                         (number)map->gap_segments);
+  return locate(map->gap_segments,
+                (gap - map->gap_low) / (map->gap_high - map->gap_low) * (number)map->gap_segments);
 }
 
-static inline place force_place(const map_type *map, number force)
+static inline table_position locate_force(const map_type *map, number force)
 {
-  return place_of(map->force_segments, (force - map->force_low) /
-                                           (map->force_high - map->force_low) *
-                                           (number)map->force_segments);
+  return locate(map->force_segments, (force - map->force_low) / (map->force_high - map->force_low) *
+                                         (number)map->force_segments);
 }
 
 static inline size_t columns_of(const map_type *map) { return map->force_segments; }
-
 static inline size_t rows_of(const map_type *map) { return map->gap_segments; }
 
-/* The force at a part of a segment. */
-static inline number force_of(const map_type *map, place at)
+static inline number force_at(const map_type *map, table_position at)
 {
   return map->force_low + (map->force_high - map->force_low) *
                               (((number)at.index + at.part) / (number)map->force_segments);
 }
 
-/* Whether these are the ends of a range of numbers. */
 static inline int is_range(number low, number high)
 {
-  return low >= -LARGEST && low < high && high <= LARGEST;
+  return low >= -MAX_ENTRY && low < high && high <= MAX_ENTRY;
 }
 
 static inline int has_shape(const map_type *map)
@@ -65,15 +62,13 @@ static inline int has_shape(const map_type *map)
          is_range(map->force_low, map->force_high) && is_range(map->gap_low, map->gap_high);
 }
 
-static inline number times(number a, number part) { return part * a; }
+static inline number multiply_by_part(number a, number part) { return part * a; }
 
-/* The number at a part of the way from one entry to another. */
 static inline number interpolate(entry from, entry to, number part)
 {
   return from + part * (to - from);
 }
 
-/* numerator/denominator; 0 < numerator < denominator. */
 static inline number ratio_of(number numerator, number denominator)
 {
   return numerator / denominator;

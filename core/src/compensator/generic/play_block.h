@@ -1,33 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A template: the parameter block of a map with a play, the same text in every format. Before it
-   are the operations of the format (../play_map.c or play_map_real.h) and map.h. */
+/* Template: the parameter block of a map with a play, for every number format. The operations of a
+   format (../play_map.c or play_map_real.h) and map.h are included before. */
 
-/* Whether the checksum is that of the words. */
-static int is_intact(const entry *words, uint16_t length)
+static int is_checksum_right(const entry *words, uint16_t length)
 {
   uint32_t sum = ANHYST_CHECKSUM_START;
   for (uint16_t i = 0; i < length; i++) {
     if (i != (uint16_t)ANHYST_WORD_CRC && i != (uint16_t)(ANHYST_WORD_CRC + 1)) {
-      sum = add_bits(sum, words[i]);
+      sum = add_word_to_checksum(sum, words[i]);
     }
   }
-  return is_word(words[ANHYST_WORD_CRC], (uint16_t)(~sum & 0xFFFFUL)) &&
-         is_word(words[ANHYST_WORD_CRC + 1], (uint16_t)(~sum >> 16));
+  return is_word_equal(words[ANHYST_WORD_CRC], (uint16_t)(~sum & 0xFFFFUL)) &&
+         is_word_equal(words[ANHYST_WORD_CRC + 1], (uint16_t)(~sum >> 16));
 }
 
-/* Reads an exponent; one more than the largest if the word is not valid. */
+/* Reads an exponent. Returns largest + 1 if the word is not valid. */
 static uint16_t read_exponent(entry word, uint16_t largest)
 {
   uint16_t exponent = 0;
-  while (exponent <= largest && !is_word(word, exponent)) {
+  while (exponent <= largest && !is_word_equal(word, exponent)) {
     exponent++;
   }
   return exponent;
 }
 
-/* Returns the number of entries of each table, or 0 if head, sizes and places of the tables do not
-   agree with each other or with the checksum. */
-static uint16_t read_frame(const entry *words, uint16_t capacity)
+/* Returns the number of entries of each table, or 0 if head, sizes, positions of the tables and
+   checksum are not consistent. */
+static uint16_t check_frame(const entry *words, uint16_t capacity)
 {
   if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
     return 0;
@@ -41,33 +40,33 @@ static uint16_t read_frame(const entry *words, uint16_t capacity)
   const uint16_t entries = (uint16_t)((((uint32_t)1U << n) + 1U) * (((uint32_t)1U << m) + 1U));
   const uint16_t half = (uint16_t)(ANHYST_BLOCK_LEAST_WORDS + entries);
   const uint16_t length = (uint16_t)(half + entries);
-  const int is_valid = length <= capacity &&
-                       is_word(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
-                       is_word(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
-                       is_word(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT) &&
-                       is_word(words[ANHYST_WORD_KIND], ANHYST_KIND_PLAY) &&
-                       is_word(words[ANHYST_WORD_LENGTH], length) &&
-                       is_word(words[ANHYST_WORD_PLAY_CURRENT], ANHYST_BLOCK_LEAST_WORDS) &&
-                       is_word(words[ANHYST_WORD_PLAY_HALF], half) && is_intact(words, length);
+  const int is_valid =
+      length <= capacity && is_word_equal(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
+      is_word_equal(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
+      is_word_equal(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT) &&
+      is_word_equal(words[ANHYST_WORD_KIND], ANHYST_KIND_PLAY) &&
+      is_word_equal(words[ANHYST_WORD_LENGTH], length) &&
+      is_word_equal(words[ANHYST_WORD_PLAY_CURRENT], ANHYST_BLOCK_LEAST_WORDS) &&
+      is_word_equal(words[ANHYST_WORD_PLAY_HALF], half) && is_checksum_right(words, length);
   return is_valid ? entries : 0U;
 }
 
-/* Whether no half-width is below 0, and neither branch of the loop falls along the force or leaves
-   the format. */
-static int has_branches(const law_type *law, uint16_t entries)
+/* Returns whether no half-width is below 0, and neither branch of the loop falls along the force or
+   leaves the format. */
+static int are_branches_rising(const law_type *law, uint16_t entries)
 {
   const size_t last = columns_of(&law->map);
   size_t column = 0;
   for (uint16_t i = 0; i < entries; i++) {
     const number value = law->map.entries[i];
     const number half = law->half[i];
-    if (!(half >= 0 && value + half <= LARGEST && value - half >= -LARGEST)) {
+    if (!(half >= 0 && value + half <= MAX_ENTRY && value - half >= -MAX_ENTRY)) {
       return 0;
     }
     if (column > 0U) {
       const number rise = value - law->map.entries[i - 1U];
-      const number wider = half - law->half[i - 1U];
-      if (wider > rise || -wider > rise) {
+      const number half_rise = half - law->half[i - 1U];
+      if (half_rise > rise || -half_rise > rise) {
         return 0;
       }
     }
@@ -78,22 +77,22 @@ static int has_branches(const law_type *law, uint16_t entries)
 
 static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
 {
-  play_type fresh = {0};
-  const uint16_t entries = read_frame(words, capacity);
+  play_type initial = {0};
+  const uint16_t entries = check_frame(words, capacity);
   if (entries == 0U) {
     return ANHYST_BAD_PARAMETER;
   }
-  fresh.law.map.entries = words + ANHYST_BLOCK_LEAST_WORDS;
-  fresh.law.half = fresh.law.map.entries + entries;
-  fresh.low = current_of(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
-  fresh.high = current_of(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
-  fresh.least = subtract(fresh.low, room_of(words));
-  fresh.most = add(fresh.high, room_of(words));
-  if (!read_scales(&fresh.law, words) || !is_map(&fresh.law.map) ||
-      !has_branches(&fresh.law, entries) || !is_known(fresh.low) || !is_known(fresh.high) ||
-      fresh.low > fresh.high) {
+  initial.law.map.entries = words + ANHYST_BLOCK_LEAST_WORDS;
+  initial.law.half = initial.law.map.entries + entries;
+  initial.low = word_to_current(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
+  initial.high = word_to_current(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
+  initial.least = subtract(initial.low, current_tolerance(words));
+  initial.most = add(initial.high, current_tolerance(words));
+  if (!read_scales(&initial.law, words) || !is_map_valid(&initial.law.map) ||
+      !are_branches_rising(&initial.law, entries) || !is_finite(initial.low) ||
+      !is_finite(initial.high) || initial.low > initial.high) {
     return ANHYST_BAD_PARAMETER;
   }
-  *c = fresh;
+  *c = initial;
   return ANHYST_OK;
 }

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations that the floating-point formats share; number is float or double. */
+/* Operations that both floating-point formats share; number is float or double. */
 
-/* |a| */
-static inline number size_of(number a) { return a < (number)0 ? -a : a; }
+static inline number absolute(number a) { return a < (number)0 ? -a : a; }
 
-/* The number of low..high nearest to a; low for what is not a number. */
-static inline number within(number a, number low, number high)
+/* Limits a to low..high; returns low for NaN. */
+static inline number clamp(number a, number low, number high)
 {
   if (!(a > low)) {
     return low;

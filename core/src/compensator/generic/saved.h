@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the iron remembers, over a power cycle; the same in every format. */
+/* Saves and restores the hysteresis state over a power cycle; for every number format. */
 #include "../checksum.h"
 
 static uint32_t checksum_of(const saved_memory *saved)
@@ -12,8 +12,7 @@ static uint32_t checksum_of(const saved_memory *saved)
   return ~sum & 0xFFFFFFFFUL;
 }
 
-/* The checksum of the block in use. */
-static uint32_t block_of(const compensator *c)
+static uint32_t block_checksum(const compensator *c)
 {
   const uint32_t low = (uint32_t)(uint16_t)(int32_t)c->words[ANHYST_WORD_CRC];
   return low | (uint32_t)(uint16_t)(int32_t)c->words[ANHYST_WORD_CRC + 1] << 16;
@@ -22,12 +21,12 @@ static uint32_t block_of(const compensator *c)
 static void save(const compensator *c, saved_memory *to)
 {
   for (size_t i = 0; i < sizeof(to->word) / sizeof(to->word[0]); i++) {
-    to->word[i] = 0; /* what no memory uses, too */
+    to->word[i] = 0; /* including unused words */
   }
   to->content.version = ANHYST_SAVED_VERSION;
   to->content.kind = c->kernel->kind;
   to->content.size = (uint32_t)(sizeof(to->word) / sizeof(to->word[0]));
-  to->content.block = block_of(c);
+  to->content.block = block_checksum(c);
   to->content.flux_applied = c->flux_applied;
   to->content.applied = c->applied;
   to->content.gap = c->gap;
@@ -53,7 +52,7 @@ static anhyst_status restore(compensator *c, const saved_memory *from)
 {
   if (from->content.version != ANHYST_SAVED_VERSION || from->content.kind != c->kernel->kind ||
       from->content.size != sizeof(from->word) / sizeof(from->word[0]) ||
-      from->content.block != block_of(c) || from->content.checksum != checksum_of(from)) {
+      from->content.block != block_checksum(c) || from->content.checksum != checksum_of(from)) {
     return ANHYST_BAD_PARAMETER;
   }
   for (uint16_t j = 0; j < ANHYST_MEMORIES; j++) {

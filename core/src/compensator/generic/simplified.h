@@ -1,54 +1,52 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the law with a straight anhysteretic curve (eqs. 19 and 20 of the paper), reduced to
-   one bounded state u of -1..1 that follows the flux. The arithmetic of a format comes before it
+/* Template: the law with a linear anhysteretic curve (eqs. 19 and 20 of the paper), reduced to one
+   bounded state u in -1..1 that follows the flux. The arithmetic of a format is included before
    (../simplified_fixed.h, simplified_real.h), the step of a path after it (closed_form.h or
    Euler's). On a rising path, with p = u and v = 1 - p,
 
      dp/dflux = hold = rate/(1-nu)          while p < 0
      dp/dflux = rate*v/(1 - nu*v)           after that
 
-   A path begins at the flux `turn` and has reached the flux `peak`. The state at the peak is
-   computed from the beginning of the path, so that small steps accumulate no rounding. Behind the
-   peak, within the dead band of the block, the state moves on a line with the slope `hold`, forward
-   and back. Beyond the dead band a new path begins in the other direction. Therefore, reversals
-   smaller than the dead band leave the state unchanged when the flux returns. Without the dead band
-   each of them would move the state towards 0. */
+   A path starts at the flux `turn` and has reached the flux `peak`. The state at the peak is
+   computed from the start of the path, so that small steps accumulate no rounding errors. Within
+   the dead band of the block below the peak, the state moves on a line with the slope `hold`,
+   forward and back. Beyond the dead band, a new path starts in the other direction. Therefore,
+   reversals smaller than the dead band leave the state unchanged when the flux returns. Without the
+   dead band, each of them would move the state towards 0. */
 
-#define UNKNOWN_START (-ONE - ONE) /* of a path that has not left its peak */
+#define UNKNOWN_START (-ONE - ONE) /* start of a path that has not left its peak */
 
-/* What a path remembers of the bounded state where it begins. |state| <= 1. */
-static number start_of(const entry *words, number state);
+/* Returns the stored form of the bounded state at the start of a path. Requires |state| <= 1. */
+static number path_start(const entry *words, number state);
 
-/* The bounded state of a rising path at a flux beyond its peak. */
-static number state_beyond(const entry *words, const simplified_memory *path, number flux);
+/* Returns the bounded state of a rising path at a flux beyond its peak. */
+static number state_at_flux(const entry *words, const simplified_memory *path, number flux);
 
-/* A memory with its damaged numbers limited. */
-static simplified_memory bounded(const simplified_memory *memory)
+/* Returns a memory with limited numbers, in case it is damaged. */
+static simplified_memory limit_memory(const simplified_memory *memory)
 {
-  const simplified_memory result = {within(memory->flux, -ONE, ONE), within(memory->u, -ONE, ONE),
-                                    within(memory->turn, -ONE, ONE),
-                                    within(memory->peak, -ONE, ONE),
-                                    within(memory->start, -ONE, DISTANCE_MAX)};
+  const simplified_memory result = {clamp(memory->flux, -ONE, ONE), clamp(memory->u, -ONE, ONE),
+                                    clamp(memory->turn, -ONE, ONE), clamp(memory->peak, -ONE, ONE),
+                                    clamp(memory->start, -ONE, DISTANCE_MAX)};
   return result;
 }
 
-/* A memory in the direction of travel: mirrored if the flux falls. */
-static simplified_memory facing(const simplified_memory *memory, int falling)
+/* Returns a memory in the direction of travel: mirrored if the flux falls. */
+static simplified_memory in_direction(const simplified_memory *memory, int is_falling)
 {
   const simplified_memory mirror = {-memory->flux, -memory->u, -memory->turn, -memory->peak,
                                     memory->start};
-  return falling ? mirror : *memory;
+  return is_falling ? mirror : *memory;
 }
 
-/* The bounded state at the flux of a memory. */
 static number state_at(const entry *words, const simplified_memory *at)
 {
   if (at->flux == at->peak) {
     return at->u;
   }
-  const number change = held_change(words, size_of(difference(at->flux, at->peak)));
+  const number change = hold_change(words, absolute(difference(at->flux, at->peak)));
   const number state = at->flux < at->peak ? difference(at->u, change) : sum(at->u, change);
-  return within(state, -ONE, ONE);
+  return clamp(state, -ONE, ONE);
 }
 
 static number current_at(const entry *words, const simplified_memory *at, const arms_type *arms)
@@ -56,34 +54,34 @@ static number current_at(const entry *words, const simplified_memory *at, const 
   return scaled(at->flux, arms->flux_arm) + scaled(state_at(words, at), arms->field_arm);
 }
 
-/* The rising path that the flux follows beyond `peak` of the result. */
-static simplified_memory path_up(const entry *words, const simplified_memory *from)
+/* Returns the rising path that the flux follows beyond `peak` of the result. */
+static simplified_memory rising_path(const entry *words, const simplified_memory *from)
 {
   simplified_memory path = *from;
   if (from->peak > from->turn) {
     return path;
   }
   if (from->peak < from->turn) { /* the flux reverses */
-    const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);
+    const number band = weight_to_number(words[ANHYST_WORD_SIMPLE_BAND]);
     path.peak = sum(from->peak, band);
-    path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
+    path.u = clamp(sum(from->u, hold_change(words, band)), -ONE, ONE);
   }
   path.turn = path.peak;
   path.start = UNKNOWN_START;
   return path;
 }
 
-/* Sets `to` to the memory at a flux not below that of `from`, whose path upwards is given. Finds
-   the start of the path when the flux first leaves its peak. */
+/* Sets `to` to the memory at a flux that is not below that of `from`, whose rising path is given.
+   Finds the start of the path when the flux first leaves its peak. */
 static void advance(const entry *words, const simplified_memory *from, simplified_memory *path,
                     number flux, simplified_memory *to)
 {
   *to = *from;
   if (flux > path->peak) {
     if (path->start < -ONE) {
-      path->start = start_of(words, path->u);
+      path->start = path_start(words, path->u);
     }
-    const number state = state_beyond(words, path, flux);
+    const number state = state_at_flux(words, path, flux);
     to->u = state > path->u ? state : path->u;
     to->turn = path->turn;
     to->peak = flux;
@@ -95,34 +93,35 @@ static void advance(const entry *words, const simplified_memory *from, simplifie
 static number simplified_field(compensator *c)
 {
   const entry *words = c->words;
-  const simplified_memory now = bounded(&c->memory.simplified);
-  const int falling = c->flux < now.flux;
-  const simplified_memory from = facing(&now, falling);
-  simplified_memory path = path_up(words, &from);
+  const simplified_memory now = limit_memory(&c->memory.simplified);
+  const int is_falling = c->flux < now.flux;
+  const simplified_memory from = in_direction(&now, is_falling);
+  simplified_memory path = rising_path(words, &from);
   simplified_memory to;
-  advance(words, &from, &path, falling ? -c->flux : c->flux, &to);
-  c->next.memory.simplified = facing(&to, falling);
+  advance(words, &from, &path, is_falling ? -c->flux : c->flux, &to);
+  c->next.memory.simplified = in_direction(&to, is_falling);
   return state_at(words, &c->next.memory.simplified);
 }
 
-/* Solves flux_arm*flux + field_arm*u = target upwards, from `to`, which is on the path. In the
-   direction of travel the left side is a concave function of the flux. Therefore, Newton steps from
-   before the solution never pass it, and a step from beyond leads before it. */
-static void reach(const entry *words, const simplified_memory *from, simplified_memory *path,
-                  const arms_type *arms, number target, simplified_memory *to)
+/* Solves flux_arm*flux + field_arm*u = target upwards, starting at `to`, which is on the path. In
+   the direction of travel, the left side is a concave function of the flux. Therefore, Newton steps
+   from below the solution never pass it, and a step from above leads below it. */
+static void solve_upwards(const entry *words, const simplified_memory *from,
+                          simplified_memory *path, const arms_type *arms, number target,
+                          simplified_memory *to)
 {
   for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
-    const number missing = difference(target, current_at(words, to, arms));
-    if (!(size_of(missing) > RESIDUAL_DEADBAND)) {
+    const number residual = difference(target, current_at(words, to, arms));
+    if (!(absolute(residual) > RESIDUAL_DEADBAND)) {
       break;
     }
-    const number state = to->flux < path->peak ? -ONE : to->u; /* held, or beyond the peak */
+    const number state = to->flux < path->peak ? -ONE : to->u; /* hold line, or beyond the peak */
     const number slope = current_slope(arms, lag_slope(words, state));
     if (!(slope > 0)) {
       break;
     }
-    const number flux = sum(to->flux, newton_step(missing, slope));
-    advance(words, from, path, within(flux, from->flux, ONE), to);
+    const number flux = sum(to->flux, newton_step(residual, slope));
+    advance(words, from, path, clamp(flux, from->flux, ONE), to);
   }
 }
 
@@ -130,46 +129,46 @@ static number simplified_flux(compensator *c, number current)
 {
   const entry *words = c->words;
   const arms_type *arms = &c->arms;
-  const simplified_memory now = bounded(&c->memory.simplified);
-  const number target = within(difference(current, arms->bias), -CURRENT_MAX, CURRENT_MAX);
-  const number missing = difference(target, current_at(words, &now, arms));
-  const int falling = missing < 0;
-  const simplified_memory from = facing(&now, falling);
+  const simplified_memory now = limit_memory(&c->memory.simplified);
+  const number target = clamp(difference(current, arms->bias), -CURRENT_MAX, CURRENT_MAX);
+  const number residual = difference(target, current_at(words, &now, arms));
+  const int is_falling = residual < 0;
+  const simplified_memory from = in_direction(&now, is_falling);
   simplified_memory to = from;
-  if (size_of(missing) > RESIDUAL_DEADBAND) {
-    simplified_memory path = path_up(words, &from);
-    const number goal = falling ? -target : target;
+  if (absolute(residual) > RESIDUAL_DEADBAND) {
+    simplified_memory path = rising_path(words, &from);
+    const number goal = is_falling ? -target : target;
     if (c->stage == ANHYST_STAGE_AHEAD) {
-      const simplified_memory solved = bounded(&c->next.memory.simplified);
-      const simplified_memory guess = facing(&solved, falling);
+      const simplified_memory solved = limit_memory(&c->next.memory.simplified);
+      const simplified_memory guess = in_direction(&solved, is_falling);
       if (guess.flux > from.flux &&
-          size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {
-        to = guess; /* of the last solve, on the same path */
+          absolute(difference(goal, current_at(words, &guess, arms))) < absolute(residual)) {
+        to = guess; /* step of the last solve, on the same path */
       }
     }
-    reach(words, &from, &path, arms, goal, &to);
+    solve_upwards(words, &from, &path, arms, goal, &to);
   }
-  c->next.memory.simplified = facing(&to, falling);
+  c->next.memory.simplified = in_direction(&to, is_falling);
   return c->next.memory.simplified.flux;
 }
 
-/* The bounded state is kept. The path begins again. */
+/* Keeps the bounded state. The path starts again. */
 static void simplified_carry(compensator *c, const entry *words, number flux)
 {
-  const simplified_memory now = bounded(&c->memory.simplified);
+  const simplified_memory now = limit_memory(&c->memory.simplified);
   const simplified_memory carried = {flux, state_at(c->words, &now), flux, flux, 0};
   (void)words;
   c->memory.simplified = carried;
 }
 
-/* Whether the words of the simplified law and of Euler's form are valid. */
-static int path_is_valid(const entry *words)
+/* Returns whether the words that the simplified law and Euler's form share are valid. */
+static int is_path_valid(const entry *words)
 {
-  return is_in_range(words[ANHYST_WORD_SIMPLE_RATE], ENTRY_LEAST, ENTRY_MOST) &&
+  return is_in_range(words[ANHYST_WORD_SIMPLE_RATE], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_SIMPLE_RATE_SHIFT], 0, MAX_WEIGHT_SHIFT) &&
-         is_in_range(words[ANHYST_WORD_SIMPLE_HOLD], ENTRY_LEAST, ENTRY_MOST) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_HOLD], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_SIMPLE_HOLD_SHIFT], 0, MAX_WEIGHT_SHIFT) &&
-         is_in_range(words[ANHYST_WORD_SIMPLE_REST], ENTRY_LEAST, ENTRY_ONE) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_REST], MIN_WEIGHT, ENTRY_ONE) &&
          is_in_range(words[ANHYST_WORD_SIMPLE_BAND], 0, ENTRY_ONE) &&
          is_integer(words[ANHYST_WORD_SIMPLE_ITERATIONS], 2, 16) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, 0);

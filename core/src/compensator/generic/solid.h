@@ -1,65 +1,68 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron: layers of the law of play cells, from the surface to the middle, with diffusion
-   between them. Template for one format; generic/cells.h is included before. Layer j of N has a
-   share phi_j of the section, and S_j is the flux in it and deeper:
+/* Solid iron: layers of the play-cell law from the surface to the middle, with diffusion between
+   them. Template for one number format; generic/cells.h is included before. Layer j of N has the
+   share phi_j of the cross-section. S_j is the flux in layer j and all deeper ones, and E_j the
+   field of layer j:
 
      E_j = x_j + own*f_j,   E_{j-1} = E_j + hold*(S_j - S_j,before),   j = 2..N
      current = bias + flux_arm*F + field_arm*(l*E_l(F) + (1 - l)*E_1 - own*F),   F = S_1
 
-   A pass goes inwards and outwards. Inwards, everything further out is a straight line, from the
-   tangents of the layers at their last positions. Outwards, each layer meets its line with its own
-   law, exactly, from the middle on. The error of a pass is the difference between tangents and law.
-   The residual of the last pass is owed to the next tick: a tick of a slow drive changes the flux
-   by less than the resolution of a row, and the fields between the layers would have many times
-   that error.
+   Each pass goes inwards and then outwards. Inwards, the circuit outside of each layer is a
+   straight line, from the tangents of the outer layers at their last positions. Outwards, starting
+   from the middle, each layer solves its own law exactly for its line. The error of a pass is the
+   difference between the tangents and the law. The residual of the last pass is added to the next
+   tick as outstanding flux, for this reason: with a slow drive, the flux changes by less than the
+   resolution of a row per tick. Without the correction, the fields between the layers would have
+   many times that error.
 
-   Slopes are of a field over a flux. They are approximate: a pass checks their result. One pass is
-   enough if no layer leaves its segment. Tangents may lead to and fro for ever if the flux jumps
-   within a tick. Therefore, later passes take the slope between two positions of a layer that are
-   far from each other. */
+   Slopes are derivatives of a field with respect to a flux. They are approximate, and each pass
+   checks its result. One pass is sufficient if no layer leaves its segment. If the flux jumps
+   within a tick, tangents may alternate between two solutions without converging. Therefore, later
+   passes use the secant slope between two distant positions of a layer. */
 
-/* Maximum number of passes, and how many of them take tangents alone. */
+/* Maximum number of passes, and number of passes that use tangents only. */
 #define MAX_PASSES 10
 #define TANGENT_PASSES 2
 
-/* Smallest change of the flux of a layer for a slope between two positions. */
+/* Smallest change of the flux of a layer for a secant slope. */
 #define MIN_SECANT_FLUX POWER_OF_HALF(7)
 
-/* Smallest change of flux in a pass for which another pass is worth while. */
-#define MIN_MOVED_FLUX POWER_OF_HALF(19)
+/* Smallest change of flux in a pass that requires another pass. */
+#define MIN_FLUX_CHANGE POWER_OF_HALF(19)
 
-/* Residual of a flux above which the flux was not reached. */
-#define REACHED_FLUX POWER_OF_HALF(14)
+/* Error of a flux above which the flux counts as not reached. */
+#define MAX_FLUX_ERROR POWER_OF_HALF(14)
 
-/* Largest flux that is owed to a layer. */
-#define MAX_OWED POWER_OF_HALF(8)
+/* Maximum outstanding flux of a layer. */
+#define MAX_OWED_FLUX POWER_OF_HALF(8)
 
-/* All memories in one tick: layers from the surface on, then the laminated part. */
+/* All memories in one tick: layers from the surface inwards, then the laminated part. */
 typedef struct {
   compensator *c;
-  int is_flux_given;                 /* whether the flux of the section is known */
-  int takes_secants;                 /* whether slopes are those between two positions */
-  number given;                      /* this flux, or the current minus its bias */
-  number hold;                       /* field from layer to layer for a change of flux, a slope */
-  number own;                        /* field of a flux in its layer, a slope, <= 0 */
-  number reluctance;                 /* of the circuit around thin iron, a slope */
-  number arm;                        /* 1 over the field arm without the laminated part, a slope */
-  int layers;                        /* N */
-  entry laminated;                   /* l */
-  entry share[ANHYST_MEMORIES];      /* phi_j */
-  number before[ANHYST_MEMORIES];    /* S_j at the beginning of the tick */
-  number section[ANHYST_MEMORIES];   /* S_j */
-  number flux[ANHYST_MEMORIES];      /* in the layer itself */
-  number field[ANHYST_MEMORIES];     /* E_j, E_l */
-  number stiffness[ANHYST_MEMORIES]; /* their slopes over S_j, and over the flux for E_l */
-  number left[ANHYST_MEMORIES]; /* residual of the equation between a layer and the one before */
+  int is_flux_given;                  /* whether the flux is given; else the current */
+  int uses_secants;                   /* whether slopes are secants between two positions */
+  number target;                      /* the given flux, or the given current minus its bias */
+  number hold_slope;                  /* slope: field between layers for a change of flux */
+  number own_slope;                   /* slope: field of a flux in its own layer, <= 0 */
+  number reluctance;                  /* slope: circuit around laminated iron */
+  number arm;                         /* slope: 1/(field arm*(1 - laminated)) */
+  int layers;                         /* N */
+  entry laminated;                    /* l */
+  entry share[ANHYST_MEMORIES];       /* phi_j */
+  number before[ANHYST_MEMORIES];     /* S_j at the start of the tick */
+  number total_flux[ANHYST_MEMORIES]; /* S_j */
+  number flux[ANHYST_MEMORIES];       /* flux of each layer itself */
+  number field[ANHYST_MEMORIES];      /* E_j, E_l */
+  number stiffness[ANHYST_MEMORIES];  /* their slopes over S_j, for E_l over the flux */
+  number residual[ANHYST_MEMORIES];   /* residual between a layer and the one outside it */
 } solid_tick;
 
-/* The circuit outside of a section: a field, and how much it falls as the flux of that section
-   rises. The field is coarse() since that of a jump is many times the largest of the rows. */
+/* The circuit outside of a section as a straight line: a field, and its decrease as the flux of the
+   section rises. The field is a result of to_coarse, because after a jump it is many times the
+   largest field of the rows. */
 typedef struct {
   number field;
-  number falls; /* a slope, >= 0 */
+  number slope; /* decrease of the field over the flux, >= 0 */
 } solid_line;
 
 static const cells_memory *memory_of(const compensator *c, int at)
@@ -77,79 +80,76 @@ static const number *plays_of(const compensator *c, int at)
   return at > 0 ? c->deeper[at - 1].plays : c->plays;
 }
 
-/* Number of layers of a block; 0: thin iron. */
+/* Returns the number of layers of a block; 0: laminated iron. */
 static int layers_of(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
 
-/* Number of memories that a block needs. */
 static int memories_of(const entry *words)
 {
   return layers_of(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
 }
 
-/* The flux of h*x + m at a candidate. */
+/* Returns the flux h*x + m at a trial step. */
 static number flux_of_candidate(const entry *words, const candidate *at)
 {
   const int mirror = at->memory.cells.active < 0 ? -1 : 0;
   const number x = mirrored(at->memory.cells.x, mirror);
-  const number share = rise_share(rise_on(at, words[ANHYST_WORD_CELLS_AIR]),
-                                  part_at(x, begin_at(at, x), grid_at(at)));
+  const number share = rise_at_part(flux_rise(at, words[ANHYST_WORD_CELLS_AIR]),
+                                    part_at(x, candidate_begin(at, x), candidate_grid(at)));
   return four_times(mirrored(unsafe_sum(at->of.cells.flux, share), mirror));
 }
 
-/* Makes a candidate of a memory; returns the flux there. */
-static number stand(const entry *words, const cells_memory *memory, const number *plays,
-                    candidate *at)
+/* Sets a trial step to the present state of a memory. Returns its flux. */
+static number locate_memory(const entry *words, const cells_memory *memory, const number *plays,
+                            candidate *at)
 {
-  cell_path along;
-  begin_path(&along, words, memory, plays);
-  along.low = along.x;
-  along.segment = spot_on(&along, along.row, along.x).at;
-  at->of.cells.joins = joins_at(&along, along.active, along.x);
-  return four_times(arrive(&along, words, at));
+  cell_path path;
+  begin_path(&path, words, memory, plays);
+  path.last_join = path.x;
+  path.segment = locate(&path, path.row, path.x).at;
+  at->of.cells.joins = join_field(&path, path.active, path.x);
+  return four_times(store_candidate(&path, words, at));
 }
 
-/* Reads flux and field at the candidate of a memory. */
+/* Reads flux and field at the trial step of a memory. */
 static void read_candidate(solid_tick *tick, int at, number flux)
 {
   tick->flux[at] = flux;
-  tick->field[at] = sum(next_of(tick->c, at)->memory.cells.x, own_field(flux, tick->own));
+  tick->field[at] = sum(next_of(tick->c, at)->memory.cells.x, own_field(flux, tick->own_slope));
 }
 
-/* The slope of the segment of its candidate. */
 static number stiffness_of(const solid_tick *tick, int at)
 {
-  const candidate *there = next_of(tick->c, at);
-  const number rise = rise_on(there, tick->c->words[ANHYST_WORD_CELLS_AIR]);
-  const number stiff = law_stiffness(width_of(grid_at(there)), rise, tick->own);
-  return at == tick->layers ? stiff : per_share(stiff, tick->share[at]);
+  const candidate *next = next_of(tick->c, at);
+  const number rise = flux_rise(next, tick->c->words[ANHYST_WORD_CELLS_AIR]);
+  const number stiff = law_stiffness(width_of(candidate_grid(next)), rise, tick->own_slope);
+  return at == tick->layers ? stiff : divide_slope_by_share(stiff, tick->share[at]);
 }
 
-/* The flux in a layer and deeper. */
 static number section_with(const solid_tick *tick, int layer, number deeper)
 {
-  return sum(deeper, shared(tick->flux[layer], tick->share[layer]));
+  return sum(deeper, multiply_by_share(tick->flux[layer], tick->share[layer]));
 }
 
-/* Sets where the search of a memory begins: at the memory, or at its candidate if that is known. */
-static void set_out(solid_tick *tick, int at)
+/* Sets the start of the search of a memory: its trial step if it is known, otherwise the memory. */
+static void start_search(solid_tick *tick, int at)
 {
   compensator *c = tick->c;
-  candidate *there = next_of(c, at);
-  if (c->stage == ANHYST_STAGE_UNKNOWN || !is_placed(there)) {
-    read_candidate(tick, at, stand(c->words, memory_of(c, at), plays_of(c, at), there));
+  candidate *next = next_of(c, at);
+  if (c->stage == ANHYST_STAGE_UNKNOWN || !has_segment(next)) {
+    read_candidate(tick, at, locate_memory(c->words, memory_of(c, at), plays_of(c, at), next));
     tick->stiffness[at] = stiffness_of(tick, at);
     return;
   }
   if (c->stage == ANHYST_STAGE_HERE) { /* the path can reverse here */
-    const int mirror = there->memory.cells.active < 0 ? -1 : 0;
-    there->memory.cells.joined = inside(mirrored(there->memory.cells.x, mirror));
+    const int mirror = next->memory.cells.active < 0 ? -1 : 0;
+    next->memory.cells.joined = saturate(mirrored(next->memory.cells.x, mirror));
   }
-  read_candidate(tick, at, flux_of_candidate(c->words, there));
+  read_candidate(tick, at, flux_of_candidate(c->words, next));
   const number known = at > 0 ? c->deeper[at - 1].stiffness : 0;
   tick->stiffness[at] = known > 0 ? known : stiffness_of(tick, at);
 }
 
-/* Sets the sections of the state, and where the search begins. */
+/* Sets the fluxes of the sections, and the starts of the searches. */
 static void begin_tick(solid_tick *tick, compensator *c)
 {
   const entry *words = c->words;
@@ -159,241 +159,245 @@ static void begin_tick(solid_tick *tick, compensator *c)
   tick->c = c;
   tick->layers = layers;
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  tick->hold = hold_of(words);
-  tick->own = own_of(words);
+  tick->hold_slope = read_hold_slope(words);
+  tick->own_slope = read_own_slope(words);
   for (int j = layers - 1; j > 0; j--) {
     tick->share[j] = inner_share(surface, layers - 1);
-    set_out(tick, j);
+    start_search(tick, j);
     now = section_with(tick, j, now);
-    tick->section[j] = now;
+    tick->total_flux[j] = now;
     if (c->stage != ANHYST_STAGE_AHEAD) {
       c->deeper[j - 1].before = sum(now, c->deeper[j - 1].owed);
     }
     tick->before[j] = c->deeper[j - 1].before;
   }
   tick->share[0] = surface;
-  set_out(tick, 0);
-  tick->section[0] = section_with(tick, 0, now);
+  start_search(tick, 0);
+  tick->total_flux[0] = section_with(tick, 0, now);
   if (tick->laminated > 0) {
-    set_out(tick, layers);
+    start_search(tick, layers);
   }
 }
 
-/* The field that takes the place of that of thin iron in the current. */
+/* Returns the field that replaces the field of laminated iron in the equation of the current. */
 static number field_in_current(const solid_tick *tick)
 {
   number field = tick->field[0];
   if (tick->laminated > 0) {
-    field = sum(field, shared(difference(tick->field[tick->layers], field), tick->laminated));
+    field = sum(field,
+                multiply_by_share(difference(tick->field[tick->layers], field), tick->laminated));
   }
-  return difference(field, own_field(tick->section[0], tick->own));
+  return difference(field, own_field(tick->total_flux[0], tick->own_slope));
 }
 
-/* Sets the slopes of the circuit from the arms of a current. */
 static void set_circuit(solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;
   tick->arm = slope_of_arm(arms->field_arm, tick->laminated);
-  tick->reluctance = -tick->own;
+  tick->reluctance = -tick->own_slope;
   if (arms->flux_arm > 0) {
-    tick->reluctance = sum(tick->reluctance, ratio(arms->flux_arm, arms->field_arm));
+    tick->reluctance = sum(tick->reluctance, divide_weights(arms->flux_arm, arms->field_arm));
   } else if (arms->flux_arm < 0) {
-    tick->reluctance = difference(tick->reluctance, ratio(-arms->flux_arm, arms->field_arm));
+    tick->reluctance =
+        difference(tick->reluctance, divide_weights(-arms->flux_arm, arms->field_arm));
   }
 }
 
-/* The current that is missing. */
-static number missing_current(const solid_tick *tick)
+/* Returns the target current minus the current of the present fields. */
+static number residual_current(const solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;
-  const number made = sum(scaled(tick->section[0], arms->flux_arm),
+  const number made = sum(scaled(tick->total_flux[0], arms->flux_arm),
                           scaled(field_in_current(tick), arms->field_arm));
-  return difference(tick->given, made);
+  return difference(tick->target, made);
 }
 
-/* How much the field outside of the surface falls as the flux of the section rises, a slope. */
-static number falls_outside(const solid_tick *tick)
+/* Returns the slope of the circuit outside the surface (decrease of field over flux, >= 0). */
+static number circuit_slope(const solid_tick *tick)
 {
   number reluctance = tick->reluctance;
   if (tick->laminated > 0) {
-    reluctance = sum(reluctance, shared(tick->stiffness[tick->layers], tick->laminated));
+    reluctance = sum(reluctance, multiply_by_share(tick->stiffness[tick->layers], tick->laminated));
   }
-  return reluctance > 0 ? per_solid(reluctance, tick->laminated) : 0;
+  return reluctance > 0 ? divide_slope_by_solid_part(reluctance, tick->laminated) : 0;
 }
 
-/* The line of the circuit and the laminated part at the surface. */
-static solid_line outside(const solid_tick *tick)
+/* Returns the line of the circuit and the laminated part at the surface. */
+static solid_line line_at_surface(const solid_tick *tick)
 {
   solid_line line;
-  line.field = sum(coarse(tick->field[0]), sloped(coarse(missing_current(tick)), tick->arm));
-  line.falls = falls_outside(tick);
+  line.field = sum(to_coarse(tick->field[0]),
+                   multiply_by_slope(to_coarse(residual_current(tick)), tick->arm));
+  line.slope = circuit_slope(tick);
   return line;
 }
 
-/* The line after a layer, given the line before it; after the surface if its flux is known. */
-static solid_line behind(const solid_tick *tick, int layer, solid_line line)
+/* Returns the line inside a layer from the line outside it. At the surface, uses a given flux. */
+static solid_line line_below_layer(const solid_tick *tick, int layer, solid_line line)
 {
   const number stiff = tick->stiffness[layer];
-  const number here = coarse(tick->field[layer]);
+  const number here = to_coarse(tick->field[layer]);
   solid_line found = {here, stiff};
   if (layer == 0 && tick->is_flux_given) {
-    const number change = difference(tick->given, tick->section[0]);
-    found.field = sum(here, sloped(coarse(change), stiff));
+    const number change = difference(tick->target, tick->total_flux[0]);
+    found.field = sum(here, multiply_by_slope(to_coarse(change), stiff));
   } else {
-    const entry part = part_of_slopes(stiff, line.falls);
-    found.field = sum(here, shared(difference(line.field, here), part));
-    found.falls = shared(line.falls, part);
+    const entry part = slope_share(stiff, line.slope);
+    found.field = sum(here, multiply_by_share(difference(line.field, here), part));
+    found.slope = multiply_by_share(line.slope, part);
   }
-  const number change = difference(tick->section[layer + 1], tick->before[layer + 1]);
-  found.field = difference(found.field, sloped(coarse(change), tick->hold));
-  found.falls = sum(found.falls, tick->hold);
+  const number change = difference(tick->total_flux[layer + 1], tick->before[layer + 1]);
+  found.field = difference(found.field, multiply_by_slope(to_coarse(change), tick->hold_slope));
+  found.slope = sum(found.slope, tick->hold_slope);
   return found;
 }
 
-/* The slope of a memory that has left its segment, from this flux and field. */
-static number slope_from(const solid_tick *tick, int at, number flux, number field)
+/* Returns the slope of a memory that has left its segment, from the flux and the field before. */
+static number updated_slope(const solid_tick *tick, int at, number flux, number field)
 {
   const number change = difference(tick->flux[at], flux);
-  if (!tick->takes_secants || size_of(change) < MIN_SECANT_FLUX) {
+  if (!tick->uses_secants || absolute(change) < MIN_SECANT_FLUX) {
     return stiffness_of(tick, at);
   }
   const number slope = secant(difference(tick->field[at], field), change);
-  return at == tick->layers ? slope : per_share(slope, tick->share[at]);
+  return at == tick->layers ? slope : divide_slope_by_share(slope, tick->share[at]);
 }
 
-/* Solves a memory for a target of its arms, over 4. */
-static void meet(solid_tick *tick, int at, const arms_type *arms, number target)
+/* Solves a memory for a target of these arms, divided by 4. */
+static void solve_layer(solid_tick *tick, int at, const arms_type *arms, number target)
 {
   compensator *c = tick->c;
   candidate *to = next_of(c, at);
   const int32_t segment = to->of.cells.segment;
   const number flux = tick->flux[at];
   const number field = tick->field[at];
-  (void)reach_current(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
+  (void)solve_current(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
   read_candidate(tick, at, flux_of_candidate(c->words, to));
   if (to->of.cells.segment != segment) {
-    tick->stiffness[at] = slope_from(tick, at, flux, field);
+    tick->stiffness[at] = updated_slope(tick, at, flux, field);
   }
 }
 
-static void meet_flux(solid_tick *tick, int at, number flux)
+static void solve_layer_for_flux(solid_tick *tick, int at, number flux)
 {
   const arms_type arms = {0, QUARTER_WEIGHT, 0};
-  meet(tick, at, &arms, quarter(quarter(flux)));
+  solve_layer(tick, at, &arms, quarter(quarter(flux)));
 }
 
-/* Solves a layer for its line, which is that at its previous section; the change of the section
-   below is subtracted. */
-static void meet_line(solid_tick *tick, int layer, solid_line line, number changed)
+/* Solves a layer for its line. The line refers to the previous flux of the section, so that the
+   change of the deeper section is subtracted. */
+static void solve_layer_for_line(solid_tick *tick, int layer, solid_line line, number changed)
 {
-  const number falls = shared(line.falls, tick->share[layer]);
-  const number field = difference(line.field, sloped(coarse(changed), line.falls));
+  const number falls = multiply_by_share(line.slope, tick->share[layer]);
+  const number field = difference(line.field, multiply_by_slope(to_coarse(changed), line.slope));
   arms_type arms;
-  const number target = set_line(&arms, field, falls, tick->own, tick->flux[layer]);
-  meet(tick, layer, &arms, target);
+  const number target = set_line(&arms, field, falls, tick->own_slope, tick->flux[layer]);
+  solve_layer(tick, layer, &arms, target);
 }
 
-/* Once inwards and outwards. Returns by how much the flux of the sections has changed. */
-static number pass(solid_tick *tick)
+/* Runs one pass inwards and outwards. Returns the total change of the fluxes of all sections. */
+static number run_pass(solid_tick *tick)
 {
   const int layers = tick->layers;
-  const number first = tick->section[0];
+  const number first = tick->total_flux[0];
   number moved = 0;
   solid_line line[ANHYST_MEMORIES];
   number deeper = 0;
   number changed = 0;
   line[0].field = 0;
-  line[0].falls = 0;
+  line[0].slope = 0;
   if (!tick->is_flux_given) {
-    line[0] = outside(tick);
+    line[0] = line_at_surface(tick);
   }
   for (int j = 1; j < layers; j++) {
-    line[j] = behind(tick, j - 1, line[j - 1]);
+    line[j] = line_below_layer(tick, j - 1, line[j - 1]);
   }
   for (int j = layers - 1; j > 0; j--) {
-    meet_line(tick, j, line[j], changed);
+    solve_layer_for_line(tick, j, line[j], changed);
     deeper = section_with(tick, j, deeper);
-    changed = difference(deeper, tick->section[j]);
-    moved = sum(moved, size_of(changed));
-    tick->section[j] = deeper;
+    changed = difference(deeper, tick->total_flux[j]);
+    moved = sum(moved, absolute(changed));
+    tick->total_flux[j] = deeper;
   }
   if (tick->is_flux_given) {
-    meet_flux(tick, 0, whole_of(difference(tick->given, deeper), tick->share[0]));
+    solve_layer_for_flux(tick, 0,
+                         divide_by_share(difference(tick->target, deeper), tick->share[0]));
   } else {
-    meet_line(tick, 0, line[0], changed);
+    solve_layer_for_line(tick, 0, line[0], changed);
   }
-  tick->section[0] = section_with(tick, 0, deeper);
+  tick->total_flux[0] = section_with(tick, 0, deeper);
   if (tick->laminated > 0) {
-    meet_flux(tick, layers, tick->section[0]);
+    solve_layer_for_flux(tick, layers, tick->total_flux[0]);
   }
-  return sum(moved, size_of(difference(tick->section[0], first)));
+  return sum(moved, absolute(difference(tick->total_flux[0], first)));
 }
 
-/* Whether the equations are solved, except for rounding. Sets their residuals. */
-static int is_met(solid_tick *tick)
+/* Returns whether the equations are solved except for rounding. Sets their residuals. */
+static int are_equations_solved(solid_tick *tick)
 {
-  int met = 1;
+  int result = 1;
   for (int j = 1; j < tick->layers; j++) {
-    const number change = difference(tick->section[j], tick->before[j]);
+    const number change = difference(tick->total_flux[j], tick->before[j]);
     const number falls = difference(tick->field[j - 1], tick->field[j]);
-    tick->left[j] = difference(falls, sloped(change, tick->hold));
-    if (!is_residual_small(tick->left[j], sum(tick->stiffness[j - 1], tick->hold))) {
-      met = 0;
+    tick->residual[j] = difference(falls, multiply_by_slope(change, tick->hold_slope));
+    if (!is_residual_small(tick->residual[j], sum(tick->stiffness[j - 1], tick->hold_slope))) {
+      result = 0;
     }
   }
-  if (met && !tick->is_flux_given) {
-    return is_residual_small(sloped(missing_current(tick), tick->arm), falls_outside(tick));
+  if (result && !tick->is_flux_given) {
+    return is_residual_small(multiply_by_slope(residual_current(tick), tick->arm),
+                             circuit_slope(tick));
   }
-  return met;
+  return result;
 }
 
 static void solve_tick(solid_tick *tick)
 {
   for (int i = 0; i < MAX_PASSES; i++) {
-    tick->takes_secants = i >= TANGENT_PASSES;
-    const number moved = pass(tick);
-    if (is_met(tick) || moved < MIN_MOVED_FLUX) { /* a saturated surface may not meet them */
+    tick->uses_secants = i >= TANGENT_PASSES;
+    const number moved = run_pass(tick);
+    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* saturated surface */
       break;
     }
   }
   for (int j = 1; j < tick->layers; j++) {
-    tick->c->deeper[j - 1].next_owed = owed_flux(tick->c->words, tick->left[j], MAX_OWED);
+    tick->c->deeper[j - 1].next_owed = owed_flux(tick->c->words, tick->residual[j], MAX_OWED_FLUX);
   }
   for (int j = 1; j < memories_of(tick->c->words); j++) {
     tick->c->deeper[j - 1].stiffness = tick->stiffness[j];
   }
 }
 
-/* The field that takes the place of that of thin iron in the current. The flux that is solved for
-   is reduced if the surface saturates before it is reached. */
+/* Returns the field that replaces the field of laminated iron in the equation of the current.
+   Reduces c->flux if the surface saturates before it is reached. */
 static number solid_field(compensator *c)
 {
   solid_tick tick;
   begin_tick(&tick, c);
   tick.is_flux_given = 1;
-  tick.given = c->flux;
+  tick.target = c->flux;
   solve_tick(&tick);
-  const number missing = difference(tick.section[0], c->flux);
-  if (missing > REACHED_FLUX || missing < -REACHED_FLUX) {
-    c->flux = inside(tick.section[0]);
+  const number residual = difference(tick.total_flux[0], c->flux);
+  if (residual > MAX_FLUX_ERROR || residual < -MAX_FLUX_ERROR) {
+    c->flux = saturate(tick.total_flux[0]);
     c->flags |= ANHYST_FLUX_LIMITED;
   }
-  return inside(field_in_current(&tick));
+  return saturate(field_in_current(&tick));
 }
 
-/* The flux of the section to which a current leads. */
+/* Returns the flux of the section for a current. */
 static number solid_flux(compensator *c, number current)
 {
   solid_tick tick;
   begin_tick(&tick, c);
   set_circuit(&tick);
   tick.is_flux_given = 0;
-  tick.given = difference(current, c->arms.bias);
+  tick.target = difference(current, c->arms.bias);
   solve_tick(&tick);
-  return tick.section[0];
+  return tick.total_flux[0];
 }
 
-/* All layers begin as the surface does. */
+/* Sets all layers to the initial state of the surface. */
 static void solid_start(compensator *c)
 {
   cells_start(c);
@@ -412,8 +416,8 @@ static void solid_keep(compensator *c)
 {
   for (int at = memories_of(c->words) - 1; at >= 0; at--) {
     number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    if (have_turned(memory_of(c, at), &next_of(c, at)->memory.cells)) {
-      keep_plays(c->words, memory_of(c, at), plays);
+    if (have_reversed(memory_of(c, at), &next_of(c, at)->memory.cells)) {
+      store_plays(c->words, memory_of(c, at), plays);
     }
     if (at > 0) {
       c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
@@ -422,8 +426,8 @@ static void solid_keep(compensator *c)
   }
 }
 
-/* Transfers each layer to its own flux plus the change of the section. A layer that the block
-   before did not have begins as the surface does. */
+/* Transfers each layer to its own flux plus the change of the section. A layer that does not exist
+   in the old block gets the state of the surface. */
 static void solid_carry(compensator *c, const entry *words, number flux)
 {
   const int known = memories_of(c->words);
@@ -432,20 +436,20 @@ static void solid_carry(compensator *c, const entry *words, number flux)
     const int from = at < known ? at : 0;
     cells_memory *memory = at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
     number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    candidate there;
-    const number before = stand(c->words, memory_of(c, from), plays_of(c, from), &there);
+    candidate next;
+    const number before = locate_memory(c->words, memory_of(c, from), plays_of(c, from), &next);
     for (int cell = 0; cell < ANHYST_CELLS; cell++) {
       plays[cell] = plays_of(c, from)[cell];
     }
-    *memory = there.memory.cells;
-    carry_memory(c->words, words, inside(sum(before, change)), memory, plays);
+    *memory = next.memory.cells;
+    transfer_memory(c->words, words, saturate(sum(before, change)), memory, plays);
     if (at > from) {
       c->deeper[at - 1].owed = 0;
     }
   }
 }
 
-static int solid_is_valid(const entry *words)
+static int is_solid_valid(const entry *words)
 {
   return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
          memories_of(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What an interrupt needs beside solve and commit, the same in every format. */
+/* Functions for an ISR in addition to solve and commit; for every number format. */
 
-/* The tick of the start-up sequence that is due, and whether there is one. */
+/* Returns the next tick of the start-up sequence, `length` after its end. Updates its flag. */
 static int32_t next_conditioning_tick(compensator *c, int32_t length)
 {
   if (c->conditioned < length) {
@@ -12,18 +12,18 @@ static int32_t next_conditioning_tick(compensator *c, int32_t length)
   return length;
 }
 
-/* Whether the iron goes on while nothing is computed: layers or a lag. */
-static int depends_on_time(const compensator *c)
+/* Returns whether the state changes with time at a constant current: layers or a lag. */
+static int is_time_dependent(const compensator *c)
 {
   const entry *words = c->words;
   return words[ANHYST_WORD_GAP_LAG_ARM] > (entry)0 ||
          (c->kernel->kind == ANHYST_KIND_CELLS && words[ANHYST_WORD_SOLID_LAYERS] > (entry)0);
 }
 
-/* Commits that stand for so many ticks in which the current stayed. */
-static uint16_t commits_for(const compensator *c, uint16_t ticks)
+/* Returns the number of commits for this number of ticks with a constant current. */
+static uint16_t count_commits(const compensator *c, uint16_t ticks)
 {
-  if (!depends_on_time(c) || ticks == 0U) {
+  if (!is_time_dependent(c) || ticks == 0U) {
     return 1;
   }
   return ticks < ANHYST_CATCH_UP_TICKS_MAX ? ticks : (uint16_t)ANHYST_CATCH_UP_TICKS_MAX;

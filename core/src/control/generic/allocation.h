@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* What follows is the same in every format; the few operations in which they differ stand before
-   it: allocation.c for q31, generic/allocation_real.h for the others. */
+/* Template: the allocation, for every number format. The operations that depend on the format are
+   included before: allocation.c for q31, allocation_real.h for floating point. */
 
 int anhyst_allocation_is_valid_x(const anhyst_allocation_x *allocation)
 {
@@ -10,14 +10,14 @@ int anhyst_allocation_is_valid_x(const anhyst_allocation_x *allocation)
   }
   return (allocation->kind == ANHYST_ALLOCATE_BY_HALVES ||
           allocation->kind == ANHYST_ALLOCATE_CLASS_AB) &&
-         is_force(allocation->idle);
+         is_force_valid(allocation->idle);
 }
 
 void anhyst_allocate_x(const anhyst_allocation_x *allocation, ANHYST_REAL net, ANHYST_REAL force[2])
 {
   if (allocation->kind == ANHYST_ALLOCATE_CLASS_AB) {
-    const ANHYST_REAL larger = larger_of(net, allocation->idle);
-    const ANHYST_REAL smaller = smaller_of(larger, allocation->idle);
+    const ANHYST_REAL larger = larger_force(net, allocation->idle);
+    const ANHYST_REAL smaller = smaller_force(larger, allocation->idle);
     force[0] = net >= 0 ? larger : smaller;
     force[1] = net >= 0 ? smaller : larger;
   } else if (allocation->kind == ANHYST_ALLOCATE_BY_HALVES) {

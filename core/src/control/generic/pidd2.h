@@ -4,13 +4,14 @@ static int is_share(ANHYST_REAL x) { return x >= R(0.0) && x <= R(1.0); }
 
 anhyst_status anhyst_pidd2_check_x(const anhyst_pidd2_gains_x *gains)
 {
-  const int finite = isfinite(gains->proportional) && isfinite(gains->integral) &&
-                     isfinite(gains->derivative) && isfinite(gains->second) &&
-                     isfinite(gains->load);
-  const int shares = is_share(gains->back) && is_share(gains->weight) &&
-                     is_share(gains->smoothing) && gains->smoothing > R(0.0) &&
-                     is_share(gains->smoothing_2) && gains->smoothing_2 > R(0.0);
-  return finite && shares && gains->low <= gains->high ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  const int are_gains_finite = isfinite(gains->proportional) && isfinite(gains->integral) &&
+                               isfinite(gains->derivative) && isfinite(gains->second) &&
+                               isfinite(gains->load);
+  const int are_shares_valid = is_share(gains->back) && is_share(gains->weight) &&
+                               is_share(gains->smoothing) && gains->smoothing > R(0.0) &&
+                               is_share(gains->smoothing_2) && gains->smoothing_2 > R(0.0);
+  return are_gains_finite && are_shares_valid && gains->low <= gains->high ? ANHYST_OK
+                                                                           : ANHYST_BAD_PARAMETER;
 }
 
 ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
@@ -18,7 +19,7 @@ ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
                                  ANHYST_REAL position, ANHYST_REAL load,
                                  anhyst_pidd2_candidate_x *candidate)
 {
-  /* A filter moves by the derivative it gives. */
+  /* A filter moves by its derivative. */
   const ANHYST_REAL first = gains->smoothing * (position - state->position);
   const ANHYST_REAL second = gains->smoothing_2 * (first - state->velocity);
   const ANHYST_REAL u = gains->proportional * (gains->weight * reference - position) +
@@ -48,12 +49,12 @@ void anhyst_pidd2_start_x(const anhyst_pidd2_gains_x *gains, anhyst_pidd2_state_
                           ANHYST_REAL reference, ANHYST_REAL position, ANHYST_REAL load,
                           ANHYST_REAL output)
 {
-  anhyst_pidd2_candidate_x without;
+  anhyst_pidd2_candidate_x start_candidate;
   state->position = position;
   state->velocity = R(0.0);
   state->integral = R(0.0);
-  (void)anhyst_pidd2_solve_x(gains, state, reference, position, load, &without);
-  state->integral = output - without.wanted;
+  (void)anhyst_pidd2_solve_x(gains, state, reference, position, load, &start_candidate);
+  state->integral = output - start_candidate.wanted;
 }
 
 void anhyst_pidd2_change_x(const anhyst_pidd2_gains_x *from, const anhyst_pidd2_gains_x *to,

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* What follows is the same in every format; the few operations in which they differ stand before
-   it: position.c for q31, generic/position_real.h for the others. */
+/* Template: the position controller, for every number format. The operations that depend on the
+   format are included before: position.c for q31, position_real.h for floating point. */
 
 static int magnet_count(const anhyst_position_x *c) { return c->magnet[1] != NULL ? 2 : 1; }
 
-/* What counts as no current: of those that can be driven the nearest to it. */
+/* Returns the current of the converter nearest to zero. */
 static ANHYST_REAL zero_current(const anhyst_position_limits_x *limits)
 {
-  return on_grid(limits, within(0, limits->current_low, limits->current_high));
+  return round_to_grid(limits, clamp(0, limits->current_low, limits->current_high));
 }
 
 anhyst_status anhyst_position_init_x(anhyst_position_x *c, const anhyst_position_limits_x *limits,
@@ -16,14 +16,14 @@ anhyst_status anhyst_position_init_x(anhyst_position_x *c, const anhyst_position
                                      anhyst_force_controller_x *magnet,
                                      anhyst_force_controller_x *magnet_2)
 {
-  const anhyst_position_x fresh = {0};
+  const anhyst_position_x initial = {0};
   if (anhyst_levitation_check(&limits->levitation, &settings->levitation) != ANHYST_OK ||
       anhyst_pidd2_check_x(&settings->gains) != ANHYST_OK ||
       (settings->plain != NULL && anhyst_map_check_x(settings->plain) != ANHYST_OK) ||
-      !are_valid(limits, settings)) {
+      !are_settings_valid(limits, settings)) {
     return ANHYST_BAD_PARAMETER;
   }
-  *c = fresh;
+  *c = initial;
   c->limits = limits;
   c->settings = settings;
   c->magnet[0] = magnet;
@@ -35,7 +35,6 @@ anhyst_status anhyst_position_init_x(anhyst_position_x *c, const anhyst_position
   return ANHYST_OK;
 }
 
-/* Whether no current was driven at the tick before. */
 static uint16_t is_at_zero(const anhyst_position_x *c)
 {
   const ANHYST_REAL zero = zero_current(c->limits);
@@ -44,35 +43,35 @@ static uint16_t is_at_zero(const anhyst_position_x *c)
 
 uint16_t anhyst_position_command_x(anhyst_position_x *c, uint16_t command)
 {
-  const uint16_t refused = anhyst_levitation_command(&c->levitation, command, is_at_zero(c));
-  if (refused == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_DEMAGNETISED) {
+  const uint16_t reason = anhyst_levitation_command(&c->levitation, command, is_at_zero(c));
+  if (reason == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_DEMAGNETISED) {
     for (int i = 0; i < magnet_count(c); i++) {
       anhyst_force_controller_demagnetise_x(c->magnet[i]);
     }
   }
-  return refused;
+  return reason;
 }
 
-/* Ticks until both magnets are through with their conditioning. */
-static int32_t conditioning(const anhyst_position_x *c)
+/* Returns the length of the longer conditioning sequence of the two magnets, ticks. */
+static int32_t conditioning_ticks(const anhyst_position_x *c)
 {
   int32_t length = 0;
   for (int i = 0; i < magnet_count(c); i++) {
-    const int32_t one = anhyst_force_controller_conditioning_length_x(c->magnet[i]);
-    length = one > length ? one : length;
+    const int32_t ticks = anhyst_force_controller_conditioning_length_x(c->magnet[i]);
+    length = ticks > length ? ticks : length;
   }
   return length;
 }
 
-/* Lets levitation judge the sample and move on; keeps position and gaps. */
-static void levitate(anhyst_position_x *c, const anhyst_position_sample_x *sample)
+/* Updates levitation with the sample, and stores position and gaps. */
+static void update_levitation(anhyst_position_x *c, const anhyst_position_sample_x *sample)
 {
   const anhyst_position_units_x *units = &c->settings->units;
   anhyst_levitation_input input;
-  input.position = position_code(units, sample->position);
-  input.target = position_code(units, sample->target);
-  input.demand = demand_code(units, c->demand);
-  input.conditioning = conditioning(c);
+  input.position = position_to_code(units, sample->position);
+  input.target = position_to_code(units, sample->target);
+  input.demand = demand_to_code(units, c->demand);
+  input.conditioning = conditioning_ticks(c);
   input.dropped = sample->dropped != 0U || !is_number(sample->position) ? 1U : 0U;
   anhyst_levitation_tick(&c->levitation, &c->limits->levitation, &c->settings->levitation, &input);
   c->flags |= c->levitation.flags;
@@ -80,16 +79,16 @@ static void levitate(anhyst_position_x *c, const anhyst_position_sample_x *sampl
     c->position = sample->position;
   }
   for (int i = 0; i < magnet_count(c); i++) {
-    c->gap[i] = gap_of(&units->gap[i], c->position);
+    c->gap[i] = position_to_gap(&units->gap[i], c->position);
   }
 }
 
-/* The net force that the position asks for. */
-static ANHYST_REAL control(anhyst_position_x *c, const anhyst_position_sample_x *sample)
+/* Returns the net force that the position requires. */
+static ANHYST_REAL solve_position(anhyst_position_x *c, const anhyst_position_sample_x *sample)
 {
   const anhyst_pidd2_gains_x *gains = &c->settings->gains;
   const ANHYST_REAL load = is_number(sample->load) ? sample->load : 0;
-  const ANHYST_REAL reference = position_of(&c->settings->units, c->levitation.reference);
+  const ANHYST_REAL reference = code_to_position(&c->settings->units, c->levitation.reference);
   if (c->levitation.begins != 0U) {
     anhyst_pidd2_start_x(gains, &c->state, reference, c->position, load, c->demand);
   }
@@ -97,8 +96,8 @@ static ANHYST_REAL control(anhyst_position_x *c, const anhyst_position_sample_x 
   return anhyst_pidd2_solve_x(gains, &c->state, reference, c->position, load, &c->candidate);
 }
 
-/* The currents that give the demanded net force. */
-static void solve(anhyst_position_x *c, const anhyst_position_sample_x *sample, ANHYST_REAL *wanted)
+static void solve_currents(anhyst_position_x *c, const anhyst_position_sample_x *sample,
+                           ANHYST_REAL *demanded)
 {
   const int magnets = magnet_count(c);
   ANHYST_REAL force[ANHYST_POSITION_MAGNETS] = {c->demand, 0};
@@ -107,17 +106,18 @@ static void solve(anhyst_position_x *c, const anhyst_position_sample_x *sample, 
     force[1] = anhyst_sub_x(force[0], c->demand);
   }
   for (int i = 0; i < magnets; i++) {
-    wanted[i] = anhyst_force_controller_solve_x(c->magnet[i], force[i], c->gap[i], sample->flux[i]);
+    demanded[i] =
+        anhyst_force_controller_solve_x(c->magnet[i], force[i], c->gap[i], sample->flux[i]);
     c->flags |= c->magnet[i]->flags;
   }
 }
 
-/* A step of a current on its way to zero. What holds an armature in the air is unstable: a current
-   that stays lets it go to either side, faster and faster. So, where a fall begins, one magnet lets
-   go of an eighth at once, which sends the armature away from it and not into it, and of the rest
-   along the ramp, which is softer than a free fall. Two magnets that pull against each other let go
-   of everything: what neither pulls only drifts. */
-static ANHYST_REAL release(const anhyst_position_x *c, ANHYST_REAL current)
+/* Returns the next current of a ramp to zero. A levitated armature is unstable: a constant current
+   would accelerate it in either direction. Therefore, one magnet reduces its current by an eighth
+   immediately at the start of a fall, so that the armature moves away from the magnet. The
+   remaining current follows the ramp, which is softer than a free fall. Two magnets that pull
+   against each other switch off immediately, because an armature without forces only drifts. */
+static ANHYST_REAL ramp_to_zero(const anhyst_position_x *c, ANHYST_REAL current)
 {
   const ANHYST_REAL release = c->limits->release;
   const ANHYST_REAL zero = zero_current(c->limits);
@@ -126,62 +126,62 @@ static ANHYST_REAL release(const anhyst_position_x *c, ANHYST_REAL current)
     const ANHYST_REAL eighth = half(half(half(anhyst_sub_x(current, zero))));
     from = c->magnet[1] != NULL ? zero : anhyst_sub_x(current, eighth);
   }
-  return within(zero, anhyst_sub_x(from, release), anhyst_add_x(from, release));
+  return clamp(zero, anhyst_sub_x(from, release), anhyst_add_x(from, release));
 }
 
-/* The currents that this phase asks for, before the limits of the board. */
-static void want(anhyst_position_x *c, const anhyst_position_sample_x *sample, ANHYST_REAL *wanted)
+/* Sets the currents of this phase before the limits of the board. */
+static void compute_currents(anhyst_position_x *c, const anhyst_position_sample_x *sample,
+                             ANHYST_REAL *demanded)
 {
   const uint16_t phase = c->levitation.phase;
   if (phase == ANHYST_PHASE_REST || phase == ANHYST_PHASE_FALL) {
     if (phase == ANHYST_PHASE_REST) {
-      c->demand = 0; /* a fall keeps it: a landing out of it begins with it */
+      c->demand = 0; /* a fall keeps the demand, because a landing starts with it */
     }
     for (int i = 0; i < magnet_count(c); i++) {
-      wanted[i] = release(c, c->current[i]);
+      demanded[i] = ramp_to_zero(c, c->current[i]);
     }
   } else if (phase == ANHYST_PHASE_CONDITION) {
     c->demand = 0;
     for (int i = 0; i < magnet_count(c); i++) {
-      wanted[i] =
+      demanded[i] =
           anhyst_force_controller_conditioning_x(c->magnet[i], c->levitation.supervisor.step);
     }
   } else {
     c->demand = anhyst_levitation_controls(&c->levitation)
-                    ? control(c, sample)
-                    : demand_of(&c->settings->units, c->levitation.demand);
-    solve(c, sample, wanted);
+                    ? solve_position(c, sample)
+                    : code_to_demand(&c->settings->units, c->levitation.demand);
+    solve_currents(c, sample, demanded);
   }
 }
 
-/* A current of this phase, and what is left of the current before a swap or a switch: less of it by
-   one step of the ramp to zero at every tick. On that ramp itself there is no step to soften. */
-static ANHYST_REAL faded(anhyst_position_x *c, int magnet, ANHYST_REAL wanted)
+/* Returns a demanded current plus the fading jump of a swap or a switch. The jump decreases by one
+   step of the ramp per tick. On the ramp to zero itself, there is no jump. */
+static ANHYST_REAL add_fading_jump(anhyst_position_x *c, int magnet, ANHYST_REAL demanded)
 {
   const ANHYST_REAL release = c->limits->release;
-  const ANHYST_REAL left = c->fading[magnet];
-  const int ramps =
+  const ANHYST_REAL jump = c->fading[magnet];
+  const int is_ramping =
       c->levitation.phase == ANHYST_PHASE_REST || c->levitation.phase == ANHYST_PHASE_FALL;
-  c->fading[magnet] = ramps ? 0 : anhyst_sub_x(left, within(left, -release, release));
-  return anhyst_add_x(wanted, c->fading[magnet]);
+  c->fading[magnet] = is_ramping ? 0 : anhyst_sub_x(jump, clamp(jump, -release, release));
+  return anhyst_add_x(demanded, c->fading[magnet]);
 }
 
-/* Applies what is wanted as far as the board lets it. */
-static void apply(anhyst_position_x *c, const ANHYST_REAL *wanted)
+/* Limits and rounds the demanded currents. */
+static void apply_currents(anhyst_position_x *c, const ANHYST_REAL *demanded)
 {
   const anhyst_position_limits_x *limits = c->limits;
   for (int i = 0; i < magnet_count(c); i++) {
-    const ANHYST_REAL asked = faded(c, i, wanted[i]);
-    const ANHYST_REAL reached = within(asked, limits->current_low, limits->current_high);
-    if (reached != asked) {
+    const ANHYST_REAL with_jump = add_fading_jump(c, i, demanded[i]);
+    const ANHYST_REAL limited = clamp(with_jump, limits->current_low, limits->current_high);
+    if (limited != with_jump) {
       c->flags |= ANHYST_CURRENT_LIMITED;
     }
-    c->current[i] = on_grid(limits, reached);
+    c->current[i] = round_to_grid(limits, limited);
   }
   c->limited = c->flags & (ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED);
 }
 
-/* Commits to force controllers and PIDD2 what was applied. */
 static void commit(anhyst_position_x *c, const ANHYST_REAL *applied)
 {
   ANHYST_REAL force = anhyst_force_controller_commit_x(c->magnet[0], applied[0], c->gap[0]);
@@ -199,23 +199,23 @@ static void commit(anhyst_position_x *c, const ANHYST_REAL *applied)
 void anhyst_position_tick_x(anhyst_position_x *c, const anhyst_position_sample_x *sample,
                             anhyst_position_answer_x *out)
 {
-  ANHYST_REAL wanted[ANHYST_POSITION_MAGNETS] = {0, 0};
+  ANHYST_REAL demanded[ANHYST_POSITION_MAGNETS] = {0, 0};
   const uint16_t measured = c->settings->measured;
-  const uint16_t refused = anhyst_position_command_x(c, sample->command);
-  c->flags = refused != ANHYST_REFUSED_NOT ? ANHYST_COMMAND_REFUSED : 0U;
-  levitate(c, sample);
+  const uint16_t reason = anhyst_position_command_x(c, sample->command);
+  c->flags = reason != ANHYST_REFUSED_NOT ? ANHYST_COMMAND_REFUSED : 0U;
+  update_levitation(c, sample);
   if (measured != 0U) {
     commit(c, sample->current);
   }
-  want(c, sample, wanted);
-  apply(c, wanted);
+  compute_currents(c, sample, demanded);
+  apply_currents(c, demanded);
   if (measured == 0U) {
     commit(c, c->current);
   }
   out->current[0] = c->current[0];
   out->current[1] = c->current[1];
   out->reference = anhyst_levitation_controls(&c->levitation)
-                       ? position_of(&c->settings->units, c->levitation.reference)
+                       ? code_to_position(&c->settings->units, c->levitation.reference)
                        : c->position;
   out->demand = c->demand;
   out->state = (uint16_t)(16U * c->levitation.supervisor.state + c->levitation.phase);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* A number over its full scale as an integer of levitation.h; the lowest for what is no number. */
+/* Converts a number to an integer of levitation.h; NaN becomes the lowest one. */
 static int32_t to_code(ANHYST_REAL a, ANHYST_REAL full)
 {
   const ANHYST_REAL part = a / full;
@@ -15,27 +15,27 @@ static ANHYST_REAL from_code(int32_t code, ANHYST_REAL full)
   return (ANHYST_REAL)code / R(2147483648.0) * full;
 }
 
-static int32_t position_code(const anhyst_position_units_x *units, ANHYST_REAL position)
+static int32_t position_to_code(const anhyst_position_units_x *units, ANHYST_REAL position)
 {
   return to_code(position, units->position);
 }
 
-static ANHYST_REAL position_of(const anhyst_position_units_x *units, int32_t code)
+static ANHYST_REAL code_to_position(const anhyst_position_units_x *units, int32_t code)
 {
   return from_code(code, units->position);
 }
 
-static int32_t demand_code(const anhyst_position_units_x *units, ANHYST_REAL demand)
+static int32_t demand_to_code(const anhyst_position_units_x *units, ANHYST_REAL demand)
 {
   return to_code(demand, units->demand);
 }
 
-static ANHYST_REAL demand_of(const anhyst_position_units_x *units, int32_t code)
+static ANHYST_REAL code_to_demand(const anhyst_position_units_x *units, int32_t code)
 {
   return from_code(code, units->demand);
 }
 
-/* Whether it is a number that can be reckoned with. */
+/* Returns whether a is in -1e30..1e30; 0 for NaN. */
 static int is_number(ANHYST_REAL a)
 {
   const ANHYST_REAL largest = R(1e30);
@@ -44,8 +44,7 @@ static int is_number(ANHYST_REAL a)
 
 static ANHYST_REAL half(ANHYST_REAL a) { return R(0.5) * a; }
 
-/* The lower limit for what is not a number. */
-static ANHYST_REAL within(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
+static ANHYST_REAL clamp(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
 {
   if (!(a > low)) {
     return low;
@@ -53,41 +52,42 @@ static ANHYST_REAL within(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
   return a > high ? high : a;
 }
 
-static ANHYST_REAL gap_of(const anhyst_gap_line_x *line, ANHYST_REAL position)
+static ANHYST_REAL position_to_gap(const anhyst_gap_line_x *line, ANHYST_REAL position)
 {
   return line->offset + line->factor * position;
 }
 
-/* The nearest of the converter's currents, for one within the limits. */
-static ANHYST_REAL on_grid(const anhyst_position_limits_x *limits, ANHYST_REAL current)
+static ANHYST_REAL round_to_grid(const anhyst_position_limits_x *limits, ANHYST_REAL current)
 {
   const ANHYST_REAL low = limits->current_low;
   const int32_t steps = (int32_t)((current - low) / limits->current_step + R(0.5));
-  const ANHYST_REAL reached = low + (ANHYST_REAL)steps * limits->current_step;
-  return reached > limits->current_high ? limits->current_high : reached;
+  const ANHYST_REAL rounded = low + (ANHYST_REAL)steps * limits->current_step;
+  return rounded > limits->current_high ? limits->current_high : rounded;
 }
 
-/* Whether a range is a whole number of steps, as far as a float can show. */
-static int is_whole(ANHYST_REAL range, ANHYST_REAL step)
+/* Returns whether a range is an integer number of steps, within the precision of a float. */
+static int is_multiple_of_step(ANHYST_REAL range, ANHYST_REAL step)
 {
   const ANHYST_REAL steps = range / step;
   if (!(steps >= R(1.0) && steps <= R(1048576.0))) {
     return 0;
   }
-  const ANHYST_REAL off = steps - (ANHYST_REAL)(int32_t)(steps + R(0.5));
-  return off >= R(-0.25) && off <= R(0.25);
+  const ANHYST_REAL deviation = steps - (ANHYST_REAL)(int32_t)(steps + R(0.5));
+  return deviation >= R(-0.25) && deviation <= R(0.25);
 }
 
-static int are_valid(const anhyst_position_limits_x *limits,
-                     const anhyst_position_settings_x *settings)
+static int are_settings_valid(const anhyst_position_limits_x *limits,
+                              const anhyst_position_settings_x *settings)
 {
   const anhyst_position_units_x *units = &settings->units;
-  int numbers = is_number(settings->bias) && units->position > R(0.0) &&
-                is_number(units->position) && units->demand > R(0.0) && is_number(units->demand);
+  int are_numbers_valid = is_number(settings->bias) && units->position > R(0.0) &&
+                          is_number(units->position) && units->demand > R(0.0) &&
+                          is_number(units->demand);
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
-    numbers = numbers && is_number(units->gap[i].offset) && is_number(units->gap[i].factor);
+    are_numbers_valid =
+        are_numbers_valid && is_number(units->gap[i].offset) && is_number(units->gap[i].factor);
   }
-  return numbers && is_number(limits->current_low) && limits->current_step > R(0.0) &&
-         is_whole(limits->current_high - limits->current_low, limits->current_step) &&
+  return are_numbers_valid && is_number(limits->current_low) && limits->current_step > R(0.0) &&
+         is_multiple_of_step(limits->current_high - limits->current_low, limits->current_step) &&
          limits->release >= limits->current_step;
 }

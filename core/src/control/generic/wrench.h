@@ -3,25 +3,25 @@
 #define AXES ANHYST_WRENCH_AXES
 #define DRIVES ANHYST_WRENCH_DRIVES
 
-/* Least part of its row that a pivot keeps: less is no axis of its own, or in single precision
-   noise of the forces. A row that has lost nearly all counts as if it had kept so much of its 1:
-   what is left of it may be rounding. */
-#define LEAST_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
-#define LEAST_ROW R(1e-2)
+/* Smallest accepted pivot as a part of its row. With a smaller pivot, an axis is not independent,
+   or in single precision, the forces are dominated by rounding. A row that has decreased below
+   MIN_ROW counts as MIN_ROW of its original 1, because the remainder may be rounding. */
+#define MIN_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
+#define MIN_ROW R(1e-2)
 
-/* Part of the least force by which rounding may miss it. */
-#define ROUNDING (ANHYST_EPS > R(1e-10) ? R(1e-4) : R(1e-12))
+/* Rounding error of a force at its minimum, as a part of the minimum. */
+#define MIN_FORCE_TOLERANCE (ANHYST_EPS > R(1e-10) ? R(1e-4) : R(1e-12))
 
 typedef struct {
-  uint16_t free;             /* drives whose force is to be found; of a pair the first */
-  ANHYST_REAL missing[AXES]; /* of the scaled wrench beside what the others make */
-  ANHYST_REAL *force;        /* of all */
+  uint16_t free;              /* drives whose force is unknown, bit mask; of a pair the first */
+  ANHYST_REAL residual[AXES]; /* scaled wrench minus the wrench of the fixed drives */
+  ANHYST_REAL *force;         /* of all drives */
 } search;
 
-/* ---- what a layout makes ---- */
+/* ---- factorisation of a layout ---- */
 
-/* Every axis of length one over the drives; 0 where one has none. */
-static int weigh(anhyst_wrench_x *w)
+/* Scales every axis to length one over the drives. Returns 0 if no drive acts on an axis. */
+static int scale_axes(anhyst_wrench_x *w)
 {
   const anhyst_wrench_layout_x *layout = w->layout;
   const int n = (int)layout->axes;
@@ -44,36 +44,36 @@ static int weigh(anhyst_wrench_x *w)
   return 1;
 }
 
-/* The factor of all open drives; 0 where they cannot push along every axis, which with yields they
-   always can. */
+/* Factorises the matrix of all open drives. Returns 0 if they cannot make every wrench; with
+   yields, they always can. */
 static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
-                     anhyst_wrench_factor_x *found)
+                     anhyst_wrench_factor_x *result)
 {
   const int n = (int)w->layout->axes;
   int i;
   int j;
   int k;
-  found->free = w->open;
+  result->free = w->open;
   for (i = 0; i < n; i++) {
     for (k = i; k < n; k++) {
       ANHYST_REAL sum = yields && i == k ? yields[i] : R(0.0);
       for (j = 0; j < (int)w->layout->drives; j++) {
         sum += (w->open >> j & 1) ? w->pull[j][i] * w->pull[j][k] : R(0.0);
       }
-      found->upper[i][k] = sum;
+      result->upper[i][k] = sum;
     }
-    found->row[i] = found->upper[i][i];
+    result->row[i] = result->upper[i][i];
   }
   for (i = 0; i < n; i++) {
-    ANHYST_REAL *row = found->upper[i];
-    if (!yields && !(row[i] > LEAST_PIVOT * found->row[i])) {
+    ANHYST_REAL *row = result->upper[i];
+    if (!yields && !(row[i] > MIN_PIVOT * result->row[i])) {
       return 0;
     }
     row[i] = R(1.0) / row[i];
     for (j = i + 1; j < n; j++) {
       const ANHYST_REAL part = row[j] * row[i];
       for (k = j; k < n; k++) {
-        found->upper[j][k] -= part * row[k];
+        result->upper[j][k] -= part * row[k];
       }
       row[j] = part;
     }
@@ -81,10 +81,10 @@ static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
   return 1;
 }
 
-/* Takes a drive out of a factor; 0 where the others cannot push along every axis. With yields they
-   always can: no pivot is below what its axis yields but by rounding. */
-static int take_out(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
-                    anhyst_wrench_factor_x *factor)
+/* Removes a drive from a factor. Returns 0 if the others cannot make every wrench. With yields they
+   always can: except for rounding, no pivot is below the yield of its axis. */
+static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
+                        anhyst_wrench_factor_x *factor)
 {
   const int n = (int)w->layout->axes;
   ANHYST_REAL pull[AXES];
@@ -98,20 +98,20 @@ static int take_out(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
   factor->free = (uint16_t)(factor->free & ~(1U << j));
   for (i = 0; i < n; i++) {
     ANHYST_REAL *row = factor->upper[i];
-    const ANHYST_REAL before = R(1.0) / row[i];
-    const ANHYST_REAL left = factor->row[i] > LEAST_ROW ? factor->row[i] : LEAST_ROW;
-    const ANHYST_REAL least = yields ? yields[i] : LEAST_PIVOT * left;
-    ANHYST_REAL pivot = before + share * pull[i] * pull[i];
+    const ANHYST_REAL old_pivot = R(1.0) / row[i];
+    const ANHYST_REAL row_left = factor->row[i] > MIN_ROW ? factor->row[i] : MIN_ROW;
+    const ANHYST_REAL min_pivot = yields ? yields[i] : MIN_PIVOT * row_left;
+    ANHYST_REAL pivot = old_pivot + share * pull[i] * pull[i];
     ANHYST_REAL change;
-    if (!(pivot > least)) {
+    if (!(pivot > min_pivot)) {
       if (!yields) {
         return 0;
       }
-      pivot = least;
+      pivot = min_pivot;
     }
     row[i] = R(1.0) / pivot;
     change = share * pull[i] * row[i];
-    share *= before * row[i];
+    share *= old_pivot * row[i];
     for (k = i + 1; k < n; k++) {
       pull[k] -= pull[i] * row[k];
       row[k] += change * pull[k];
@@ -120,8 +120,8 @@ static int take_out(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
   return 1;
 }
 
-/* Which drives are open and which stand alone. */
-static void sort(anhyst_wrench_x *w)
+/* Sets the masks of the open and the single drives. */
+static void classify_drives(anhyst_wrench_x *w)
 {
   int j;
   w->open = 0;
@@ -133,30 +133,28 @@ static void sort(anhyst_wrench_x *w)
   }
 }
 
-/* ---- a search ---- */
-
-static void start(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
+static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
   int i;
   s->free = w->open;
   for (i = 0; i < (int)w->layout->axes; i++) {
-    s->missing[i] = w->scale[i] * wrench[i];
+    s->residual[i] = w->scale[i] * wrench[i];
   }
   for (i = 0; i < (int)w->layout->drives; i++) {
     s->force[i] = R(0.0);
   }
 }
 
-/* What a drive makes for a force along every axis; without a loop, since this is most of a tick. */
-static ANHYST_REAL along(const ANHYST_REAL *pull, const ANHYST_REAL *x)
+/* Returns the scalar product over all axes; without a loop, because it dominates a tick. */
+static ANHYST_REAL dot_product(const ANHYST_REAL *pull, const ANHYST_REAL *x)
 {
   return pull[0] * x[0] + pull[1] * x[1] + pull[2] * x[2] + pull[3] * x[3] + pull[4] * x[4] +
          pull[5] * x[5];
 }
 
-/* Forces of the free drives with the least sum of squares that make what is missing; s->free are
-   those of the factor. */
-static void least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x *by,
+/* Sets the forces of the free drives with the least sum of squares that make the residual. Requires
+   that s->free are the drives of the factor. */
+static void least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x *factor,
                           const search *s)
 {
   const int n = (int)w->layout->axes;
@@ -165,121 +163,122 @@ static void least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x
   int j;
   int k;
   for (i = 0; i < n; i++) {
-    x[i] = s->missing[i];
+    x[i] = s->residual[i];
   }
   for (i = 0; i < n; i++) {
     for (k = i + 1; k < n; k++) {
-      x[k] -= by->upper[i][k] * x[i];
+      x[k] -= factor->upper[i][k] * x[i];
     }
   }
   for (i = n - 1; i >= 0; i--) {
-    ANHYST_REAL sum = x[i] * by->upper[i][i];
+    ANHYST_REAL sum = x[i] * factor->upper[i][i];
     for (k = i + 1; k < n; k++) {
-      sum -= by->upper[i][k] * x[k];
+      sum -= factor->upper[i][k] * x[k];
     }
     x[i] = sum;
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
     if (s->free >> j & 1) {
-      s->force[j] = along(w->pull[j], x);
+      s->force[j] = dot_product(w->pull[j], x);
     }
   }
 }
 
-/* Sets a free drive to a force; the others make the rest. */
-static void hold(const anhyst_wrench_x *w, search *s, int j, ANHYST_REAL force)
+/* Fixes a free drive at a force, and subtracts its wrench from the residual. */
+static void fix_drive(const anhyst_wrench_x *w, search *s, int j, ANHYST_REAL force)
 {
   int i;
   s->free = (uint16_t)(s->free & ~(1U << j));
   s->force[j] = force;
   for (i = 0; i < (int)w->layout->axes; i++) {
-    s->missing[i] -= w->pull[j][i] * force;
+    s->residual[i] -= w->pull[j][i] * force;
   }
 }
 
-/* The drive of these that is furthest below its least, or -1. */
-static int worst(const anhyst_wrench_x *w, const search *s, unsigned of)
+/* Returns the candidate that is furthest below its minimum, or -1. */
+static int find_lowest(const anhyst_wrench_x *w, const search *s, unsigned candidates)
 {
   const ANHYST_REAL least = w->layout->least;
-  const ANHYST_REAL missed = least < R(0.0) ? -ROUNDING : ROUNDING;
-  ANHYST_REAL low = least * (R(1.0) - missed);
-  int found = -1;
+  const ANHYST_REAL tolerance = least < R(0.0) ? -MIN_FORCE_TOLERANCE : MIN_FORCE_TOLERANCE;
+  ANHYST_REAL lowest = least * (R(1.0) - tolerance);
+  int lowest_drive = -1;
   int j;
   for (j = 0; j < (int)w->layout->drives; j++) {
-    if ((of >> j & 1U) && s->force[j] < low) {
-      low = s->force[j];
-      found = j;
+    if ((candidates >> j & 1U) && s->force[j] < lowest) {
+      lowest = s->force[j];
+      lowest_drive = j;
     }
   }
-  return found;
+  return lowest_drive;
 }
 
-/* Makes a wrench of all there are, setting to their least those below it that the others can do
-   without; whether no drive is left below its least. */
-static int make_all(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
+/* Makes the whole wrench. Drives below their minimum are set to it, if the others can compensate.
+   Returns whether no drive remains below its minimum. */
+static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
-  anhyst_wrench_factor_x room[2];
-  const anhyst_wrench_factor_x *by = &w->factor;
+  anhyst_wrench_factor_x factors[2];
+  const anhyst_wrench_factor_x *factor = &w->factor;
   int pass;
-  start(w, wrench, s);
+  start_search(w, wrench, s);
   for (pass = 0;; pass++) {
-    const uint16_t before = s->free;
-    unsigned left = s->free & w->alone;
+    const uint16_t free_before = s->free;
+    unsigned candidates = s->free & w->alone;
     int j;
-    least_squares(w, by, s);
-    j = worst(w, s, left);
+    least_squares(w, factor, s);
+    j = find_lowest(w, s, candidates);
     if (j < 0 || pass == ANHYST_WRENCH_PASSES) {
       return j < 0;
     }
-    for (; j >= 0; j = worst(w, s, left)) {
-      anhyst_wrench_factor_x *next = by == &room[0] ? &room[1] : &room[0];
-      left &= ~(1U << j);
-      *next = *by;
-      if (take_out(w, j, NULL, next)) {
-        hold(w, s, j, w->layout->least);
-        by = next;
+    for (; j >= 0; j = find_lowest(w, s, candidates)) {
+      anhyst_wrench_factor_x *next = factor == &factors[0] ? &factors[1] : &factors[0];
+      candidates &= ~(1U << j);
+      *next = *factor;
+      if (remove_drive(w, j, NULL, next)) {
+        fix_drive(w, s, j, w->layout->least);
+        factor = next;
       }
     }
-    if (s->free == before) {
+    if (s->free == free_before) {
       return 0;
     }
   }
 }
 
-/* Sets to its bound what is beyond one; how many. Of a pair the net force is bounded both ways. */
-static int bound(const anhyst_wrench_x *w, search *s)
+/* Fixes drives at the bounds that they exceed. Returns their number. The net force of a pair is
+   bounded in both directions. */
+static int fix_at_bounds(const anhyst_wrench_x *w, search *s)
 {
-  const ANHYST_REAL most = w->layout->most;
-  int bounded = 0;
+  const ANHYST_REAL max_force = w->layout->most;
+  int fixed_count = 0;
   int j;
   for (j = 0; j < (int)w->layout->drives; j++) {
-    const ANHYST_REAL least = (w->alone >> j & 1) ? w->layout->least : -most;
-    if ((s->free >> j & 1) && (s->force[j] < least || s->force[j] > most)) {
-      hold(w, s, j, s->force[j] > most ? most : least);
-      bounded++;
+    const ANHYST_REAL min_force = (w->alone >> j & 1) ? w->layout->least : -max_force;
+    if ((s->free >> j & 1) && (s->force[j] < min_force || s->force[j] > max_force)) {
+      fix_drive(w, s, j, s->force[j] > max_force ? max_force : min_force);
+      fixed_count++;
     }
   }
-  return bounded;
+  return fixed_count;
 }
 
-/* Forces within bounds that miss as little as may be, axes by what they yield. */
-static void give_up(anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
+/* Sets bounded forces that minimise the missing wrench, axes weighted by their yields. */
+static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
   int pass;
   int j;
-  start(w, wrench, s);
+  start_search(w, wrench, s);
   for (pass = 0; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    anhyst_wrench_factor_x *by = &w->given_up[pass];
-    if (by->free != s->free) {
-      *by = w->given_up[pass - 1];
+    anhyst_wrench_factor_x *factor = &w->given_up[pass];
+    if (factor->free != s->free) {
+      *factor = w->given_up[pass - 1];
       for (j = 0; j < (int)w->layout->drives; j++) {
-        if ((by->free & ~s->free) >> j & 1) {
-          (void)take_out(w, j, w->layout->yields, by);
+        if ((factor->free & ~s->free) >> j & 1) {
+          (void)remove_drive(w, j, w->layout->yields, factor);
         }
       }
     }
-    least_squares(w, by, s);
-    if (!bound(w, s)) {
+    least_squares(w, factor, s);
+    if (!fix_at_bounds(w, s)) {
       return;
     }
   }
@@ -287,13 +286,13 @@ static void give_up(anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 
 anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layout_x *layout)
 {
-  const anhyst_wrench_x fresh = {.layout = layout};
+  const anhyst_wrench_x initial = {.layout = layout};
   int valid = layout->axes > 0U && layout->axes <= AXES && layout->drives > 0U &&
               layout->drives <= DRIVES && layout->least > R(-1e30) &&
               layout->least < layout->most && layout->most > R(0.0) && layout->most < R(1e30) &&
               anhyst_allocation_is_valid_x(&layout->pair);
   int i;
-  *w = fresh;
+  *w = initial;
   for (i = 0; valid && i < (int)layout->drives; i++) {
     w->against[i] = layout->against[i];
     valid = layout->against[i] < layout->drives &&
@@ -303,10 +302,10 @@ anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layou
   for (i = 0; valid && i < (int)layout->axes; i++) {
     valid = layout->yields[i] > R(0.0) && layout->yields[i] <= R(1.0);
   }
-  if (!valid || !weigh(w)) {
+  if (!valid || !scale_axes(w)) {
     return ANHYST_BAD_PARAMETER;
   }
-  sort(w);
+  classify_drives(w);
   w->whole = factorise(w, NULL, &w->factor);
   (void)factorise(w, layout->yields, &w->given_up[0]);
   return w->whole ? ANHYST_OK : ANHYST_BAD_PARAMETER;
@@ -320,16 +319,16 @@ void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
   }
   w->lost = (uint16_t)(w->lost | (1U << drive));
   if (w->against[drive] == (uint16_t)drive) {
-    w->whole = w->whole && take_out(w, drive, NULL, &w->factor);
-    (void)take_out(w, drive, w->layout->yields, &w->given_up[0]);
+    w->whole = w->whole && remove_drive(w, drive, NULL, &w->factor);
+    (void)remove_drive(w, drive, w->layout->yields, &w->given_up[0]);
   }
-  w->against[w->against[drive]] = w->against[drive]; /* which stands for both in every product */
+  w->against[w->against[drive]] = w->against[drive]; /* the remaining drive represents the pair */
   w->against[drive] = (uint16_t)drive;
-  sort(w);
+  classify_drives(w);
   w->factor.free = w->open;
   w->given_up[0].free = w->open;
   for (pass = 1; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    w->given_up[pass].free = 0; /* of no drive a factor says nothing */
+    w->given_up[pass].free = 0; /* a factor without drives is not valid */
   }
 }
 
@@ -337,28 +336,28 @@ int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_
 {
   const anhyst_wrench_layout_x *layout = w->layout;
   search s;
-  int made;
+  int is_made;
   int j;
   s.force = force;
-  made = w->whole && make_all(w, wrench, &s);
-  if (w->lost && (!made || bound(w, &s))) {
-    made = 0;
-    give_up(w, wrench, &s);
+  is_made = w->whole && solve_wrench(w, wrench, &s);
+  if (w->lost && (!is_made || fix_at_bounds(w, &s))) {
+    is_made = 0;
+    solve_with_yields(w, wrench, &s);
   }
   for (j = 0; j < (int)layout->drives; j++) {
     const int other = (int)w->against[j];
-    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* of no number nothing is made */
-      made = 0;
+    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* NaN makes no wrench */
+      is_made = 0;
       force[j] = R(0.0);
     }
     if (other > j) {
-      ANHYST_REAL both[2];
-      anhyst_allocate_x(&layout->pair, force[j], both);
-      force[j] = both[0];
-      force[other] = both[1];
+      ANHYST_REAL pair_forces[2];
+      anhyst_allocate_x(&layout->pair, force[j], pair_forces);
+      force[j] = pair_forces[0];
+      force[other] = pair_forces[1];
     } else if ((w->alone >> j & 1) && !(force[j] > layout->least)) {
       force[j] = layout->least;
     }
   }
-  return made;
+  return is_made;
 }

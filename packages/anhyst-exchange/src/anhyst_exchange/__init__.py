@@ -1,6 +1,6 @@
-"""Models and rigs for other people's tools: FMUs and S-functions.
+"""Export models and rigs for other tools, as FMUs and S-functions.
 
-The verb ``export`` of the command line is a function with the same names and defaults::
+The command ``export`` is a function with the same names and defaults::
 
     import anhyst_exchange
 

@@ -1,4 +1,4 @@
-"""A whole virtual bearing as a component: the plant of ``anhyst simulate`` and its controller."""
+"""A simulated bearing as a component: the plant of ``anhyst simulate`` and its controller."""
 
 from __future__ import annotations
 
@@ -47,20 +47,21 @@ PLANT_CORE_FILES = (
     *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FLOAT_FORMATS)),
     *(f"control/{name}_{of}.c" for name in ("pidd2", "position") for of in FLOAT_FORMATS),
 )
-"""What the plant and its adapters name beyond a compiled controller."""
+"""C files of the core that the plant needs in addition to those of a compiled controller."""
 
 
 def bearing_part(rig_path: PathLike) -> Part:
-    """Return a bearing with its position controller: wanted gap and load in; gap, force, currents out.
+    """Return a bearing with its position controller as a component.
 
-    It ticks at the rate of the controller, whose file lies beside the rig's.
+    The inputs are the demanded gap and the load; the outputs are the gap, the force and the
+    currents. The component runs at the rate of the controller, whose file is next to the rig file.
     """
     rig, controller = read_files(rig_path, None)
     ready = check_inputs(rig, controller)
     compensation = controller.settings.compensation
     if compensation.variant not in {"full", "simplified"} or compensation.format != "fixed":
         raise InputError(
-            f"{controller.path}: an FMU holds the compiled controller: variant full or simplified "
+            f"{controller.path}: an FMU contains the compiled controller: variant full or simplified "
             f"in format fixed, not {compensation.variant} in {compensation.format}; change [compensation]",
             code="not-compiled-controller",
             key="compensation",
@@ -76,8 +77,8 @@ def bearing_part(rig_path: PathLike) -> Part:
             controller=controller.path,
         )
         manifest, sources = compiled_sources(folder)
-    own = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
-    sources = plant_sources("axes|piezo|held", PLANT_CORE_FILES, own) | sources
+    wrapper_files = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
+    sources = plant_sources("axes|piezo|held", PLANT_CORE_FILES, wrapper_files) | sources
     sources["bearing_numbers.h"] = plant_header(ready.rig).encode()
     sources["controller_numbers.h"] = _controller_header(manifest["name"]).encode()
     title = rig.settings.name
@@ -88,10 +89,10 @@ def bearing_part(rig_path: PathLike) -> Part:
 
 
 def refuse_law_magnet(rig: BodyRig) -> None:
-    """Refuse a magnet that no FMU holds."""
+    """Raise an error if the magnet is a hysteresis law, which an FMU of a rig does not support."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
-            f"{rig.path}: an FMU of a rig knows a magnet of iron; give [[iron]] in place of "
+            f"{rig.path}: an FMU of a rig needs a magnet of iron; give [[iron]] instead of "
             'kind = "law"',
             code="law-not-exported",
             key="magnet.kind",
@@ -104,19 +105,22 @@ def plant_sources(
     wrapper_files: Iterable[str] = (),
     memories: int = 1,
 ) -> dict[str, bytes]:
-    """Return all of the plant but what moves other rigs, sources of the core, and a part's own."""
-    found = {path: text.encode() for path, text in core_files(core_paths, memories).items()}
-    found |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}
+    """Return the C of the plant, without files that match a pattern, and the given other files.
+
+    ``core_paths`` are files of the core, and ``wrapper_files`` those of the component itself.
+    """
+    sources = {path: text.encode() for path, text in core_files(core_paths, memories).items()}
+    sources |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}
     folder = shipped_folder("anhyst_exchange", "plant", "_plant", "include/anhyst_plant/body.h")
     for path in sorted(folder.rglob("*.[ch]")):
         name = path.relative_to(folder).as_posix()
         if path.name != "bus.c" and not re.search(excluded_pattern, name):
-            found[name.replace("src/", "plant/", 1)] = path.read_bytes()
-    return found
+            sources[name.replace("src/", "plant/", 1)] = path.read_bytes()
+    return sources
 
 
 def c_initialiser(numbers: object) -> str:
-    """Return structures, arrays and what is in them as C."""
+    """Return a C initialiser for a dictionary (structure), a list (array) or a single value."""
     if isinstance(numbers, Mapping):
         return (
             "{"
@@ -129,7 +133,7 @@ def c_initialiser(numbers: object) -> str:
 
 
 def _iron_initialiser(steel: AnySteel) -> tuple[str, str]:
-    """Return the iron of all magnets as a structure, and the arrays to which it points."""
+    """Return the C initialiser of the iron of all magnets, and the arrays to which it points."""
     numbers, table = steel.plant_parameters(), ""
     members: dict[str, object] = {
         key: value for key, value in numbers.items() if key not in CURVE_KEYS
@@ -153,7 +157,7 @@ def _iron_initialiser(steel: AnySteel) -> tuple[str, str]:
 
 
 def _controller_header(name: str) -> str:
-    """Return the header that gives the component the names of its controller."""
+    """Return the header that defines the names of the compiled controller for the component."""
     macro = name.upper()
     scales = [
         f"{macro}_CONTROLLER_GAP_MIDDLE_M",
@@ -180,7 +184,7 @@ def magnet_definition(
     solid: SolidIron | None,
     cone: Mapping[str, float] | None = None,
 ) -> tuple[str, str]:
-    """Return a magnet as a structure, and the lines that define what it points to."""
+    """Return the C initialiser of a magnet, and the definitions to which it points."""
     iron, everett_table = _iron_initialiser(steel)
     numbers: dict[str, object] = dict(circuit)
     winding = {key: numbers.pop(key) for key in ("turns", "resistance")}
@@ -204,12 +208,12 @@ def magnet_definition(
 
 
 def volume_count(solid: SolidIron | None) -> int:
-    """Return for how many volumes of solid iron an array has place, one at least."""
+    """Return the array size for the volumes of solid iron, which is at least one."""
     return 1 if solid is None else solid.volumes
 
 
 def plant_header(rig: BodyRig) -> str:
-    """Return the plant as structures."""
+    """Return the header with the parameters of the plant."""
     settings = rig.settings
     numbers = plant_parameters(rig)
     circuit = circuit_parameters(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
@@ -246,25 +250,34 @@ def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable
     codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
     middle, load = rig.settings.gap_m, rig.settings.load
     return [
-        Variable("target_m", "input", "m", "wanted gap", middle, *gaps),
-        Variable("load_N", "input", "N", "of the load drive; opens the gap", load.force_N),
-        Variable("command", "input", "1", f"acts when it changes: {codes}", 0.0, 0.0, 6.0),
-        Variable("gap_read_m", "output", "m", "as the position sensor said at the last tick"),
-        Variable("reference_m", "output", "m", "gap to which is controlled"),
-        Variable("demand_N", "output", "N", "wanted net force"),
-        Variable("state", "output", "1", "of the controller: 16*state + phase"),
-        Variable("flags", "output", "1", "of the controller"),
-        Variable("velocity_m_per_s", "output", "m/s", "of the armature; the gap opens"),
-        *magnet_variables("of the magnets, net", len(rig.settings.body_magnets)),
+        Variable("target_m", "input", "m", "demanded gap", middle, *gaps),
+        Variable(
+            "load_N", "input", "N", "force of the load drive, which opens the gap", load.force_N
+        ),
+        Variable(
+            "command", "input", "1", f"command, which acts when it changes: {codes}", 0.0, 0.0, 6.0
+        ),
+        Variable("gap_read_m", "output", "m", "reading of the position sensor at the last tick"),
+        Variable("reference_m", "output", "m", "reference of the position controller"),
+        Variable("demand_N", "output", "N", "demanded net force"),
+        Variable("state", "output", "1", "state of the controller: 16*state + phase"),
+        Variable("flags", "output", "1", "flags of the controller"),
+        Variable(
+            "velocity_m_per_s",
+            "output",
+            "m/s",
+            "velocity of the armature, in the opening direction",
+        ),
+        *magnet_variables("net force of the magnets", len(rig.settings.body_magnets)),
     ]
 
 
 def magnet_variables(force_text: str, count: int) -> list[Variable]:
-    """Return net force and what is known of each magnet, in the order of ``show_plant``."""
+    """Return the variables of net force and of each magnet, in the order of ``write_plant_outputs``."""
     signals = (
         ("gap", "m", "true gap"),
         ("current", "A", "current"),
-        ("flux_density", "T", "in the gap"),
+        ("flux_density", "T", "flux density in the gap"),
         ("command", "A", "reference of the current"),
     )
     return [

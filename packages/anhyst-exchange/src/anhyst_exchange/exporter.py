@@ -1,4 +1,8 @@
-"""The verb ``export``: a model or a rig file, as an FMU or in any other form that tools read."""
+"""Export a model or a rig file as FMU, S-function or tables.
+
+A component is a set of C sources with inputs and outputs (:mod:`anhyst_exchange.part`). The
+exporter adds the wrapper of the standard, and compiles it for all platforms with zig.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +53,7 @@ from anhyst_exchange.part import (
 
 @dataclass(frozen=True)
 class Platform:
-    """Where a binary runs: zig's target, the folder in FMI 2.0, the ending, what it is linked with."""
+    """Compiler target, folder name in FMI 2.0, file suffix and link options of a platform."""
 
     target: str
     fmi2_folder: str
@@ -57,9 +61,9 @@ class Platform:
     link_options: tuple[str, ...]
 
 
-# Left to itself, zig first compiles the start-up code of Windows and a run-time library for each
-# processor, a minute and more. Sources that only compute, allocate and copy need neither: functions
-# of C come from the system's own library, and a library without constructors has no entry.
+# By default, zig first compiles the start-up code of Windows and a run-time library for each
+# processor, which takes more than a minute. These sources need neither: C functions come from the
+# library of the system, and a library without constructors needs no entry point.
 _LINUX_LINK_OPTIONS = ("-Wl,-z,defs", "-lc", "-lm")
 _MACOS_LINK_OPTIONS = ("-lc",)
 _WINDOWS_LINK_OPTIONS = (
@@ -76,17 +80,17 @@ PLATFORMS = {
     "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib", _MACOS_LINK_OPTIONS),
     "aarch64-darwin": Platform("aarch64-macos", "aarch64-darwin", ".dylib", _MACOS_LINK_OPTIONS),
 }
-"""By the names of FMI 3.0."""
+"""Platforms by their names in FMI 3.0."""
 PLATFORM_NAMES = tuple(PLATFORMS)
 
 REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
-"""No product fused into a sum, as the core is compiled for Python."""
+"""No product is fused into a sum, so that the bits equal those of the core in Python."""
 
 
 def compile_all(
     sources: Path, name: str, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
-    """Compile all C of a folder to a library for each platform; return the libraries by platform."""
+    """Compile all C of a folder to a library for each platform; return the libraries."""
     compiler = zig_cc("fmu")
     files = sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
 
@@ -105,7 +109,7 @@ def compile_all(
         ]
         if (
             target.link_options is _WINDOWS_LINK_OPTIONS
-        ):  # without its start-up code, its headers have to be named
+        ):  # without the start-up code, zig does not find its headers
             options += ["-isystem", str(_windows_headers())]
         options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary)]
         command = [*compiler, *options, *files, *target.link_options]
@@ -116,7 +120,9 @@ def compile_all(
 
     binaries = {}
     with ThreadPoolExecutor(core_count()) as pool:
-        jobs: dict[Future[bytes], str] = {pool.submit(compile_one, one): one for one in platforms}
+        jobs: dict[Future[bytes], str] = {
+            pool.submit(compile_one, platform): platform for platform in platforms
+        }
         for count, ready in enumerate(as_completed(jobs), start=1):
             binaries[jobs[ready]] = ready.result()
             if progress is not None:
@@ -125,7 +131,7 @@ def compile_all(
 
 
 def _windows_headers() -> Path:
-    """Return where zig keeps the headers of C for Windows."""
+    """Return the folder of zig with the C headers of Windows."""
     spec = importlib.util.find_spec("ziglang")
     assert spec is not None
     assert spec.origin is not None
@@ -133,7 +139,7 @@ def _windows_headers() -> Path:
 
 
 ExportedPart = Literal["compensator", "actuator"]
-_FIXED_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
+_FIXED_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # fixed, so that the same model gives the same file
 
 
 def export_fmu(
@@ -147,14 +153,15 @@ def export_fmu(
     platforms: Sequence[str] = PLATFORM_NAMES,
     progress: Progress | None = None,
 ) -> Path:
-    """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a whole rig.
+    """Write an FMU for co-simulation: the compensator or the actuator of a model, or a rig.
 
-    A compensator (demand and gap in, current out) computes at its own rate what the compiled
-    fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
-    An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
-    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out), a stage
-    (set-point and feedforward in) or a piezo stage (wanted displacement in) is plant and controller
-    of ``anhyst simulate``, a force rig (demand and gap in; current and force out) those of ``anhyst
+    A compensator (inputs: demand and gap; output: current) runs at its own rate. It gives the same
+    bits as the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
+    An actuator (inputs: current and gap; output: force) takes each step of the tool as one sample,
+    as the stepper of the model does. A bearing (inputs: demanded gap and load; outputs: gap, force
+    and currents), a stage (inputs: set-point and feedforward) and a piezo stage (input: demanded
+    displacement) contain the plant and the controller of ``anhyst simulate``. A rig for force
+    control (inputs: demand and gap; outputs: current and force) contains those of ``anhyst
     force-control``. States can be read, set and serialised.
     """
     path = Path(out)
@@ -168,7 +175,7 @@ def export_fmu(
                 key="platforms",
             )
     check_writable(path)
-    zig_cc("fmu")  # before anything is computed
+    zig_cc("fmu")  # check for the compiler first
     part = part_of(model, of, rate, kind)
     major_version = fmi[0]
     wrapper = [path.name for path in WRAPPER_FOLDER.glob(f"fmi{major_version}*.c")]
@@ -192,16 +199,16 @@ def export_fmu(
 
 
 RIG_PART_FACTORIES: Registry[Callable[[PathLike], Part]] = Registry(
-    "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is no function"
+    "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is not a function"
 )
-"""By the word of a kind of rig: what returns plant and controller of a rig file as C.
+"""For each kind of rig, by its word: a function that returns the component of a rig file.
 
 They are the entry points ``anhyst.exports`` of installed packages.
 """
 
 
 def rig_part(path: PathLike) -> Part:
-    """Return plant and controller of a rig file as C, with inputs and outputs."""
+    """Return the component of a rig file: plant and controller as C, with inputs and outputs."""
     kind_name = require_rig(path, "export").word
     if part := RIG_PART_FACTORIES.get(kind_name):
         return part(path)
@@ -219,7 +226,7 @@ def rig_part(path: PathLike) -> Part:
 def part_of(
     model: Model | PathLike, of: ExportedPart | None, rate: float | None, kind: Kind | None
 ) -> Part:
-    """Return the part of a model that is asked for."""
+    """Return the requested component of a model or a rig file."""
     if not isinstance(model, Model):
         check_path(model, "export: model", f"{MODEL_SOURCES} or of a rig file")
     if (
@@ -229,7 +236,7 @@ def part_of(
         for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if value is not None:
                 raise InputError(
-                    f"{name}: is of a model; the files of a rig say it, leave it out",
+                    f"{name}: is for a model; the rig file states it, leave it out",
                     code="option-not-for-this",
                     key=name,
                 )
@@ -238,7 +245,7 @@ def part_of(
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:
                 raise InputError(
-                    f"{name}: is of a compensator; an actuator answers at each step of the tool, "
+                    f"{name}: is for a compensator; an actuator has one sample per step of the tool, "
                     "leave it out",
                     code="option-not-for-this",
                     key=name,
@@ -246,7 +253,7 @@ def part_of(
         return actuator_part(resolve_model(model, "export"))
     if rate is None:
         raise InputError(
-            "--rate: is missing; give the ticks a second of the compensator",
+            "--rate: is missing; give the ticks per second of the compensator",
             code="missing",
             key="--rate",
         )
@@ -259,7 +266,7 @@ def _binaries(
     platforms: Sequence[str],
     progress: Progress | None,
 ) -> dict[str, bytes]:
-    """Compile for every platform; return each binary by its place in the file."""
+    """Compile the sources for each platform; return the binaries by their paths in the FMU."""
     with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
         root = Path(scratch) / "sources"
         for name, text in sources.items():
@@ -282,16 +289,16 @@ def export_sfunction(
     rate: float | None = None,
     kind: Kind | None = None,
 ) -> Path:
-    """Write a level-2 C S-function: sources, and the function that builds them in MATLAB.
+    """Write a level-2 C S-function: its sources, and the MATLAB function that builds it.
 
-    It holds what :func:`~anhyst_exchange.exporter.export_fmu` puts into an FMU: outputs that follow
-    from the inputs of a sample are there at the next one. An actuator gets its sample time, s, as
-    the parameter of the block.
+    It contains the same component as an FMU of :func:`~anhyst_exchange.exporter.export_fmu`.
+    Outputs that follow from the inputs of a sample appear at the next sample. The sample time of an
+    actuator in s is the parameter of the block.
     """
     folder = Path(out)
     if folder.is_dir() and any(folder.iterdir()) and not [*folder.glob("build_sfun_*.m")]:
         raise InputError(
-            f"{folder}: holds other files; name a new folder", code="folder-holds-other-files"
+            f"{folder}: contains other files; name a new folder", code="folder-holds-other-files"
         )
     part = part_of(model, of, rate, kind)
     block = f"sfun_{c_name(part.name)}"
@@ -329,7 +336,7 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
             "sources = cellfun(@(name) fullfile(here, 'src', name), names, 'UniformOutput', false);",
             "include = {['-I' fullfile(here, 'src')], ['-I' fullfile(here, 'src', 'include')]};",
             "flags = {};",
-            "if ~ispc % the bits of other builds: no product is fused into a sum",
+            "if ~ispc % no fused multiply-add, for the same bits as other builds",
             "    flags = {'CFLAGS=$CFLAGS -std=c99 -ffp-contract=off'};",
             "end",
             f"mex('-DS_FUNCTION_NAME={block}', '-outdir', here, '-output', '{block}', ...",
@@ -339,13 +346,14 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     )
 
 
-BRANCH_POINTS, GAP_POINTS = 101, 11
+BRANCH_POINTS = 101
+GAP_POINTS = 11
 
 
 def export_tables(model: Model, out: PathLike) -> Path:
-    """Write the settled loop of a model over its valid range as tables.
+    """Write the steady-state loop of a model over its valid range as tables.
 
-    A table holds the major loop alone: inner loops, and so hysteresis in use, need the model.
+    The tables contain only the major loop. Minor loops need the model.
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:
@@ -360,7 +368,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
         else np.linspace(*valid_range, GAP_POINTS if valid_range[0] < valid_range[1] else 1)
     )
     gaps = [None if model.schedule is None else float(value) for value in schedule_values]
-    loops = [model.settled_loop(one, BRANCH_POINTS) for one in gaps]
+    loops = [model.settled_loop(gap, BRANCH_POINTS) for gap in gaps]
     axes = {model.input.column: loops[0][0][:BRANCH_POINTS]}
     if model.schedule is not None:
         axes = {model.schedule.column: schedule_values} | axes
@@ -393,7 +401,7 @@ class Exported:
     form: ExportForm
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON, with its size in bytes."""
+        """Return the path, the form and the size in bytes for JSON."""
         files = [self.out] if self.out.is_file() else [*self.out.rglob("*")]
         size = sum(path.stat().st_size for path in files if path.is_file())
         return {"out": str(self.out), "as": self.form, "bytes": size}

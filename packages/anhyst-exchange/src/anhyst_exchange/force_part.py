@@ -1,4 +1,4 @@
-"""A force rig as a component: the plant of ``anhyst force-control`` and its compiled compensator."""
+"""A rig for force control as a component: its plant and its compiled compensator."""
 
 from __future__ import annotations
 
@@ -19,18 +19,21 @@ _SENSOR_UNITS = {"gap": "m", "force": "N", "current": "A"}
 
 
 def force_part(rig_path: PathLike) -> Part:
-    """Return an actuator with its compensator: demand, gap and noise in; command, current, force out.
+    """Return an actuator with its compensator as a component.
 
-    It ticks at the rate of the controller, from demagnetised iron on.
+    The inputs are the demand, the gap and the noise; the outputs are the command, the current and
+    the force. The component runs at the rate of the controller and starts with demagnetised iron.
     """
     rig = read_rig(rig_path)
     loops = read_rig_loops(rig)
     rig = complete_rig(rig, loops)
     rate = rig.settings.timing.rate_Hz
     compensator = compensator_part(identify_force_model(rig, loops), rate, "full")
-    others = "axes|piezo|position|body|loop|controller"
-    sources = plant_sources(others, LAW_CORE_FILES, ["force.c"]) | dict(compensator.sources)
-    # One component within another, which is the part of the FMU.
+    excluded_pattern = "axes|piezo|position|body|loop|controller"
+    sources = plant_sources(excluded_pattern, LAW_CORE_FILES, ["force.c"]) | dict(
+        compensator.sources
+    )
+    # The compensator is a component inside the component of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
     sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
     demand, *gaps = compensator.variables_with("input")
@@ -41,7 +44,7 @@ def force_part(rig_path: PathLike) -> Part:
 
 
 def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
-    """Return the plant as structures, and what the compensator gets of the gap."""
+    """Return the header with the parameters of the plant and the gap range of the compensator."""
     solid = None
     if (file := rig.solenoid_file) is not None:
         circuit, cone = file.circuit.circuit_parameters(file.iron), file.circuit.cone_parameters()
@@ -53,21 +56,21 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
             rig.settings.steel, circuit_parameters(table.poles, 0.0, 1e-3), solid
         )
     sensors = rig.sensor_parameters(rig.dt)
-    held = {
+    plant = {
         "magnet": magnet,
         **rig.amplifier_parameters(),
         "sensor": [{**sensors[name]} for name in SENSOR_ORDER],
     }
     text = (
         f'#include "anhyst_plant/held.h"\n\n{text}'
-        f"static const anhyst_plant_held force_held = {c_initialiser(held)};\n\n"
+        f"static const anhyst_plant_held force_held = {c_initialiser(plant)};\n\n"
     )
-    ends = (gaps[0].low, gaps[0].high) if gaps else (0.0, 1.0)
+    gap_range = (gaps[0].low, gaps[0].high) if gaps else (0.0, 1.0)
     defined = {
         "FORCE_VOLUMES": volume_count(solid),
         "FORCE_HAS_GAP": len(gaps),
-        "FORCE_GAP_LOW": ends[0],
-        "FORCE_GAP_HIGH": ends[1],
+        "FORCE_GAP_LOW": gap_range[0],
+        "FORCE_GAP_HIGH": gap_range[1],
     }
     return header_text("force_numbers", defined, text)
 
@@ -75,21 +78,21 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
 def _force_variables(
     rig: ForceControlRig, demand: Variable, gaps: list[Variable]
 ) -> list[Variable]:
-    """Return what goes in and comes out, by the names of recordings."""
-    gap_text = "true gap, to which the armature is moved"
-    ends = (gaps[0].low, gaps[0].high) if gaps else (None, None)
-    noise_text = "added to what the sensor reads"
-    reading_text = "as its sensor said at the tick"
+    """Return the inputs and outputs; the names are those of recordings."""
+    gap_text = "true gap; the armature is moved there"
+    gap_range = (gaps[0].low, gaps[0].high) if gaps else (None, None)
+    noise_text = "noise that is added to the reading of the sensor"
+    reading_text = "reading of its sensor at the tick"
     return [
-        Variable("demand_N", "input", "N", "wanted force", 0.0, demand.low, demand.high),
-        Variable("gap_m", "input", "m", gap_text, rig.settings.force.end_m, *ends),
+        Variable("demand_N", "input", "N", "demanded force", 0.0, demand.low, demand.high),
+        Variable("gap_m", "input", "m", gap_text, rig.settings.force.end_m, *gap_range),
         *(
             Variable(
                 f"{name}_noise_{_SENSOR_UNITS[name]}", "input", _SENSOR_UNITS[name], noise_text
             )
             for name in SENSOR_ORDER
         ),
-        Variable("command_A", "output", "A", "current that is asked for from the next tick on"),
+        Variable("command_A", "output", "A", "current reference from the next tick on"),
         Variable("current_A", "output", "A", "current at the tick"),
         Variable("force_N", "output", "N", "true force at the tick"),
         *(

@@ -1,4 +1,7 @@
-"""A part for other tools: its variables, its C and its description; of a model, actuator or compensator."""
+"""A component for other tools: variables, C sources, and the XML files of FMI.
+
+The module also creates the components of a model: its actuator and its compensator.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +32,11 @@ class Variable:
     """A real variable of a component."""
 
     name: str
-    causality: Causality  # ``input``, ``output`` or ``constant``: a parameter, to be read
-    unit: str | None  # SI; None where the name says it
-    text: str  # what it is
-    start: float = 0.0  # of an input; what a constant is; of an output nothing
-    low: float | None = None  # range
+    causality: Causality  # a constant is a parameter that can only be read
+    unit: str | None  # SI unit; None if the name contains it
+    text: str  # description
+    start: float = 0.0  # initial value of an input; value of a constant; 0 for an output
+    low: float | None = None  # limits
     high: float | None = None
 
 
@@ -41,19 +44,19 @@ class Variable:
 class Part:
     """A component: its variables, and the C that computes them."""
 
-    name: str  # of the model, and what it is
+    name: str  # name and description
     text: str
-    rate: float  # ticks a second; 0 where each step of the tool is one
-    # inputs, then outputs, then constants; the reference of each is its place, from 1
+    rate: float  # ticks per second; 0 if each step of the tool is a tick
+    # inputs, then outputs, then constants; the value reference is the position, from 1
     variables: Sequence[Variable]
-    sources: Mapping[str, bytes]  # C files and headers by their path
+    sources: Mapping[str, bytes]  # C files and headers by path
 
     def variables_with(self, causality: Causality) -> list[Variable]:
-        """Return the variables of one kind."""
+        """Return the variables of one causality."""
         return [variable for variable in self.variables if variable.causality == causality]
 
     def add_wrapper(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
-        """Return the token that tells this component from any other, and everything to compile."""
+        """Return the token that identifies this component, and all files to compile."""
         common = ("part.h", "component.h", "component.c", *wrapper)
         files = dict(self.sources) | {name: (WRAPPER_FOLDER / name).read_bytes() for name in common}
         content = b"".join(files[name] for name in sorted(files))
@@ -80,30 +83,30 @@ class Part:
 
 
 def c_array_literal(values: Iterable[float]) -> str:
-    """Return numbers as C reads them back, bit for bit."""
+    """Return numbers as a C initialiser, from which a compiler reads the same bits."""
     return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 
 def c_array_definition(name: str, values: Iterable[float]) -> str:
-    """Return a line that defines a row of numbers."""
+    """Return a line of C that defines an array of numbers."""
     return f"static const double {name}[] = {c_array_literal(values)};\n"
 
 
 def kernel_expression(kernel: str, words: str) -> str:
-    """Return the C of the kernel that a block runs on, which with layers is one beside its kind's own."""
+    """Return the C expression for the kernel of a block, which differs for layered iron."""
     return f"(*({kernel}.for_block != 0 ? {kernel}.for_block({words}) : &{kernel}))"
 
 
-def header_text(name: str, macros: Mapping[str, object], before: str = "") -> str:
-    """Return a header: lines before, then definitions."""
+def header_text(name: str, macros: Mapping[str, object], first_lines: str = "") -> str:
+    """Return a C header: some lines, then macros."""
     guard = f"{name.upper()}_H"
     lines = "".join(f"#define {key} {value}\n" for key, value in macros.items())
-    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{before}{lines}\n#endif\n"
+    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{first_lines}{lines}\n#endif\n"
 
 
 FmiVersion = Literal["2.0", "3.0"]
 MODEL_IDENTIFIER = "anhyst"
-"""Of all binaries; what distinguishes two FMUs is their token."""
+"""Name of all binaries. Two FMUs differ by their tokens."""
 
 _BASE_UNITS = {
     "s": {"s": "1"},
@@ -156,7 +159,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
             Xml.SubElement(files, "File", {"name": name})
     _add_units(root, [variable.unit for variable in part.variables if variable.unit is not None])
     experiment = {"startTime": "0.0"}
-    if part.rate > 0.0:  # a step of the length of a tick is what the controller does
+    if part.rate > 0.0:  # the step of the controller
         experiment["stepSize"] = repr(1.0 / part.rate)
     Xml.SubElement(root, "DefaultExperiment", experiment)
     if is_fmi2:
@@ -167,7 +170,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
 
 
 def _printable(text: str) -> str:
-    """Return a text without the characters that no XML holds."""
+    """Replace the characters that XML cannot contain."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
@@ -209,10 +212,12 @@ def _value_attributes(variable: Variable) -> dict[str, str]:
 
 
 def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> None:
-    listed = Xml.SubElement(root, "ModelVariables")
+    variables_element = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        scalar = Xml.SubElement(listed, "ScalarVariable", _common_attributes(variable, index))
+        scalar = Xml.SubElement(
+            variables_element, "ScalarVariable", _common_attributes(variable, index)
+        )
         Xml.SubElement(scalar, "Real", _value_attributes(variable))
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
@@ -223,13 +228,15 @@ def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> Non
 
 
 def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> None:
-    listed = Xml.SubElement(root, "ModelVariables")
+    variables_element = Xml.SubElement(root, "ModelVariables")
     time = {"name": "time", "valueReference": "0", "causality": "independent", "unit": "s"}
-    Xml.SubElement(listed, "Float64", time | {"variability": "continuous"})
+    Xml.SubElement(variables_element, "Float64", time | {"variability": "continuous"})
     outputs = []
     for index, variable in enumerate(variables, start=1):
         Xml.SubElement(
-            listed, "Float64", _common_attributes(variable, index) | _value_attributes(variable)
+            variables_element,
+            "Float64",
+            _common_attributes(variable, index) | _value_attributes(variable),
         )
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
@@ -249,22 +256,24 @@ LAW_CORE_FILES = (
     *(f"law/{name}.c" for name in ("branch", "operator", "lag_exact", "lag_linear", "lag_1986")),
     *("law/solver.c", "law/law_lag.c"),
 )
-"""What any law needs: the circuit knows all of them."""
+"""C files of the core for any hysteresis law; the circuit refers to all laws."""
 
 _STEPS = {"effective-field": "ANHYST_STEP_EXACT", "jiles-atherton-1986": "ANHYST_STEP_JA1986"}
 
 
 def actuator_part(model: Model) -> Part:
-    """Return an actuator: drive and scheduling variable in; output, flux density and field out.
+    """Return an actuator as a component.
 
-    Each step of the tool is one sample, as :meth:`anhyst.model.stepper.Stepper.commit` takes them,
-    from demagnetised iron. A lag of the model is not in it.
+    The inputs are the drive and the scheduling variable; the outputs are the output, the flux
+    density and the field. Each step of the tool is one sample, as for
+    :meth:`anhyst.model.stepper.Stepper.commit`. The iron starts demagnetised. The component does
+    not contain an eddy-current lag of the model.
     """
     if model.needs_fixed_gap:
         raise InputError(
             f"the iron of this model varies with its {model.schedule.name if model.schedule else ''}"
-            f" ({', '.join(model.varying)}), which no actuator can follow; identify with the gap "
-            "map scaling or reluctance",
+            f" ({', '.join(model.varying)}), which an exported actuator does not support; identify with the "
+            "gap map scaling or reluctance",
             code="iron-varies",
         )
     valid_range = model.valid.schedule if model.valid else None
@@ -279,14 +288,14 @@ def actuator_part(model: Model) -> Part:
     }
     files["actuator_numbers.h"] = header_text("actuator_numbers", macros, rows).encode()
     text = (
-        f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, hysteresis "
-        f"included: {model.operator_law.title}"
+        f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, including "
+        f"hysteresis: {model.operator_law.title}"
     )
     return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, middle), files)
 
 
 def _law_macros(model: Model) -> dict[str, object]:
-    """Return the numbers of the law."""
+    """Return the parameters of the hysteresis law."""
     law = model.operator_law
     iron = {
         spec.name: float(model.interpolate_parameter(spec.name, [0.0])[0])
@@ -318,7 +327,7 @@ def _law_macros(model: Model) -> dict[str, object]:
 
 
 def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
-    """Return what surrounds the iron: a curve for each of its parameters, and their rows."""
+    """Return the curves of the circuit parameters over the schedule, and their arrays."""
     curves, rows = [], []
     for spec in CIRCUIT_SPECS:
         curve = model.curves.get(spec.name)
@@ -362,25 +371,32 @@ def _layer_macros(model: Model) -> dict[str, object]:
 def _actuator_variables(model: Model, middle: float) -> list[Variable]:
     low, high = model.valid.input if model.valid else (None, None)
     start = 0.0 if low is None or high is None else min(max(0.0, low), high)
-    text = "drives it, from the beginning of a step"
+    text = "drive, from the beginning of a step"
     variables = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
     if model.schedule is not None:
-        ends = model.valid.schedule if model.valid else None
-        low, high = ends or (None, None)
-        text = "beyond the nodes of the model its curves go on straight"
+        schedule_range = model.valid.schedule if model.valid else None
+        low, high = schedule_range or (None, None)
+        text = "scheduling variable; the curves of the model are straight lines outside its nodes"
         name, unit = model.schedule.name, model.schedule.unit
         variables.append(Variable(name, "input", unit, text, middle, low, high))
-    text = "at the end of a step"
+    text = "output at the end of a step"
     variables.append(Variable(model.output.name, "output", model.output.unit, text))
     variables.append(
-        Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge")
+        Variable(
+            "iron_flux_density",
+            "output",
+            "T",
+            "flux density of the iron, in the gauge of the model",
+        )
     )
-    variables.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
+    variables.append(
+        Variable("iron_field", "output", "A/m", "field in the iron, in the gauge of the model")
+    )
     return [*variables, *_constant_variables(model)]
 
 
 def _constant_variables(model: Model) -> list[Variable]:
-    """Return the parameters, as in a model file, that do not run over the scheduling variable."""
+    """Return the parameters of the model file that do not depend on the scheduling variable."""
     units: dict[str, str] = {spec.name: spec.unit for spec in model.operator_law.parameters}
     return [
         Variable(
@@ -399,7 +415,7 @@ Kind = Literal["full", "simplified"]
 
 
 def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
-    """Return a compensator that ticks at its own rate: demand and gap in, current out."""
+    """Return a compensator with its own rate as a component: demand and gap in, current out."""
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
@@ -416,13 +432,13 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
 def compiled_sources(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Return the manifest of a compiled folder, and its C without the example."""
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
-    own += folder.glob(f"{manifest['name']}_*.[ch]")
-    return manifest, {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
+    paths = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
+    paths += folder.glob(f"{manifest['name']}_*.[ch]")
+    return manifest, {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 def _compensator_header(manifest: Mapping[str, Any]) -> str:
-    """Return the header that gives the component the names of this actuator."""
+    """Return the header that defines the names of this actuator for the component."""
     name, signals = manifest["name"], manifest["signals"]
     gap = signals.get("gap")
     gap_range = gap or {"low": 0.0, "high": 0.0}
@@ -443,13 +459,13 @@ def _compensator_variables(manifest: Mapping[str, Any]) -> list[Variable]:
     signals = manifest["signals"]
     demand, current, gap = (signals.get(name) for name in ("demand", "current", "gap"))
     low, high = demand["low"], demand["high"]
-    text = f"wanted {demand['quantity']}"
+    text = f"demanded {demand['quantity']}"
     variables = [Variable("demand", "input", demand["unit"], text, max(0.0, low), low, high)]
     if gap:
-        text = f"{gap['quantity']}; beyond its range the nearer end counts"
+        text = f"{gap['quantity']}; limited to its range"
         low, high = gap["low"], gap["high"]
         variables.append(Variable("gap", "input", gap["unit"], text, low, low, high))
-    text = f"{current['quantity']} that gives it, from the last tick on"
+    text = f"{current['quantity']} for the demand, from the last tick on"
     low, high = current["low"], current["high"]
     variables.append(Variable("current", "output", current["unit"], text, 0.0, low, high))
     return variables

@@ -1,4 +1,4 @@
-"""A whole virtual piezo stage as a component: the stage of ``anhyst simulate`` and its controller."""
+"""A simulated piezo stage as a component: the plant of ``anhyst simulate`` and its controller."""
 
 from __future__ import annotations
 
@@ -35,13 +35,15 @@ _PIEZO_CORE_FILES = (
     ),
     *("control/biquad_f64.c", "control/tracking.c"),
 )
-"""What a piezo stage and its controller name."""
+"""C files of the core that a piezo stage and its controller need."""
 
 
 def piezo_part(rig_path: PathLike) -> Part:
-    """Return a piezo stage with its controller: wanted displacement in; position, voltage out.
+    """Return a piezo stage with its controller as a component.
 
-    It ticks at the rate of the controller, whose inverse is that of a model of the stage's loops.
+    The input is the demanded displacement; the outputs are the position and the voltage. The
+    component runs at the rate of the controller. Its inverse model comes from simulated loops of
+    the stage.
     """
     rig = read_piezo_rig(rig_path)
     inverse = find_inverses(rig)["full"]
@@ -59,12 +61,12 @@ def piezo_part(rig_path: PathLike) -> Part:
     numbers = compensator | _piezo_macros(rig, controller_arguments(rig, inverse))
     sources["piezo_numbers.h"] = header_text("piezo_numbers", numbers).encode()
     title, rate = rig.settings.name, rig.settings.timing.rate_Hz
-    text = f"{title}, piezo stage led by feedforward and integrator, full in fixed point"
+    text = f"{title}, piezo stage controlled by feedforward and integrator, full in fixed point"
     return Part(title, text, rate, _piezo_variables(rig, inverse.scales.demand), sources)
 
 
 def _piezo_macros(rig: PiezoRig, controller: PiezoControllerArguments) -> dict[str, object]:
-    """Return stage and controller as structures."""
+    """Return the parameters of the stage and the controller."""
     stack = rig.settings.stack
     filters, settings = (
         [biquad_initialiser(coefficients.tolist()) for coefficients in controller["filters"]],
@@ -99,17 +101,19 @@ def _piezo_macros(rig: PiezoRig, controller: PiezoControllerArguments) -> dict[s
 def _piezo_variables(rig: PiezoRig, max_displacement: float) -> list[Variable]:
     low = rig.settings.displacement_case.low_m
     return [
-        Variable("reference_m", "input", "m", "wanted displacement", low, 0.0, max_displacement),
-        Variable("load_m", "input", "m", "load, by how far it would move the stage at rest"),
-        Variable("position_noise_m", "input", "m", "added to the position that is read"),
+        Variable("reference_m", "input", "m", "demanded displacement", low, 0.0, max_displacement),
+        Variable("load_m", "input", "m", "load, as the displacement that it causes at rest"),
+        Variable("position_noise_m", "input", "m", "noise that is added to the position reading"),
         Variable("position_m", "output", "m", "true position"),
-        Variable("position_read_m", "output", "m", "as the sensor said at the last tick"),
-        Variable("expected_m", "output", "m", "what of the reference should have shown there"),
-        Variable("error_m", "output", "m", "true position there less what should have shown"),
-        Variable("demand_m", "output", "m", "displacement asked of the stack: corrected reference"),
-        Variable("voltage_V", "output", "V", "asked of the amplifier, from the next tick on"),
-        Variable("stack_voltage_V", "output", "V", "at the stack"),
-        Variable("velocity_m_per_s", "output", "m/s", "of the stage"),
-        Variable("hysteresis_m", "output", "m", "by which hysteresis shortens the stack"),
-        Variable("creep_m", "output", "m", "by which creep has lengthened it"),
+        Variable("position_read_m", "output", "m", "reading of the sensor at the last tick"),
+        Variable("expected_m", "output", "m", "delayed reference that the reading should equal"),
+        Variable("error_m", "output", "m", "true position minus the delayed reference"),
+        Variable(
+            "demand_m", "output", "m", "displacement demanded from the stack: corrected reference"
+        ),
+        Variable("voltage_V", "output", "V", "reference of the amplifier, from the next tick on"),
+        Variable("stack_voltage_V", "output", "V", "voltage at the stack"),
+        Variable("velocity_m_per_s", "output", "m/s", "velocity of the stage"),
+        Variable("hysteresis_m", "output", "m", "shortening of the stack by hysteresis"),
+        Variable("creep_m", "output", "m", "lengthening of the stack by creep"),
     ]

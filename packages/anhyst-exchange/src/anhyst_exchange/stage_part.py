@@ -1,4 +1,4 @@
-"""A whole virtual stage as a component: its plant and its controller."""
+"""A complete virtual stage as a component: its plant and its controller."""
 
 from __future__ import annotations
 
@@ -58,13 +58,15 @@ _STAGE_CORE_FILES = (
     *("compensator/map.c", "compensator/force_controller.c"),
     *(f"control/{name}_{of}.c" for name in ("allocation", "biquad") for of in FLOAT_FORMATS),
 )
-"""What the plant of a stage and its controller name."""
+"""C files of the core that the plant of a stage and its controller need."""
 
 
 def stage_part(rig_path: PathLike) -> Part:
-    """Return a stage with its controller: set-point and feedforward in; position, force out.
+    """Return a stage with its controller as a component.
 
-    It ticks at the rate of the controller; the compensator is ``full``, as the rig file has it.
+    The inputs are the set-point and the feedforward; the outputs are the position and the force.
+    The component runs at the rate of the controller. The compensator is ``full``, in the format of
+    the rig file.
     """
     rig = read_stage(rig_path)
     _refuse_stage(rig)
@@ -77,7 +79,7 @@ def stage_part(rig_path: PathLike) -> Part:
     sources["stage_numbers.h"] = _controller_header(setup, _compensator_macros(setup)).encode()
     title = rig.settings.name
     precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
-    text = f"{title}, led by PID and feedforward, full in {precision}"
+    text = f"{title}, controlled by PID and feedforward, full in {precision}"
     return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
 
 
@@ -85,21 +87,21 @@ def _refuse_stage(rig: BodyRig) -> None:
     control = rig.settings.tracking
     if control.format == "f32":
         raise InputError(
-            f"{rig.path}: an FMU holds compensators in fixed point or in double precision; write "
+            f"{rig.path}: an FMU contains compensators in fixed point or in double precision; write "
             'format = "fixed" or "f64"',
             code="not-compiled-controller",
             key="control.format",
         )
     if rig.settings.has_ground_heads:
         raise InputError(
-            f"{rig.path}: sensor.stands: an FMU of a stage has no heads on the ground; leave it out",
+            f"{rig.path}: sensor.stands: an FMU of a stage does not support heads on the ground; leave it out",
             code="not-compiled-controller",
             key="sensor.stands",
         )
     if control.calibrate:
         raise InputError(
-            f"{rig.path}: control.calibrate: an FMU of a stage does not learn; name what anhyst "
-            "calibrate found as control.calibration",
+            f"{rig.path}: control.calibrate: an FMU of a stage does not calibrate itself; name the "
+            "file of anhyst calibrate as control.calibration",
             code="learning-not-exported",
             key="control.calibrate",
         )
@@ -107,7 +109,7 @@ def _refuse_stage(rig: BodyRig) -> None:
 
 
 def _compensator_macros(setup: StageSetup) -> dict[str, object]:
-    """Return the words of the compensators as macros, those of like magnets once."""
+    """Return the parameter blocks of the compensators as macros; equal magnets share a block."""
     blocks, numbers = parameter_blocks(setup), controller_settings(setup)
     is_fixed = blocks[0].is_fixed
     words_of_magnets = [tuple(block.words.tolist()) for block in blocks]
@@ -122,7 +124,9 @@ def _compensator_macros(setup: StageSetup) -> dict[str, object]:
         "STAGE_KERNEL": kernel_expression(kernel, "words"),
         "STAGE_WORD": blocks[0].c_type,
         "STAGE_WORDS": c_initialiser(words if is_fixed else [repr(word) for word in words]),
-        "STAGE_BLOCKS": c_initialiser([[first_index[one], len(one)] for one in words_of_magnets]),
+        "STAGE_BLOCKS": c_initialiser(
+            [[first_index[block], len(block)] for block in words_of_magnets]
+        ),
     }
     if is_fixed:
         macros["STAGE_CODES"] = c_array_literal([float(numbers[name]) for name in scales])
@@ -130,7 +134,7 @@ def _compensator_macros(setup: StageSetup) -> dict[str, object]:
 
 
 def _controller_header(setup: StageSetup, compensators: Mapping[str, object]) -> str:
-    """Return the controller of a stage as structures."""
+    """Return the header with the parameters of the controller."""
     settings, count = controller_settings(setup), len(setup.rig.settings.body_magnets)
     corrections = [[1.0, 0.0, 1.0, 0.0]] * count
     if setup.correction_rows is not None:
@@ -161,7 +165,7 @@ def _controller_header(setup: StageSetup, compensators: Mapping[str, object]) ->
 def _axes_settings(
     file: RigFile, rows: Mapping[str, FloatArray], allocation: Mapping[str, object]
 ) -> dict[str, object]:
-    """Return the settings of a controller but its currents."""
+    """Return the settings of the controller, without its current limits."""
     pull = magnet_rows(file)
     return {
         "layout": {
@@ -184,12 +188,12 @@ def _axes_settings(
 
 
 def biquad_initialiser(numbers: Sequence[float]) -> dict[str, str]:
-    """Return a filter of second order as a structure."""
+    """Return the C initialiser of a second-order filter."""
     return {"forward": c_array_literal(numbers[:3]), "back": c_array_literal(numbers[3:])}
 
 
 def _stage_variables(rig: BodyRig) -> list[Variable]:
-    """Return what goes in and comes out, by the names of recordings: an array a coordinate or magnet."""
+    """Return the inputs and outputs, per coordinate or magnet, with the names of recordings."""
     file = rig.settings
     count = len(file.body_magnets)
 
@@ -202,11 +206,11 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
             for axis, (ending, unit) in named
         ]
 
-    stroke = "of the long stroke at the end of the tick"
-    gap = "gap at the magnet, as its sensor said at the last tick"
-    # that of a single coordinate is the force
+    stroke = "position of the long stroke at the end of the tick"
+    gap = "gap at the magnet, reading of its sensor at the last tick"
+    # for a single coordinate, force_N is the wrench
     wrench = (
-        variables_of_axes("wrench", "output", "of the magnets", _WRENCH_UNITS)
+        variables_of_axes("wrench", "output", "wrench of the magnets", _WRENCH_UNITS)
         if len(file.body.free) > 1
         else []
     )
@@ -216,35 +220,33 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
         for name, text in of_controller.items()
     ]
     return [
-        *variables_of_axes("reference", "input", "wanted position"),
-        *variables_of_axes("feedforward", "input", "net force that is fed forward", _WRENCH_UNITS),
-        *variables_of_axes("frame", "input", f"{stroke}; begins here"),
-        Variable("load_N", "input", "N", "pushes the body along the set-point"),
-        *variables_of_axes("position_noise", "input", "added to the pose that is read"),
+        *variables_of_axes("reference", "input", "demanded position"),
+        *variables_of_axes("feedforward", "input", "net force of the feedforward", _WRENCH_UNITS),
+        *variables_of_axes("frame", "input", f"{stroke}; initial position"),
+        Variable("load_N", "input", "N", "force on the body along the set-point"),
+        *variables_of_axes("position_noise", "input", "noise that is added to the pose reading"),
         Variable("command", "input", "1", _COMMAND_TEXT, 0.0, 0.0, 7.0),
         *variables_of_axes("pose", "output", "true position"),
-        *variables_of_axes(
-            "pose_read", "output", "position as the controller had it at the last tick"
-        ),
+        *variables_of_axes("pose_read", "output", "position in the controller at the last tick"),
         *(
             Variable(column_name("gap_read", "m", number), "output", "m", gap)
             for number in range(1, count + 1)
         ),
-        *variables_of_axes("demand", "output", "wanted net force", _WRENCH_UNITS),
+        *variables_of_axes("demand", "output", "demanded net force", _WRENCH_UNITS),
         *states,
-        *variables_of_axes("velocity", "output", "of the body", _VELOCITY_UNITS),
+        *variables_of_axes("velocity", "output", "velocity of the body", _VELOCITY_UNITS),
         *wrench,
-        *magnet_variables("of the magnets, net, along the set-point", count),
+        *magnet_variables("net force of the magnets along the set-point", count),
     ]
 
 
-_COMMAND_TEXT = "acts when it changes: " + ", ".join(
+_COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
     f"{one.value} {one.name.lower()}"
     for one in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]
-"""Of a displacement and of an angle, each as names end with it and as tools read it."""
+"""Units of a linear and of an angular quantity: the ending of names, and the unit for tools."""
 _POSITION_UNITS: _AxisUnits = (("m", "m"), ("rad", "rad"))
 _VELOCITY_UNITS: _AxisUnits = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
 _WRENCH_UNITS: _AxisUnits = (("N", "N"), ("N_m", "N.m"))

@@ -1,4 +1,4 @@
-"""FMUs for this machine, each made once however many tests and workers ask for it."""
+"""FMUs for this machine. Each is made once and shared by all tests and workers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def identified() -> anhyst.Model:
 
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
-    """Return the FMU of a model; a compensator ticks at :data:`RATE`."""
+    """Return the FMU of a model; a compensator runs at :data:`RATE`."""
 
     def made(model: anhyst.Model, of: ExportedPart, fmi: FmiVersion) -> Path:
         rate = RATE if of == "compensator" else None

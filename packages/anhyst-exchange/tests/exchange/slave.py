@@ -1,4 +1,4 @@
-"""An instance of an FMU through fmpy, the same for both versions of the standard."""
+"""An instance of an FMU in fmpy, with the same interface for both versions of the standard."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ fmpy = pytest.importorskip("fmpy")
 fmi2, fmi3 = pytest.importorskip("fmpy.fmi2"), pytest.importorskip("fmpy.fmi3")
 
 RATE = 2e4
-"""Ticks a second of a compensator."""
+"""Ticks per second of a compensator."""
 
 HERE = f"{platform.machine().replace('AMD64', 'x86_64')}-linux"
 needs_binary = pytest.mark.skipif(HERE not in PLATFORMS, reason=f"no FMU is built for {HERE}")
 
 
 class Slave:
-    """One instance; values by name.
+    """One instance; variables are accessed by name.
 
     Parameters
     ----------
     path : Path
         The FMU.
     folder : Path
-        Where it is unpacked.
+        Folder into which it is unpacked.
     """
 
     def __init__(self, path: Path, folder: Path) -> None:
@@ -71,7 +71,7 @@ class Slave:
         step: float,
         begin: float = 0.0,
     ) -> list[list[float]]:
-        """Return the outputs after each step; a row a step."""
+        """Return the outputs after each step, one row per step."""
         found = []
         for place, row in enumerate(zip(*inputs.values(), strict=True)):
             self.write(dict(zip(inputs, row, strict=True)))
@@ -96,7 +96,7 @@ class Slave:
 
 @contextmanager
 def slave(path: Path, folder: Path) -> Iterator[Slave]:
-    """Give an instance that runs from time 0."""
+    """Yield an instance that runs from time 0."""
     made = Slave(path, folder)
     made.begin()
     yield made

@@ -1,4 +1,4 @@
-"""Actuators as FMUs: current and gap in, force out, as the model's stepper commits."""
+"""Actuators as FMUs: current and gap in, force out, equal to the stepper of the model."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ OVER_GAP: dict[GapMap, dict[str, Parameter]] = {
 
 
 def magnet(law: str, gap_map: GapMap) -> anhyst.Model:
-    """Return a model of a magnet like the one that comes along, without the time of a fit."""
+    """Return a model of a magnet like the bundled one, without a fit."""
     iron = CELLS if law.startswith("play-cells") else LANGEVIN
     return anhyst.Model(
         *("magnet", QUANTITIES["current"], QUANTITIES["force"], iron | OVER_GAP[gap_map], law),
@@ -65,7 +65,7 @@ def file(model: anhyst.Model, fmu: Fmu) -> Path:
 
 
 def drives(model: anhyst.Model, size: int = 600) -> FloatArray:
-    """Return a drive that shrinks around zero, negative half the time, beyond no limit."""
+    """Return a drive in the valid range that decays around zero, negative half the time."""
     assert model.valid is not None
     time = np.arange(size) * STEP
     wave = np.sin(300.0 * time) * np.exp(-20.0 * time)
@@ -73,7 +73,7 @@ def drives(model: anhyst.Model, size: int = 600) -> FloatArray:
 
 
 def gaps(model: anhyst.Model, size: int) -> FloatArray:
-    """Return a gap that moves up and down through its range, and a little beyond."""
+    """Return a gap that moves over its range, and a little outside."""
     assert model.valid is not None
     assert model.valid.schedule is not None
     low, high = model.valid.schedule
@@ -81,7 +81,8 @@ def gaps(model: anhyst.Model, size: int) -> FloatArray:
 
 
 def compare(model: anhyst.Model, path: Path, folder: Path) -> FloatArray:
-    """Run a model and its FMU, unpacked in a folder, through the same record; return the output of the FMU."""
+    """Run a model and its FMU, unpacked in a folder, on the same record; return the output of the
+    FMU."""
     drive = drives(model)
     inputs = {model.input.name: drive}
     if model.schedule is not None:
@@ -178,7 +179,7 @@ def test_it_is_valid_and_says_its_ranges_and_parameters(
     assert (about["current"].unit, about["gap"].unit, about["force"].unit) == ("A", "m", "N")
     assert (float(about["gap"].min), float(about["gap"].max)) == RANGE.schedule
     assert float(about["M_s_A_per_m"].start) == model.parameters["M_s"]
-    assert "rho" not in about  # it runs over the gap: no single number
+    assert "rho" not in about  # it depends on the gap, so that it is no constant
     with slave(path, tmp_path) as made:
         assert made.read("M_s_A_per_m", "c") == [model.parameters["M_s"], model.parameters["c"]]
 

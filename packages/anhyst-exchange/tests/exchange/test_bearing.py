@@ -1,4 +1,4 @@
-"""A whole virtual bearing, or a stage, as an FMU: what `anhyst simulate` runs, bit for bit."""
+"""A simulated bearing or stage as an FMU gives the bits of `anhyst simulate`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from tests.refusals import refused, says
 from tests.repository import ROOT
 from tests.study import bearings, stages
 from tests.study.test_axes import three_magnets
-from tests.study.test_solid_stage import late
+from tests.study.test_solid_stage import solid_magnet
 from tests.truths import truth
 
 pytestmark = [needs_binary, pytest.mark.slow]
@@ -50,7 +50,7 @@ AFTER_IT = ("gap_m", "velocity_m_per_s", "force_N", "current_A", "flux_density_T
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight as the simulation gives it, and the FMU of the same files."""
+    """A levitation as the simulation computes it, and the FMU of the same files."""
 
     path: Path
     scenario: Scenario
@@ -65,7 +65,7 @@ class Flight:
 
 
 def copied(folder: Path, **changes: tuple[str, str]) -> Path:
-    """Copy the bundled bearing, with another text in one of its files; return the rig file."""
+    """Copy the bundled bearing with one text replaced; return its rig file."""
     files: dict[str, Path] = dict(anhyst.example_files("bearing"))
     for name, path in files.items():
         text = path.read_text()
@@ -78,7 +78,7 @@ def copied(folder: Path, **changes: tuple[str, str]) -> Path:
 
 
 def made(folder: Path) -> None:
-    """Fill a folder with a bearing whose model is known, and its FMU of either version."""
+    """Fill a folder with a bearing whose model is known, and its FMUs of both versions."""
     rig = copied(folder, controller=KNOWN)
     truth("bearing").save(folder / "model.toml")
     for fmi in ("2.0", "3.0"):
@@ -91,7 +91,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 
 def flown(folder: Path) -> Flight:
-    """Lift off, step up and down, and let the load push."""
+    """Lift off, step up and down, and apply the load."""
     rig, controller = read_files(folder / "rig.toml", None)
     ready = check_inputs(rig, controller)
     setup = make_setups(ready.rig, controller, ready.identify_magnet(), ("full",))["full"]
@@ -111,7 +111,7 @@ def test_so_does_solid_iron_and_what_follows_its_layers(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     solid = "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
     rig.write_text(rig.read_text().replace("turns = 250", solid))
-    late().model.save(tmp_path / "model.toml")
+    solid_magnet().model.save(tmp_path / "model.toml")
     export_fmu(rig, tmp_path / "2.fmu", platforms=[HERE])
     flight = flown(tmp_path)
     flies_alike(flight, tmp_path)
@@ -144,7 +144,7 @@ def goes_over(flight: Flight, tmp_path: Path) -> None:
         state = made.save()
         there = made.run(rest, ["gap_m", "current_A"], TICK, half * TICK)
         other.restore(other.from_bytes(made.to_bytes(state)))
-        made.raw.reset()  # what the other one goes on with is its own
+        made.raw.reset()  # the other instance is independent
         assert other.run(rest, ["gap_m", "current_A"], TICK, half * TICK) == there
         made.begin()
         assert made.read("gap_m") == pytest.approx([0.55e-3], abs=1e-5)
@@ -185,7 +185,7 @@ def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
 
 @dataclass(frozen=True)
 class Scan:
-    """A motion of a stage as the simulation gives it, and the FMU of the same file."""
+    """A motion of a stage as the simulation computes it, and the FMU of the same file."""
 
     path: Path
     inputs: dict[str, list[float]]
@@ -196,7 +196,7 @@ class Scan:
 
 
 def stage_made(folder: Path) -> None:
-    """Fill a folder with the FMU of the bundled stage, its magnets known."""
+    """Fill a folder with the FMU of the bundled stage, whose magnets are known."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
         for fmi in ("2.0", "3.0"):
@@ -218,7 +218,7 @@ knee_slow_A_per_m = 3200.0
 
 
 def calibrated(source: Path, folder: Path, values: dict[str, float]) -> str:
-    """Copy a stage and say what calibration found of it; return the text of its rig file."""
+    """Copy a stage and add a calibration; return the text of its rig file."""
     for name in ("loops.csv", "loops.toml"):
         (folder / name).write_bytes((source.parent / name).read_bytes())
     rig, most = read_stage(source), "force_max_N = 240.0"
@@ -238,7 +238,7 @@ def calibrated(source: Path, folder: Path, values: dict[str, float]) -> str:
 
 
 def solid_stage_made(folder: Path) -> None:
-    """The same of Duhem iron, a part of it solid, the layers of the magnets known, calibrated."""
+    """A stage of Duhem iron, partly solid, with known layers and a calibration."""
     found = {"scale_1": 0.01, "scale_2": -0.005, "lag_s": 2e-5}
     found |= {"gap_zero_1_m": 1e-6, "gap_zero_2_m": -1e-6, "width_1": 0.1, "width_2": 0.12}
     text, solid = calibrated(stages.EXAMPLE / "rig.toml", folder, found), "turns = 250\n"
@@ -248,13 +248,13 @@ def solid_stage_made(folder: Path) -> None:
     text = text.replace(solid, solid + table).replace(cells, DUHEM)
     (folder / "rig.toml").write_text(text)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(stage_part, "identify_stage_magnet", lambda _: late())
+        patched.setattr(stage_part, "identify_stage_magnet", lambda _: solid_magnet())
         export_fmu(folder / "rig.toml", folder / "2.fmu", platforms=[HERE])
 
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
-    """Follow two turnarounds while the long stroke strays and a load pushes."""
+    """Follow two turnarounds with an error of the long stroke and a load."""
     folder = made_once(tmp_path_factory, "fmu-stage", stage_made)
     return scanned(folder, stages.EXAMPLE / "rig.toml", bearings.knowledge())
 
@@ -286,7 +286,7 @@ def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: 
 
 def test_so_does_a_calibrated_stage_on_solid_iron_of_another_family(tmp_path: Path) -> None:
     solid_stage_made(tmp_path)
-    moves_alike(scanned(tmp_path, tmp_path / "rig.toml", late()), tmp_path)
+    moves_alike(scanned(tmp_path, tmp_path / "rig.toml", solid_magnet()), tmp_path)
 
 
 def moves_alike(scan: Scan, tmp_path: Path) -> None:
@@ -313,7 +313,7 @@ def test_a_stage_in_motion_goes_over_to_another_instance(scan: Scan, tmp_path: P
         state = made.save()
         there = made.run(rest, ["gap_m", "current_A"], TICK, 1500 * TICK)
         other.restore(other.from_bytes(made.to_bytes(state)))
-        made.raw.reset()  # what the other one goes on with is its own
+        made.raw.reset()  # the other instance is independent
         assert other.run(rest, ["gap_m", "current_A"], TICK, 1500 * TICK) == there
         made.begin()
         assert made.read("gap_m", "pose_x_m") == [0.45e-3, 0.0]
@@ -417,7 +417,7 @@ PLANAR = stages.EXAMPLE.parent / "planar" / "rig.toml"
 
 
 def planar_made(folder: Path) -> None:
-    """Fill a folder with the bundled stage of six axes, its ten magnets calibrated, and its FMU."""
+    """Fill a folder with the bundled stage of six axes, its ten calibrated magnets, and its FMU."""
     found = {"payload": 0.01, **dict.fromkeys(CENTRE_PARAMETERS, 1e-4)}
     for number in range(1, 11):
         found |= {f"scale_{number}": 1e-3 * number, f"gap_zero_{number}_m": 1e-7 * number}
@@ -432,7 +432,7 @@ def planar_made(folder: Path) -> None:
 def scanned_by_axes(
     fmu: Path, rig_path: Path, peak: float, magnet: IdentifiedMagnet | None = None
 ) -> Scan:
-    """Lift the body, take it through a turnaround while the long stroke strays."""
+    """Lift the body, and follow a turnaround with an error of the long stroke."""
     rig = read_stage(rig_path)
     setup = make_stage(rig, magnet or bearings.knowledge(), "full")
     motion = scan_motion(rig.settings.scan, [peak])
@@ -480,7 +480,7 @@ def test_three_magnets_in_double_precision_on_a_body_of_two_coordinates_are_a_fi
 def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for_bit(
     planar: Scan, tmp_path: Path
 ) -> None:
-    """All but the pose as it was read: the recording sums its heads in another order."""
+    """All except the read pose, because the recording adds its heads in another order."""
     run, free = planar.recording, read_stage(PLANAR).settings.body.free
     at_the_tick = [
         *demand_columns(free),
@@ -508,7 +508,7 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
         assert found[name] == pytest.approx(run[name], rel=0.0, abs=1e-15)
     assert np.abs(found["demand_x_N"]).max() > 100.0
     away = pushed[:, names.index("pose_x_m")] - rows[:300, names.index("pose_x_m")]
-    assert away.max() > 1e-7  # the load, which the simulation has none of
+    assert away.max() > 1e-7  # effect of the load, which the simulation does not have
 
 
 def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_bit(
@@ -532,7 +532,7 @@ def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_
     assert np.array_equal(rows[:, 1], run["command_3_A"])
     phases = rows[:, 0] % 16
     assert phases[up - 1] == Phase.REST
-    assert rows[up - 1, 2] < -5e-5  # it fell onto its stops
+    assert rows[up - 1, 2] < -5e-5  # it has fallen onto its stops
     assert phases[down - 1] == Phase.HOVER
     assert abs(rows[down - 1, 2]) < 1e-8
     assert rows[-1, 0] // 16 == State.READY
@@ -558,7 +558,7 @@ def test_six_axes_go_over_to_another_instance_and_agree_in_both_versions(
         state = made.save()
         there = made.run(rest, shown, TICK, 1000 * TICK)
         other.restore(other.from_bytes(made.to_bytes(state)))
-        made.raw.reset()  # what the other one goes on with is its own
+        made.raw.reset()  # the other instance is independent
         assert other.run(rest, shown, TICK, 1000 * TICK) == there
         made.begin()
         assert made.read("pose_x_m", "gap_2_m") == [0.0, 0.45e-3]

@@ -1,4 +1,4 @@
-"""What a second checker says of every kind of FMU: the schemas and rules of the standard."""
+"""Check each kind of FMU with a second tool: the schemas and rules of the standard."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ checker = pytest.importorskip("fmu_manipulation_toolbox.checker")
 
 
 def findings(path: Path) -> tuple[str | None, list[str]]:
-    """Return the version that the description complies with, and the rules that it breaks."""
+    """Return the version of the standard that the description fulfils, and the violated rules."""
     fmu = toolbox.FMU(str(path))
     schema, rules = checker.OperationGenericCheck(), checker.OperationSemanticCheck()
     fmu.apply_operation(schema)

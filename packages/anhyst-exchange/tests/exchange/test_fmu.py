@@ -1,4 +1,4 @@
-"""Compensators as FMUs, run by fmpy, and models as tables."""
+"""Compensators as FMUs in fmpy, and models as tables."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def files(model: anhyst.Model, fmu: Fmu) -> Versions:
 
 @contextmanager
 def instance(path: Path, folder: Path) -> Iterator[Any]:
-    """Give an initialised instance of an FMU; reals are read and written by reference."""
+    """Yield an initialised instance of an FMU; reals are accessed by reference."""
     with slave(path, folder) as made:
         yield made.raw
 
@@ -73,7 +73,7 @@ def demands(size: int) -> FloatArray:
 
 
 def expected(model: anhyst.Model, demand: FloatArray) -> list[float]:
-    """Return what the same fixed-point C gives from Python."""
+    """Return the result of the same fixed-point C in Python."""
     plan = make_plan(model, CompileRequest("full", "q31", RATE), 0)
     assert isinstance(plan.block, Block)
     return [*map(float, FixedTwin(plan.block, "q31").run(demand, np.full(demand.size, GAP)))]
@@ -134,7 +134,7 @@ def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: P
         halves = run_through(made, demand, 0.5 / RATE)
     with instance(files["2.0"], tmp_path / "b") as made:
         whole = run_through(made, demand[::2], 1.0 / RATE)
-        # Three ticks in one step, with the inputs held, are three ticks.
+        # A step of three ticks holds the inputs and equals three single ticks.
         write(made, [1], [50.0])
         made.doStep(60.0 / RATE, 3.0 / RATE)
         held = current(made)

@@ -1,4 +1,4 @@
-"""A force rig as an FMU: its plant and the compiled compensator, as the virtual firmware runs them."""
+"""A rig for force control as an FMU gives the results of the simulated firmware."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SEED = [2, 0]
 
 
 def copied(folder: Path) -> ForceControlRig:
-    """Copy the bundled solenoid; return it as it is read."""
+    """Copy the bundled solenoid; return its rig."""
     for name in ("rig.toml", "solenoid.toml", "loops.csv", "loops.toml"):
         (folder / name).write_bytes((EXAMPLE / name).read_bytes())
     return read_rig(folder / "rig.toml")
@@ -42,7 +42,7 @@ def copied(folder: Path) -> ForceControlRig:
 def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
     moves: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a rig whose loops are of several gaps, and of one whose compensator knows one alone."""
+    """For a rig with loops at several gaps, and for a compensator of a single gap."""
     rig, model = copied(tmp_path), truth("solenoid-three-gaps" if moves else "solenoid-end")
     monkeypatch.setattr(force_part, "identify_force_model", lambda *_: model)
     rate = rig.settings.timing.rate_Hz
@@ -71,7 +71,7 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
         made.begin()
         again = np.array(made.run({key: one[:50] for key, one in inputs.items()}, shown, rig.dt)).T
         assert np.array_equal(again, found[:, :50])
-        for beyond in (1e300, 1e-300, 0.0):  # its iron would not come back from there
+        for beyond in (1e300, 1e-300, 0.0):  # the iron could not recover from these values
             with pytest.raises(fmpy.fmi1.FMICallException):
                 made.run({"gap_m": [beyond]}, shown, rig.dt, 50 * rig.dt)
             assert np.array_equal(made.read(*shown), again[:, -1])

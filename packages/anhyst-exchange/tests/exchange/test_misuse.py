@@ -1,4 +1,4 @@
-"""What a tool may do wrong with an FMU: an error each time, and nothing is changed."""
+"""Wrong calls of a tool give an error each, and change nothing."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def actuator(fmi: FmiVersion, model: anhyst.Model, fmu: Fmu) -> Path:
 
 
 def refuses(made: Slave, call: Callable[[], object]) -> None:
-    """Hold a call to an error that leaves the force, and what comes after, as they were."""
+    """Check that a call gives an error, and does not change the force now or later."""
     before, state = made.read("force"), made.save()
     with pytest.raises(Exception, match="status"):
         call()

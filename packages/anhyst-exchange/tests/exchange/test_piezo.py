@@ -1,4 +1,4 @@
-"""A piezo stage as an FMU and as an S-function: what `anhyst simulate` runs, bit for bit."""
+"""A piezo stage as an FMU and as an S-function gives the bits of `anhyst simulate`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OUTPUTS = ("error_m", "voltage_V", "position_m")
 
 
 def made(folder: Path) -> None:
-    """Fill a folder with the FMU of the bundled piezo stage, of either version."""
+    """Fill a folder with the FMUs of the bundled piezo stage, in both versions."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(piezo_part, "find_inverses", lambda _: piezos.inverses())
         for fmi in ("2.0", "3.0"):
@@ -40,12 +40,12 @@ def made(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where both FMUs are."""
+    """Folder of both FMUs."""
     return made_once(tmp_path_factory, "fmu-piezo", made)
 
 
 def scan() -> tuple[dict[str, FloatArray], Recording]:
-    """Return what goes into an FMU for the simulated run, and that."""
+    """Return the inputs of an FMU for a simulated run, and this run."""
     target, sensor = make_reference(piezos.rig()), piezos.rig().settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(NOISE_SEED).standard_normal(target.size)
     inputs = {"reference_m": target, "position_noise_m": noise}
@@ -57,7 +57,7 @@ def part(begin: int, end: int) -> dict[str, FloatArray]:
 
 
 def is_like(rows: FloatArray, recording: Recording) -> bool:
-    """Whether outputs are those of a simulation: the position is that of the next tick."""
+    """Whether outputs equal those of a simulation; the position is that of the next tick."""
     error, voltage, position = rows.T
     return (
         np.array_equal(error, recording["error_m"])
@@ -99,7 +99,7 @@ def test_a_state_on_the_way_goes_over_to_another_instance(
         state = one.save()
         there = one.run(rest, OUTPUTS, TICK, 1234 * TICK)
         other.restore(other.from_bytes(one.to_bytes(state)))
-        one.raw.reset()  # what the other one goes on with is its own
+        one.raw.reset()  # the other instance is independent
         assert other.run(rest, OUTPUTS, TICK, 1234 * TICK) == there
         one.restore(state)
         assert one.run(rest, OUTPUTS, TICK, 1234 * TICK) == there
@@ -140,7 +140,7 @@ def test_it_rests_yields_to_a_load_and_refuses_what_is_beyond_all_bounds(
     folder: Path, tmp_path: Path
 ) -> None:
     with slave(folder / "2.fmu", tmp_path) as one:
-        one.raw.doStep(0.0, 2.0)  # nothing is said: it goes to the low end
+        one.raw.doStep(0.0, 2.0)  # without inputs, it moves to the low end
         assert one.read("position_m") == pytest.approx([4e-6], abs=2e-9)
         one.run({"load_m": 10 * [1e-6]}, OUTPUTS, TICK, 2.0)
         assert one.read("position_m")[0] > 4.3e-6

@@ -1,4 +1,4 @@
-"""S-functions: built with the interface that Simulink calls, and stepped as a fixed-step solver does."""
+"""S-functions, built with the interface of Simulink and stepped by a fixed-step solver."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from tests.refusals import refused
 from tests.study import bearings, stages
 
 INTERFACE = Path(__file__).with_name("simulink")
-"""As much of Simulink's interface as is used, and a solver of fixed step."""
+"""The used part of Simulink's interface, and a fixed-step solver."""
 
 
 def built(folder: Path) -> Path:
-    """Compile what MATLAB would, as the script says."""
+    """Compile the sources as the MATLAB script does."""
     (script,) = folder.glob("build_sfun_*.m")
     text = script.read_text()
     files = re.findall(r"^    '(\S+\.c)'$", text, re.MULTILINE)
@@ -52,7 +52,7 @@ def built(folder: Path) -> Path:
 
 
 def simulated(program: Path, rows: FloatArray, *parameters: float) -> tuple[str, FloatArray]:
-    """Return the first line and the rows of outputs."""
+    """Return the first line and the rows of the outputs."""
     said = subprocess.run(
         [program, *map(repr, parameters)],
         input="\n".join(" ".join(map(repr, row)) for row in rows.tolist()),
@@ -165,7 +165,7 @@ def test_the_command_writes_a_folder_and_no_folder_of_others_is_lost(
 ) -> None:
     model.save(tmp_path / "model.toml")
     command = ("export", "model.toml", "--as", "simulink", "--rate", "20000", "--out", "s")
-    export_sfunction(model, tmp_path / "s", of="actuator")  # one's own is overwritten
+    export_sfunction(model, tmp_path / "s", of="actuator")  # an earlier export is overwritten
     assert run(*command, cwd=tmp_path).returncode == 0
     assert (tmp_path / "s" / "build_sfun_magnet.m").is_file()
     (tmp_path / "mine").mkdir()

@@ -1,4 +1,4 @@
-"""The libraries for Windows, loaded and stepped on this machine: they have no start-up code."""
+"""The libraries for Windows, which have no start-up code, are loaded and stepped on this machine."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_so_does_that_of_a_piezo_stage(
 def in_both(
     path: Path, inputs: Mapping[str, FloatArray], output: str, step: float, tmp_path: Path
 ) -> list[float]:
-    """Return an output of an FMU as its library for Windows and that for this machine give it."""
+    """Return an output of the libraries of an FMU for Windows and for this machine."""
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
     library = tmp_path / "anhyst.dll"

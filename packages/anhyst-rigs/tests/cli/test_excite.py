@@ -14,7 +14,7 @@ from anhyst.model.actuator import read_model
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
 from tests.repository import ROOT
-from tests.study.measured_rigs import GAP_MAP, INNER, WIDE, measured_rig
+from tests.study.measured_rigs import GAP_MAP, MINOR_REVERSALS, WIDE_REVERSALS, measured_rig
 
 EXAMPLES = ROOT / "examples"
 GAPS = {
@@ -28,7 +28,7 @@ ALLOWED = {"bearing": 0.005, "solenoid": 0.03}
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("bearing", marks=pytest.mark.campaign), "solenoid"])
 def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_path: Path) -> None:
-    rig = measured_rig(kind, tmp_path, more=f"\n[excite]\ngaps_m = {GAPS[kind]}\n")
+    rig = measured_rig(kind, tmp_path, extra_lines=f"\n[excite]\ngaps_m = {GAPS[kind]}\n")
     made = quick("excite", "rig.toml", "--out", "new.csv", "--plot", "new.png", cwd=tmp_path)
     assert made.returncode == 0, made
     assert "limited by" in made.stdout
@@ -40,7 +40,7 @@ def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_p
     assert found.returncode == 0, found
     model = read_model(tmp_path / "new-model.toml")
     largest = max(rig.truth((0.0, 1.0), min(rig.campaign.gaps_m))[1])
-    for turns in (WIDE, INNER):
+    for turns in (WIDE_REVERSALS, MINOR_REVERSALS):
         assert rig.errors(model, turns) < ALLOWED[kind] * largest
     compiled = quick("compile", "new-model.toml", "--rate", "1e3", "--out", "c", cwd=tmp_path)
     assert compiled.returncode == 0, compiled
@@ -72,7 +72,7 @@ def test_a_piezo_stage_is_not_measured_through_a_controller_of_force(tmp_path: P
 
 
 def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
-    measured_rig("bearing", tmp_path, more="\n[excite]\nforce_max_N = 60.0\n")
+    measured_rig("bearing", tmp_path, extra_lines="\n[excite]\nforce_max_N = 60.0\n")
     message = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
     assert says(message, "operating-force-not-reached load.force_N: rig.toml; 150 N")
     assert "excite.force_max_N leaves" in message
@@ -83,7 +83,7 @@ def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     message = refused(
         "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--port", "COM1", cwd=tmp_path
     )
-    assert says(message, "option-not-for-this --calibrate: virtual")
+    assert says(message, "option-not-for-this --calibrate: simulated")
     message = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
     assert says(message, "wrong-ending")
     text = (tmp_path / "rig.toml").read_text()
@@ -102,8 +102,8 @@ def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path)
         "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--plot", "m.png", cwd=tmp_path
     )
     assert flown.returncode == 0, flown
-    assert "stays hidden: gap_zero_1_m, gap_zero_2_m" in flown.stdout
-    assert "its own set-point shows as much" in flown.stdout
+    assert "not identifiable: gap_zero_1_m, gap_zero_2_m" in flown.stdout
+    assert "its own set-point identifies the same parameters" in flown.stdout
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
     learnt = quick("calibrate", "rig.toml", "run.csv", "-o", "c.toml", "--json", cwd=tmp_path)
     assert learnt.returncode == 0, learnt
@@ -111,7 +111,7 @@ def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path)
 
 
 def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> None:
-    measured_rig("bearing", tmp_path, more="\n[excite]\ngaps_m = [0.4e-3]\n")
+    measured_rig("bearing", tmp_path, extra_lines="\n[excite]\ngaps_m = [0.4e-3]\n")
     first = quick("excite", "rig.toml", "-o", "one.csv", "--json", cwd=tmp_path)
     quick("excite", "rig.toml", "-o", "two.csv", cwd=tmp_path)
     made = contents(tmp_path)
@@ -124,7 +124,7 @@ def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_what_was_measured_is_identified_and_watched(tmp_path: Path) -> None:
-    rig = measured_rig("solenoid", tmp_path, more="\n[excite]\ngaps_m = [1.0e-3, 1.6e-3]\n")
+    rig = measured_rig("solenoid", tmp_path, extra_lines="\n[excite]\ngaps_m = [1.0e-3, 1.6e-3]\n")
     assert quick("excite", "rig.toml", "--out", "two.csv", cwd=tmp_path).returncode == 0
     given = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "model.toml")
     assert quick("identify", "two.csv", *given, cwd=tmp_path).returncode == 0

@@ -469,7 +469,7 @@ def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path)
     assert result.stdout == ""
     (line,) = result.stderr.splitlines()
     assert line.startswith("anhyst: levitation was lost at ") or line.startswith("anhyst: ")
-    assert "the gains do not hold this bearing; the recording is kept in out/run.csv" in line
+    assert "the gains do not stabilise this bearing; the recording is kept in out/run.csv" in line
     assert set(contents(folder)) - set(before) == {"out/run.csv"}
     assert contents(folder)["out/run.csv"]
 

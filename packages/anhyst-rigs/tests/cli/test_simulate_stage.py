@@ -132,7 +132,7 @@ def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(fold
     command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml", "--verbose")
     done = quick(*command, cwd=folder)
     assert done.returncode == 0, done.stderr
-    for text in ("full", "scale_1", "trusted: mass of 10 kg", "frozen", "calibration.toml"):
+    for text in ("full", "scale_1", "trusted: mass of 10 kg", "fixed", "calibration.toml"):
         assert text in done.stdout
     change(
         folder / "rig.toml", "force_max_N = 240.0", 'force_max_N = 240.0\ncalibration = "run.csv"'

@@ -33,7 +33,7 @@ from tests.refusals import refused
 from tests.repository import ROOT
 from tests.study import bearings, stages
 from tests.study.test_axes import planar
-from tests.study.test_solid_stage import late, solid
+from tests.study.test_solid_stage import solid, solid_magnet
 
 FLOWN = MAX_FLIGHT_ROWS - 3 * ROWS_PER_COMMAND
 """Ticks before the commands in the end."""
@@ -182,7 +182,7 @@ def test_what_calibration_found_of_each_magnet_is_compiled(
 
 @pytest.mark.slow
 def test_layers_of_solid_iron_are_compiled_in_fixed_point_too(tmp_path: Path) -> None:
-    made = make_stage(solid(**{"control.format": "fixed"}), late(), "full")
+    made = make_stage(solid(**{"control.format": "fixed"}), solid_magnet(), "full")
     replays(folder_of(replace(made, number_format="f32"), tmp_path).out)
 
 

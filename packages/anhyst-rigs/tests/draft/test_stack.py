@@ -1,4 +1,4 @@
-"""A stack is fitted to loops: a known one comes back, a real one is followed, others are refused."""
+"""Test the fit of a piezo stack: a known one, a real one, and loops that are rejected."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.repository import ROOT
 
 EXAMPLES = ROOT / "examples"
 TURNS = (0.0, 100.0, 0.0, 100.0, 20.0, 80.0, 30.0, 60.0, -10.0, 100.0, 0.0)
-KNOWN = {"stroke": 0.3e-6, "bend": -0.4e-9, "slope": 0.1e-6, "beta": 0.02, "gamma": 0.006}
+KNOWN_STACK = {"stroke": 0.3e-6, "bend": -0.4e-9, "slope": 0.1e-6, "beta": 0.02, "gamma": 0.006}
 
 
 def path(each: int, turns: tuple[float, ...] = TURNS) -> FloatArray:
@@ -35,11 +35,20 @@ def path(each: int, turns: tuple[float, ...] = TURNS) -> FloatArray:
 
 
 def plant(drive: FloatArray, step: float = 1e-3, shares: tuple[float, ...] = ()) -> FloatArray:
-    """What the virtual stack does where a stage follows at once, m; the plant's own C."""
+    """Displacement of the virtual stack on a stage without lag, m, by the plant's C code."""
     times = np.array([0.3, 3.0][: len(shares)])
     numbers = {
-        **{"stroke_per_volt": KNOWN["stroke"], "bend": KNOWN["bend"], "slope": KNOWN["slope"]},
-        **{"beta": KNOWN["beta"], "gamma": KNOWN["gamma"], "omega": 1.0 / step, "damping": 0.5},
+        **{
+            "stroke_per_volt": KNOWN_STACK["stroke"],
+            "bend": KNOWN_STACK["bend"],
+            "slope": KNOWN_STACK["slope"],
+        },
+        **{
+            "beta": KNOWN_STACK["beta"],
+            "gamma": KNOWN_STACK["gamma"],
+            "omega": 1.0 / step,
+            "damping": 0.5,
+        },
         **{"kept": 0.0, "step": step, "steps": 1},
     }
     motion = PiezoMotion(numbers, times, np.array(shares))
@@ -54,11 +63,11 @@ def loops(drive: FloatArray, answer: FloatArray, time: FloatArray | None = None)
 
 def check_known(stack: FittedStack, rel: float) -> None:
     numbers = stack.numbers
-    assert numbers["stroke_m_per_V"] == pytest.approx(KNOWN["stroke"], rel=rel)
-    assert numbers["bend_m_per_V2"] == pytest.approx(KNOWN["bend"], rel=2 * rel)
-    assert numbers["slope_m_per_V"] == pytest.approx(KNOWN["slope"], rel=rel)
-    assert numbers["beta_per_V"] == pytest.approx(KNOWN["beta"], rel=2 * rel)
-    assert numbers["gamma_per_V"] == pytest.approx(KNOWN["gamma"], rel=8 * rel)
+    assert numbers["stroke_m_per_V"] == pytest.approx(KNOWN_STACK["stroke"], rel=rel)
+    assert numbers["bend_m_per_V2"] == pytest.approx(KNOWN_STACK["bend"], rel=2 * rel)
+    assert numbers["slope_m_per_V"] == pytest.approx(KNOWN_STACK["slope"], rel=rel)
+    assert numbers["beta_per_V"] == pytest.approx(KNOWN_STACK["beta"], rel=2 * rel)
+    assert numbers["gamma_per_V"] == pytest.approx(KNOWN_STACK["gamma"], rel=8 * rel)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])
@@ -82,7 +91,7 @@ def test_a_known_stack_comes_back_from_its_loops() -> None:
     check_known(stack, 0.01)
     assert stack.rms < 6e-9
     assert (stack.low, stack.high, stack.creep_times) == (-10.0, 100.0, ())
-    # What remains at the lowest voltage is what the plant shows there after the highest one.
+    # The fitted remaining displacement at the lowest voltage is that of the plant.
     back = plant(path(40_000, (0.0, 100.0, -10.0)))
     assert stack.remains == pytest.approx(back[-1], abs=0.05e-6)
 
@@ -106,7 +115,7 @@ def test_what_is_no_stack_is_refused() -> None:
     straight = 0.3e-6 * drive
     with refused("no-piezo: show no hysteresis"):
         fit_stack(loops(drive, straight))
-    with refused("no-piezo: are followed by no stack"):
+    with refused("no-piezo: are not those of a stack"):
         fit_stack(loops(drive, straight + rng.normal(0.0, 5e-6, drive.size)))
     with refused("output-falls"):
         fit_stack(loops(drive, -plant(drive)))

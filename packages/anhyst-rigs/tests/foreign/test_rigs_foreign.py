@@ -102,7 +102,7 @@ def carried(result: Result, folder: Path) -> dict[str, object]:
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["lost_in"] == []
     plant: dict[str, object] = figures["plant"]
-    assert "plant against its loops: mean" in unwrapped(result.stdout)
+    assert "deviation from the loops: plant: mean" in unwrapped(result.stdout)
     return plant
 
 
@@ -250,4 +250,4 @@ def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text(rig)
     own = check_inputs(*read_files(tmp_path / "rig.toml", None))
     (message,) = check_plant(own.rig, knowledge).warnings
-    assert "proves nothing" in message
+    assert "is not evidence" in message

@@ -1,4 +1,4 @@
-"""Firmware built once for all tests of the link."""
+"""Build the firmware once for all tests of the link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A folder as the compiler writes it, made from the core's own files, in no time."""
+"""Write a compiled folder from the core's own files, without the compiler."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""As much of an STM32F446 as the firmware of the Nucleo touches, around an emulated Cortex-M4."""
+"""Emulate the parts of an STM32F446 that the firmware of the Nucleo uses, around a Cortex-M4."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plant for tests of the link: as simple as its sensors allow."""
+"""A simple virtual plant for tests of the link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A line that spoils what it carries: two real pseudo-terminals and what happens in between."""
+"""A line between two real pseudo-terminals that disturbs the frames it carries."""
 
 from __future__ import annotations
 

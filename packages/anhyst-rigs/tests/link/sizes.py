@@ -1,4 +1,4 @@
-"""Memory that a firmware for a microcontroller takes."""
+"""Memory of a firmware for a microcontroller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The A2L against the firmware that it describes; pya2l reads the one, pyxcp the other."""
+"""Compare the A2L with its firmware; pya2l reads the A2L, and pyxcp the firmware."""
 
 from __future__ import annotations
 

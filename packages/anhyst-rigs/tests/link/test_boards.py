@@ -1,4 +1,5 @@
-"""Firmware is built for every board; the emulated one carries a thousand commands a second."""
+"""Test that firmware builds for every board, and that the emulated one takes 1000 commands/s."""
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session with a controller: the process, over a pty."""
+"""Test a session with a controller process over a pseudo-terminal."""
 
 from __future__ import annotations
 

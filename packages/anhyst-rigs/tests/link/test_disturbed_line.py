@@ -1,4 +1,4 @@
-"""Whatever a line does to the bytes, nothing is lost silently: over real pseudo-terminals."""
+"""Test that no request is lost or repeated unnoticed on a disturbed line of pseudo-terminals."""
 
 from __future__ import annotations
 

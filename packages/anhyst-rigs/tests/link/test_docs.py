@@ -1,4 +1,4 @@
-"""What docs/boards.md shows is what happens."""
+"""Test that the examples of docs/boards.md run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Nucleo's firmware, run on an emulated processor with the registers that it touches."""
+"""Test the firmware of the Nucleo on an emulated processor with the registers that it uses."""
 
 from __future__ import annotations
 

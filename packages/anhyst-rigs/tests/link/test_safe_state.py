@@ -1,4 +1,4 @@
-"""Faults bring the current to zero in the milliseconds that the controller states."""
+"""Test that faults reduce the current to zero within the stated milliseconds."""
 
 from __future__ import annotations
 

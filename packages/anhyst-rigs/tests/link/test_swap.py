@@ -1,4 +1,4 @@
-"""Another block while current flows: for the same signals, and along the ramp."""
+"""Test parameter swaps while current flows: equal signals, and the limit of the ramp."""
 
 from __future__ import annotations
 

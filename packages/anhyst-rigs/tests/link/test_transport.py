@@ -1,4 +1,4 @@
-"""Ports that cannot be used say why, in one line."""
+"""Test that unusable ports are reported in one line."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def refusal(url: str) -> str:
 
 
 def test_a_port_that_is_not_there() -> None:
-    assert "is not there; plug the controller in" in refusal("/dev/ttyNONE7")
+    assert "is missing; connect the controller" in refusal("/dev/ttyNONE7")
 
 
 def test_a_host_where_nobody_listens() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    assert "nobody listens there" in refusal(f"socket://127.0.0.1:{port}")
+    assert "connection refused" in refusal(f"socket://127.0.0.1:{port}")
 
 
 def test_something_that_is_not_a_port(tmp_path: Path) -> None:
@@ -50,7 +50,7 @@ def test_something_that_is_not_a_port(tmp_path: Path) -> None:
 
 def test_a_port_that_is_taken(board: RunningFirmware) -> None:
     with ControllerLink(board.url, timeout=1.0) as first:
-        assert "is taken by another program" in refusal(board.url)
+        assert "is used by another program" in refusal(board.url)
         assert first.status().tick == board.bus.tick
 
 

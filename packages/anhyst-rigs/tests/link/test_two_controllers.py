@@ -1,4 +1,4 @@
-"""Controllers share nothing: in one process, and on one chip."""
+"""Test that controllers in one process and on one chip are independent."""
 
 from __future__ import annotations
 

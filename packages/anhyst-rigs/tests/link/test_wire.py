@@ -1,4 +1,4 @@
-"""Frames survive everything but damage, and damage is found."""
+"""Test that frames are decoded without loss, and that damage is detected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""XCP on the board ``host``, with pyxcp as the master: an independent witness."""
+"""Test XCP on the board ``host`` with the independent master pyxcp."""
 
 from __future__ import annotations
 

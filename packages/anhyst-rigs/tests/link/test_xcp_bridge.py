@@ -1,4 +1,4 @@
-"""XCP through the controller's own link: ``anhyst xcp`` between the firmware and pyxcp."""
+"""Test XCP over the controller's own link: ``anhyst xcp`` between the firmware and pyxcp."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""XCP on the lines of the other boards: TCP through QEMU's serial port, a second serial port."""
+"""Test XCP on the lines of other boards: TCP over QEMU's serial port, and a second serial port."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The product's own master of XCP on a serial port: what a line can spoil, and what it carries."""
+"""Test the XCP master of anhyst on a serial port: disturbances and data rate."""
 
 from __future__ import annotations
 

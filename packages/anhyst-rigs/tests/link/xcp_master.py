@@ -1,4 +1,4 @@
-"""A master of XCP that shares no source with the slave: pyxcp."""
+"""An XCP master without common source with the slave: pyxcp."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ thermal_s = 60.0
 
 def unknown_iron(folder: Path) -> PreparedForce:
     """Return a controller of the bundled loops before a solenoid whose iron is pinned harder."""
-    path = measured_rig("solenoid", folder, more=_ONE_GAP, law="play-cells").path
+    path = measured_rig("solenoid", folder, extra_lines=_ONE_GAP, law="play-cells").path
     solenoid = folder / "solenoid.toml"
     text = solenoid.read_text(encoding="utf-8")
     pinning = "pinning_scale_A_per_m"

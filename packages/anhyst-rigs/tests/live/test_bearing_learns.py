@@ -114,7 +114,7 @@ def test_what_makes_the_force_worse_is_taken_back_and_ends_learning(
     beside.advance(3.5, 40e-6)
     monkeypatch.undo()
     assert not beside.learner.is_on
-    assert "without what was learnt" in beside.learner.status()["trouble"]
+    assert "without corrections" in beside.learner.status()["trouble"]
     beside.advance(2.0, 40e-6)
     assert beside.off() < 1.1 * beside.learner.status()["before"]["full"]
 
@@ -126,7 +126,7 @@ def test_rows_that_were_missed_are_waited_out_until_no_current_flows(beside: Bes
     count = len(beside.learner.laps)
     beside.advance(1.3, 40e-6)
     assert len(beside.learner.laps) == count
-    assert "land, and lift again" in beside.learner.status()["trouble"]
+    assert "land and lift again" in beside.learner.status()["trouble"]
     beside.bench.command(Command.LAND)
     beside.advance(0.8)
     beside.bench.command(Command.LIFT)

@@ -49,7 +49,7 @@ def test_pinning_that_becomes_a_fifth_more_is_found_within_ten_seconds(
     assert found["state"] == "drifted"
     assert found["left_N"] > found["usual_N"]
     assert found["gain_N"] == pytest.approx(found["left_N"] - found["usual_N"])
-    assert f"leaves {found['left_N']:.3g} N rms instead of" in found["text"]
+    assert f"residual is {found['left_N']:.3g} N rms instead of" in found["text"]
 
 
 def test_what_is_found_does_not_depend_on_how_rows_arrive(

@@ -110,7 +110,7 @@ def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(
     board_bench.command(Command.DEMAGNETISED)
     board_bench.command(Command.RUN)
     pacer = PacedBench(board_bench)
-    stuck = pacer.subscribe("the recording", is_complete=True)
+    stuck = pacer.subscribe("the recording", needs_every_tick=True)
     wait_for(lambda: pacer.pacing().awaited_recorder == "the recording")
     wait_for(lambda: board.bus.fault is Fault.LINK_LOST)
     rows = 0

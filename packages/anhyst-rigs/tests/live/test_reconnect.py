@@ -122,8 +122,8 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
         started = power.on()
         back(session)
         assert said(session, "lost: ")
-        assert said(session, "in the state idle; it began anew and is at its tick")
-        assert said(session, "compensation is 1 and was 0")
+        assert said(session, "in the state idle; it was restarted and is at its tick")
+        assert said(session, "compensation changed from 0 to 1")
         assert {one.name: one.value for one in session.parameters}["compensation"] == 1.0
         assert at_rest(started)  # nobody told it anything
         assert session.bench.generator is None
@@ -151,12 +151,12 @@ def test_another_firmware_is_not_gone_on_with(
         gone(session)
         power.on(host_firmware)
         wait_for(lambda: session.end_reason)
-        assert "controls a position, the folder does not" in session.end_reason
+        assert "controls a position, but the folder does not" in session.end_reason
 
 
 def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:
     power.on()
-    with closing(LiveSession(opened(power, manifest, patience=0.3))) as session:
+    with closing(LiveSession(opened(power, manifest, search_time=0.3))) as session:
         session.start()
         power.off()
         wait_for(lambda: session.end_reason)
@@ -194,7 +194,7 @@ def test_a_controller_whose_line_was_cut_went_on_by_itself_and_so_do_its_ticks(
             assert board.bus.fault is Fault.LINK_LOST
             line.cut.clear()
             back(session)
-            assert said(session, "in the state fault (link lost); its ticks went on")
+            assert said(session, "in the state fault (link lost); its tick counter continued")
             assert board.bus.state is State.FAULT
             assert 0 <= board.bus.tick - session.bench.tick < bench.rate  # one count
             assert session.status()["missing"] > 0
@@ -212,7 +212,7 @@ def test_a_controller_on_a_serial_port_is_found_again(power: Power, manifest: Ma
             gone(session)
             started = power.on()
             back(session)
-            assert said(session, "in the state idle; it began anew")
+            assert said(session, "in the state idle; it was restarted")
             assert at_rest(started)
             operated(session)
 

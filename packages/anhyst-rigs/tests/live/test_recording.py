@@ -48,7 +48,7 @@ class Fed:
         self.said: list[str] = []
         self.recorder = TickRecorder(SIGNALS, RATE, folder, self.said.append)
         self.tick = 0
-        self._subscription = Subscription("recorder", 10**6, is_complete=True)
+        self._subscription = Subscription("recorder", 10**6, needs_every_tick=True)
         self._thread = threading.Thread(target=self.recorder.run, args=(self._subscription,))
         self._thread.start()
 

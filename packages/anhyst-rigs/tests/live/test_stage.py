@@ -24,7 +24,7 @@ from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.test_balancing import short
+from tests.study.test_balancing import short_stage
 
 SUBSTEPS = 4
 WRONG = 6.0
@@ -242,7 +242,7 @@ def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -
     last = beside.learner.laps[-1]
     assert last.values == {}
     assert last.refused > 0  # its law does not explain the motion
-    assert "nothing is taken" in beside.learner.status()["said"]["single-valued"]
+    assert "no correction is applied" in beside.learner.status()["said"]["single-valued"]
 
 
 @pytest.fixture
@@ -343,7 +343,7 @@ def test_laps_that_ended_meanwhile_are_left_out_and_counted(
 def several() -> PreparedStage:
     """The ten magnets of which all but the widths of their loops is drawn, with short set-points."""
     known = bearings.knowledge()
-    setups = tuple(make_stage(short(), known, name) for name in ("single-valued", "full"))
+    setups = tuple(make_stage(short_stage(), known, name) for name in ("single-valued", "full"))
     return PreparedStage(known, setups, (Feedforward(), Feedforward()))
 
 

@@ -51,7 +51,7 @@ def test_a_chirp_that_is_refused(numbers: tuple[float, float, float, float], why
 
 def test_a_table_is_read_in_its_units_and_straight_between_rows() -> None:
     table = read_wave_table("# mine\nt_ms, gap [µm]\n0, 0\n\n10, -20\n30, 5\n", "m", 1)
-    assert (table.lasts, table.range) == (0.03, (-20e-6, 5e-6))
+    assert (table.duration_s, table.range) == (0.03, (-20e-6, 5e-6))
     assert table.value_at(1 + 100, RATE) == pytest.approx(-10e-6)
     assert table.value_at(1 + 400, RATE) == pytest.approx(-7.5e-6)
     assert read_wave_table("t_s,F_kN\n0,1\n1,2", "N", 0).range == (1000.0, 2000.0)

@@ -1,6 +1,7 @@
-"""Irons of two families written anew: relays one by one, and a differential equation integrated.
+"""Compute irons of two families independently: individual relays, and an integrated differential
+equation.
 
-Nothing of them is in the plant that they judge but the physics.
+Only the physics is shared with the plant that these irons test.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ PINNINGS, BIASES = 1200, 600
 
 
 def reversible(steel: PreisachSteel | DuhemSteel, field: float) -> float:
-    """Return the polarisation of the curve, T."""
+    """Return the polarisation of the anhysteretic curve, T."""
     sharp = steel.saturation_sharp_T * field / math.hypot(field, steel.knee_sharp_A_per_m)
     return sharp + steel.saturation_slow_T * math.atan(field / steel.knee_slow_A_per_m) / (
         0.5 * math.pi
@@ -27,21 +28,21 @@ def reversible(steel: PreisachSteel | DuhemSteel, field: float) -> float:
 
 
 class Relays:
-    """So many relays of equal weight, each of which is up or down; they see one field."""
+    """Individual relays of equal weight that are up or down and respond to the same field."""
 
     def __init__(self, steel: PreisachSteel) -> None:
         self.steel = steel
         rank = norm.ppf((np.arange(PINNINGS) + 0.5) / PINNINGS)
         pinning = (steel.pinning_A_per_m * np.exp(steel.pinning_spread * rank))[:, None]
-        # Every row at its own place between two ranks, so that no two relays turn together.
+        # Each row has its own position between two ranks, so that no two relays switch together.
         shift = (0.5 + 0.618034 * np.arange(PINNINGS)[:, None]) % 1.0
         scatter = norm.ppf((np.arange(BIASES) + shift) / BIASES)
         bias = (steel.bias_A_per_m + steel.bias_by_pinning * pinning) * scatter
         self._up, self._down = bias + pinning, bias - pinning
-        self._state = np.where(bias < 0.0, 1.0, -1.0)  # demagnetised: as the bias wants it
+        self._state = np.where(bias < 0.0, 1.0, -1.0)  # demagnetised: the sign of the bias
 
     def move(self, seen: float) -> tuple[float, float]:
-        """Let the relays see a field, A/m; return the field H, A/m, and the flux density, T."""
+        """Move the field of the relays, A/m; return the field H, A/m, and the flux density, T."""
         self._state[self._up <= seen] = 1.0
         self._state[self._down >= seen] = -1.0
         polarisation = self.steel.saturation_T * float(np.mean(self._state))
@@ -58,7 +59,7 @@ class Duhem:
         self.field, self.curve_field = 0.0, 0.0
 
     def move(self, field: float) -> float:
-        """Go straight to a field, A/m, and return the flux density, T."""
+        """Move linearly to a field, A/m, and return the flux density, T."""
         steel, way = self.steel, math.copysign(1.0, field - self.field)
         saturation = steel.saturation_sharp_T + steel.saturation_slow_T
 

@@ -1,4 +1,4 @@
-"""The irons of examples/irons, for the tests, and the generator of their loops."""
+"""Provide the irons of examples/irons for tests, and the generator of their loops."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ FOLDER = ROOT / "examples" / "irons"
 
 @cache
 def generator() -> ModuleType:
-    """Return ``make_loops.py`` of the folder."""
+    """Return the module ``make_loops.py`` of the folder."""
     spec = importlib.util.spec_from_file_location("make_iron_loops", FOLDER / "make_loops.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look themselves up there
+    sys.modules[spec.name] = module  # needed by its dataclasses
     spec.loader.exec_module(module)
     return module
 
@@ -35,24 +35,24 @@ PREISACH = {name: s for name, s in STEELS.items() if isinstance(s, PreisachSteel
 DUHEM = {name: s for name, s in STEELS.items() if isinstance(s, DuhemSteel)}
 WITH_CELLS = STEELS | {"cells": example_steel()}
 WIPED_OUT = PREISACH | {"cells": example_steel()}
-"""Those that keep their turning points."""
+"""Irons with return-point memory."""
 
 
 def width(steel: AnySteel) -> float:
-    """Return a field that goes with the coercivity of a steel, A/m."""
+    """Return a field that is proportional to the coercivity of a steel, A/m."""
     if isinstance(steel, PreisachSteel):
         return steel.pinning_A_per_m
     return steel.coercivity_A_per_m if isinstance(steel, DuhemSteel) else 150.0
 
 
 def fields(turns: list[float], samples: int) -> FloatArray:
-    """Return straight lines from turn to turn, so many samples each, with the first turn."""
+    """Return linear paths between reversals with the given number of samples each."""
     at = np.linspace(0.0, len(turns) - 1.0, samples * (len(turns) - 1) + 1)
     return np.asarray(np.interp(at, np.arange(len(turns)), turns))
 
 
 def run(steel: AnySteel, path: list[float] | FloatArray) -> FloatArray:
-    """Return the flux density of a demagnetised piece along fields, T."""
+    """Return the flux density of initially demagnetised iron along fields, T."""
     found: FloatArray = Piece(steel.make_steel()).run(np.asarray(path, dtype=np.float64))[:, 1]
     return found
 

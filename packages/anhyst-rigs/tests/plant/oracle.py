@@ -1,6 +1,6 @@
-"""A magnet written anew: readable iron, a circuit solved by bisection, forces from energies.
+"""Compute a magnet independently: iron in Python, the circuit by bisection, forces from energies.
 
-Nothing of it is in the plant that it judges but the equations.
+Only the equations are shared with the plant that this magnet tests.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MU_0 = 4e-7 * math.pi
 
 @dataclass(frozen=True)
 class Shape:
-    """Turns, ohm, m, m, H, m, and the lag of the flux, s, at the gap in m."""
+    """Turns, ohm, m, m, H, m, and the eddy-current lag of the flux, s, at the gap in m."""
 
     turns: int = 250
     resistance: float = 1.2
@@ -39,35 +39,36 @@ class Shape:
         return self.width * self.depth
 
     def permeance(self, gap: float) -> float:
-        """Of both gaps in series, fringing by half a gap on every side, with the leakage."""
+        """Permeance of both gaps in series, with fringing by half a gap on every side, and the
+        leakage."""
         return MU_0 * (self.width + gap) * (self.depth + gap) / (2.0 * gap) + self.leakage
 
     @property
     def eddy_turns(self) -> float:
-        """Ampere-turns that oppose one V in one turn."""
+        """Ampere-turns of eddy currents per volt in one turn."""
         return self.eddy_time / self.permeance(self.eddy_gap)
 
 
 class OracleMagnet:
-    """Held at currents and gaps, one after the other, or driven by voltages; all in SI."""
+    """A magnet at given currents and gaps, or driven by voltages; SI units."""
 
     def __init__(self, shape: Shape, steel: CellSteel) -> None:
         self.shape = shape
         self.iron = CellIron(steel)
 
     def _root(self, left: Callable[[float], float]) -> float:
-        """Where a rising function passes zero, looked for ever farther from the present field."""
+        """Find the zero of an increasing function, starting from the present field."""
         span, at = 10.0, self.iron.field
         while left(at - span) > 0.0 or left(at + span) < 0.0:
             span *= 4.0
         return float(brentq(left, at - span, at + span, xtol=1e-12, rtol=1e-15))
 
     def flux(self, field: float) -> float:
-        """Return what passes the iron if the field moves there, Wb."""
+        """Return the flux of the iron at a field, Wb."""
         return self.iron.flux_density(field)[0] * self.shape.area
 
     def pull(self, flux: float, gap: float) -> float:
-        """Change of the energy outside the iron at constant flux of the iron, for each metre."""
+        """Return the change of the energy outside the iron at constant flux, per metre."""
 
         def energy(at: float) -> float:
             return 0.5 * flux * flux / self.shape.permeance(at)
@@ -77,7 +78,7 @@ class OracleMagnet:
         return (8.0 * near - far) / (12.0 * d)
 
     def hold(self, current: float, gap: float) -> tuple[float, float]:
-        """Return pull and flux linkage, N and Wb, where nothing is induced."""
+        """Return pull and flux linkage, N and Wb, without induced currents."""
         shape = self.shape
 
         def turns(field: float) -> float:
@@ -94,7 +95,7 @@ class OracleMagnet:
         return np.array([self.hold(*pair) for pair in pairs])
 
     def _current(self, psi: float, gap: float, voltage: float) -> tuple[float, float]:
-        """Return current and field at a flux linkage; the memory is not touched.
+        """Return current and field at a flux linkage, without a change of the hysteresis state.
 
         turns*I = length*H + flux/permeance + eddy_turns*(voltage - resistance*I)/turns
         """
@@ -105,7 +106,7 @@ class OracleMagnet:
         return (turns + induced * voltage) / (shape.turns + induced * shape.resistance), field
 
     def drive(self, psi: float, voltage: float, gap: float, seconds: float) -> tuple[float, float]:
-        """Go on under a voltage that moves the field one way only; return linkage and current."""
+        """Apply a voltage that moves the field in one direction; return flux linkage and current."""
 
         def rate(_: float, state: Floats) -> list[float]:
             return [voltage - self.shape.resistance * self._current(state[0], gap, voltage)[0]]
@@ -150,12 +151,12 @@ class Ledger:
 
 
 def middles(values: Floats) -> Floats:
-    """Return the mean of every two neighbours."""
+    """Return the means of neighbouring values."""
     return np.asarray(0.5 * (values[1:] + values[:-1]))
 
 
 def polarisation(steel: CellSteel, field: Floats) -> Floats:
-    """Return that of cells at their own fields, T."""
+    """Return the polarisation of the cells at their own fields, T."""
     sharp = steel.saturation_sharp_T * field / np.hypot(field, steel.knee_sharp_A_per_m)
     slow = steel.saturation_slow_T * np.arctan2(field, steel.knee_slow_A_per_m) / (0.5 * math.pi)
     return np.asarray(sharp + slow)

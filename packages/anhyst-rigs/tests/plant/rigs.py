@@ -1,4 +1,4 @@
-"""Bearings for the tests: the example's with some keys changed."""
+"""Provide variants of the example bearing for tests."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ OPEN_LOOP: dict[str, Any] = {
     "timing.delay_ticks": 0.0,
     "amplifier.dac_bits": 24,
 }
-"""Nothing late, nothing on a grid that would be seen, no load drive."""
+"""No delays, no visible quantisation, and no load drive."""
 
 STIFF: dict[str, Any] = OPEN_LOOP | {
     "amplifier.supply_V": 1e6,
     "amplifier.bandwidth_Hz": 25e3,
 }
-"""Holds a current whatever is induced."""
+"""An amplifier that keeps the current constant against induced voltages."""
 
 
 @cache
@@ -40,7 +40,8 @@ def _example() -> RigFile:
 def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BodyRig:
     """Return the example's rig with other values, by the names of its attributes.
 
-    A pair has a second magnet on the other side, as far from the armature at `GAP`.
+    A pair has a second magnet on the opposite side, at the same distance from the armature at
+    `GAP`.
     """
     file = _example()
     if pair:

@@ -1,4 +1,4 @@
-"""Bodies of six coordinates on the example's magnets: 20 kg, ten magnets, as a short-stroke stage."""
+"""Provide bodies with six degrees of freedom, 20 kg and ten magnets of the example stage."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ LINES: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...]
 """Place and direction of each magnet: two pairs along x below the centre of mass, one along y, four
 from above."""
 CABLE = [-0.1, 0.14, -0.06]
-"""Where a cable is fixed to the body."""
+"""Point of the body at which a cable is fixed, m."""
 IDEAL = {"step": 0.0, "noise": 0.0, "gain": 1.0, "offset": 0.0, "share": 1.0, "delay": 0}
 
 
 @dataclass(frozen=True)
 class Body:
-    """Numbers of a body; its springs are end stops that always touch, 0 for none."""
+    """Parameters of a body; its springs are end stops in permanent contact, 0 for none."""
 
     mass: float = 20.0  # kg
     inertia: FloatArray = field(  # about the centre of mass, kg m2
         default_factory=lambda: np.array([[0.2, 0.01, 0.0], [0.01, 0.25, 0.02], [0.0, 0.02, 0.3]])
     )
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of mass, m
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # centre of mass, m
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s2
-    stiffness: tuple[float, float] = (0.0, 0.0)  # of the springs, N/m and N m/rad
-    damping: tuple[float, float] = (0.0, 0.0)  # of the guide, N s/m and N m s/rad
-    cable: tuple[float, float] = (0.0, 0.0)  # N/m and N s/m, at :data:`CABLE`
+    stiffness: tuple[float, float] = (0.0, 0.0)  # stiffness of the springs, N/m and N m/rad
+    damping: tuple[float, float] = (0.0, 0.0)  # damping of the guide, N s/m and N m s/rad
+    # stiffness and damping of the cable, N/m and N s/m, at :data:`CABLE`
+    cable: tuple[float, float] = (0.0, 0.0)
     axes: Sequence[int] = range(6)
     lines: Sequence[tuple[tuple[float, float, float], tuple[float, float, float]]] = LINES
 
     def mass_matrix(self) -> FloatArray:
-        """Return that of all axes about the point from which the lines are."""
+        """Return the mass matrix of all axes about the reference point of the lines."""
         jump = np.zeros((3, 6))  # velocity of the centre of mass
         jump[:, :3] = np.eye(3)
         jump[:, 3:] = np.cross(np.eye(3), np.array(self.centre)).T
@@ -53,12 +54,12 @@ class Body:
         return whole
 
     def tie(self) -> FloatArray:
-        """Return what a cable of 1 N/m holds back with, for each unit of each coordinate."""
+        """Return the restoring wrench of a cable with 1 N/m per unit of each coordinate."""
         moved = np.hstack([np.eye(3), np.cross(np.eye(3), np.array(CABLE)).T])
         return np.asarray(moved.T @ moved)
 
     def plant(self, rate: float, mode: str = "current") -> Plant:
-        """Return it without delays and converters."""
+        """Return the plant of this body without delays and converters."""
         example = plant_parameters(
             rig(OPEN_LOOP | {"amplifier.mode": mode, "timing.rate_Hz": rate})
         )
@@ -99,6 +100,6 @@ class Body:
 
 
 HEAVY = Body(centre=(2e-3, -1e-3, 4e-3), gravity=(0.0, 0.0, -9.81))
-"""Free in all axes, its centre of mass off."""
+"""A free body whose centre of mass is not at the reference point."""
 SPRUNG = replace(HEAVY, stiffness=(2e7, 3e5), damping=(12e3, 160.0), cable=(4e5, 1500.0))
-"""Held by springs stiffer than its magnets are unstable, and by a cable."""
+"""A body on springs that are stiffer than the negative stiffness of its magnets, with a cable."""

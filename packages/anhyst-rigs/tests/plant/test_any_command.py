@@ -1,4 +1,5 @@
-"""Whatever is commanded: numbers stay finite, the armature stays, and no energy is made."""
+"""Check for arbitrary commands that values stay finite, the armature stays, and energy is
+conserved."""
 
 from __future__ import annotations
 
@@ -64,7 +65,7 @@ def test_no_command_makes_a_number_that_is_none(
 def test_a_bearing_makes_no_energy(
     supply: float, script: list[tuple[float, int]], mass: float
 ) -> None:
-    """What comes in through the winding is never less than what is stored and moves."""
+    """The electrical input is never less than the increase of stored and kinetic energy."""
     plant = bearing(
         OPEN_LOOP
         | {
@@ -85,7 +86,7 @@ def test_a_bearing_makes_no_energy(
     stiffness = mass * (2.0 * np.pi * STOP_RESONANCE_HZ) ** 2
     held = ledger.stored + 0.5 * mass * velocity**2 + 0.5 * stiffness * over**2
     spent = np.cumsum(middles(current) * np.diff(psi)) - held[1:]
-    # The plant finds its flux linkage to within 6 nWb.
+    # The flux linkage of the plant is accurate to 6 nWb.
     scale = 1e-12 + 1e-7 * np.max(np.abs(current)) + 2e-3 * (np.max(held) + ledger.heat[-1])
     assert np.min(np.diff(spent)) > -scale
     assert np.all(spent > ledger.heat[1:] - scale)

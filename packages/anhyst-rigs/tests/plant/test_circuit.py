@@ -1,4 +1,4 @@
-"""The magnet of the plant, held at currents and gaps, against what was written anew."""
+"""Compare the magnet of the plant with an independent one at given currents and gaps."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STEELS = {
 
 
 def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return currents of both signs and gaps, with large and small movements."""
+    """Return currents of both signs and gaps, with large and small changes."""
     rng = np.random.default_rng(seed)
     current = 4.5 * np.sin(np.cumsum(rng.normal(0.0, 0.25, samples)))
     gap = GAP + 0.1e-3 * np.sin(np.cumsum(rng.normal(0.0, 0.2, samples)))
@@ -66,7 +66,7 @@ def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
     force, _, density = (
         Coil(make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
     )
-    # Two gaps of the fringed area, less what the fringe loses as it narrows with the gap.
+    # Two gaps with the fringed area, minus the loss because the fringe narrows with the gap.
     width, depth = 0.016 + gap, 0.014 + gap
     pole_area = width * depth - gap * (width + depth)
     assert force == pytest.approx(density**2 * pole_area / MU_0, rel=1e-9, abs=1e-9)
@@ -105,7 +105,8 @@ def test_after_a_reversal_only_the_unpinned_iron_answers(fraction: float) -> Non
     field = ((current - turn) * shape.turns - flux / shape.permeance(GAP)) / shape.length
     ends = polarisation(steel, np.array([field - 0.01, field + 0.01]))
     permeability = MU_0 + fraction * (ends[1] - ends[0]) / 0.02
-    # turns dI = length dH + area dB/permeance, and the force goes with the square of the flux.
+    # turns dI = length dH + area dB/permeance, and the force is proportional to the square of the
+    # flux.
     along = shape.length / permeability + shape.area / shape.permeance(GAP)
     expected = 2.0 * force[1] / flux * shape.area * shape.turns / along
     assert measured == pytest.approx(expected, rel=2e-3)
@@ -126,7 +127,7 @@ TABLE = FluxTable(
 
 def test_a_law_pulls_as_its_model_predicts() -> None:
     current = nested(2.0)
-    for gap in (0.3e-3, 0.375e-3, GAP, 0.6e-3):  # where the plant has its rows
+    for gap in (0.3e-3, 0.375e-3, GAP, 0.6e-3):  # gaps of the plant's table
         at = np.full(current.size, gap)
         found = Coil(as_law(TABLE)).run(current, at)[:, 0]
         expected = model().predict(current, at, history="demagnetised").output
@@ -138,7 +139,7 @@ def test_a_law_whose_gap_moves_pulls_as_its_model_predicts() -> None:
     gap = GAP + 0.14e-3 * np.sin(np.arange(current.size) * 0.02)
     found = Coil(as_law(TABLE)).run(current, gap)[:, 0]
     expected = model().predict(current, gap, history="demagnetised").output
-    # Between the rows the map runs straight, in the model along a curve.
+    # Between these gaps the map is linear in the plant and curved in the model.
     assert np.max(np.abs(found - expected)) < 1e-4 * np.max(expected)
     finer = Coil(as_law(TABLE, rows=4097)).run(current, gap)[:, 0]
     assert np.max(np.abs(finer - expected)) < 1e-6 * np.max(expected)
@@ -161,7 +162,7 @@ def test_the_flux_of_a_law_is_that_of_its_table_and_odd() -> None:
         at = np.full(current.size, gap)
         for sign in (1.0, -1.0):
             psi = Coil(as_law(table)).run(sign * current, at)[:, 1]
-            assert psi == pytest.approx(sign * slope * current, abs=2e-5)  # and goes on beyond 2 A
+            assert psi == pytest.approx(sign * slope * current, abs=2e-5)  # continues beyond 2 A
 
 
 def test_flux_rows_hold_at_the_gaps_of_the_table_beyond_its_ends() -> None:
@@ -172,7 +173,7 @@ def test_flux_rows_hold_at_the_gaps_of_the_table_beyond_its_ends() -> None:
 
 
 def test_a_law_shows_the_flux_density_that_pulls_whatever_its_gauge() -> None:
-    """A Hall probe sees that of the gap; that of a law is a choice of units."""
+    """A Hall probe reads the flux density of the gap; that of a law depends on the choice of units."""
     poles = example_poles()
     current = np.linspace(0.0, 2.0, 50)
     force, _, density = Coil(as_law(TABLE)).run(current, np.full(50, GAP)).T

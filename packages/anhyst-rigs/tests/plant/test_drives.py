@@ -1,4 +1,4 @@
-"""Amplifiers, the load drive and the end stops."""
+"""Test amplifiers, the load drive and the end stops."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ SOFT: dict[str, Any] = {
     "iron.saturation_slow_T": 0.01,
     "magnet.iron_length_m": 1e-4,
 }
-"""An iron that needs no ampere-turns: the inductance is that of the gaps."""
+"""Iron of infinite permeability, so that the inductance is that of the gaps."""
 FIXED: dict[str, Any] = OPEN_LOOP | {"body.mass_kg": 1e200}
-"""The armature is welded in place, to the last bit."""
+"""An armature that cannot move, bit for bit."""
 
 
 def welded(changes: dict[str, Any], current: float = 0.0) -> Plant:
@@ -32,7 +32,7 @@ def welded(changes: dict[str, Any], current: float = 0.0) -> Plant:
 
 
 def test_an_amplifier_follows_as_far_as_its_bandwidth() -> None:
-    """A PI controller of a pure inductance, with its corner at a tenth of the bandwidth."""
+    """A PI controller of a pure inductance has its corner at a tenth of the bandwidth."""
     bandwidth = 2500.0
     for frequency in (250.0, 2500.0, 5000.0):
         plant = welded(SOFT | {"timing.rate_Hz": 200e3}, 1.0)
@@ -65,7 +65,7 @@ def test_the_current_rises_no_faster_than_the_supply_drives_it() -> None:
 
 
 def test_beyond_the_supply_the_integral_waits() -> None:
-    """From far below, the current goes past its goal no more than from near by."""
+    """The overshoot of the current is not larger from far below than from nearby."""
     past = []
     for start in (2.5, 0.0):
         plant = welded(SOFT, start)
@@ -121,7 +121,7 @@ def test_in_voltage_mode_the_command_is_the_voltage() -> None:
     before = plant.psi
     for _ in range(4):
         plant.advance([30.0], 0.0)
-    # 0.2 ms at 30 V, less the winding's resistance.
+    # 0.2 ms at 30 V, minus the voltage of the winding's resistance.
     assert plant.psi - before == pytest.approx(0.2e-3 * 30.0, rel=0.01)
     for _ in range(6000):
         plant.advance([2.4], 0.0)
@@ -132,7 +132,7 @@ FREE: dict[str, Any] = OPEN_LOOP | {"body.stop_low_m": 0.1e-3, "body.stop_high_m
 
 
 def run_armature(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> FloatArray:
-    """Return gap and velocity without any current."""
+    """Return gap and velocity without current."""
     plant = bearing(FREE | changes)
     plant.place([GAP], [velocity])
     rows = []
@@ -170,7 +170,7 @@ def test_the_load_drive_renders_stiffness_around_the_operating_gap() -> None:
 
 
 def test_the_load_drive_knows_the_gap_in_steps_of_its_encoder() -> None:
-    """A spring that is held within a step of the encoder gives one force throughout."""
+    """A spring that moves within one encoder step gives a constant force."""
     steps = QUICK | {"load.stiffness_N_per_m": 1e6, "load.encoder_step_m": 1e-6}
     force = []
     for place in (GAP + 0.6e-6, GAP + 1.4e-6, GAP + 1.6e-6):

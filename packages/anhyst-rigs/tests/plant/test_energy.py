@@ -1,4 +1,4 @@
-"""What a magnet takes from its amplifier is heat and mechanical work, and nothing else."""
+"""Check that the electrical energy of a magnet equals heat plus mechanical work."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_over_a_closed_cycle_energy_is_heat_and_work(
     current, gap = mean + swing * np.sin(turn), GAP + moves * np.sin(turn + phase)
     force, psi, _ = Coil(make_iron_magnet(example_poles(), STEEL, 0.0, GAP)).run(current, gap).T
     ledger = Ledger(SHAPE, STEEL, current, gap, psi)
-    last = slice(samples, None)  # the first cycle leaves the demagnetised state
+    last = slice(samples, None)  # the first cycle starts from the demagnetised state
     electrical = float(middles(current[last]) @ np.diff(psi[last]))
     work = -float(middles(force[last]) @ np.diff(gap[last]))
     heat = ledger.heat[-1] - ledger.heat[samples]
@@ -56,7 +56,7 @@ def test_over_a_closed_cycle_energy_is_heat_and_work(
 
 @pytest.mark.parametrize("eddy_time", [0.0, 5e-5])
 def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
-    """An alternating voltage while the gap moves."""
+    """An alternating voltage is applied while the gap moves."""
     samples, period = 2000, 2e-2
     coil = Coil(make_iron_magnet(example_poles(), STEEL, eddy_time, GAP))
     h = period / samples
@@ -67,7 +67,7 @@ def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
         coil.step(voltage, at, h)
         rows.append((coil.current, coil.psi, coil.force, coil.energy, coil.heat))
     current, psi, force, energy, heat = np.array(rows).T
-    # An induced voltage drives currents round the iron, as if the winding carried this less.
+    # An induced voltage drives eddy currents, as if the winding current were reduced by this share.
     share = Shape(eddy_time=eddy_time).eddy_turns / SHAPE.turns**2
     speed = np.gradient(psi, h)
     ledger = Ledger(SHAPE, STEEL, current - share * speed, gap, psi)
@@ -87,14 +87,14 @@ def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
 
 
 def voice_coil() -> Poles:
-    """Return a core of the example in which 20 N/A are made of 10 mH."""
+    """Return an actuator with the core of the example, 20 N/A and 10 mH."""
     outer = example_poles().turns ** 2 / 10e-3
     bias = 20.0 * outer / example_poles().turns
     return replace(example_poles(), outer=outer, bias=bias, spring=bias**2 / outer)
 
 
 def test_a_voice_coil_gives_its_motion_what_its_amplifier_gave_less_the_heat_of_its_core() -> None:
-    """Driven by a voltage while it moves; the iron's heat from its own field and flux density."""
+    """A voltage is applied during a motion; the heat is computed from field and flux density."""
     poles, samples, h = voice_coil(), 4000, 5e-6
     coil, at = Coil(make_iron_magnet(poles, STEEL, 0.0, GAP)), GAP + 0.2e-3
     turn = 2.0 * math.pi * np.arange(3 * samples) / samples
@@ -153,7 +153,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
     assert isinstance(steel, CellSteel)
 
     def balance(substeps: int) -> tuple[float, float, float]:
-        """Of the third cycle what is left over, the heat of the iron and the work, J."""
+        """Return energy residual, heat of the iron and work of the third cycle, J."""
         step, period = rig.dt / substeps, 20e-3
         samples = round(period / step)
         turn = 2.0 * math.pi * np.arange(3 * samples + 1) / samples
@@ -172,7 +172,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
             begin = 2 * samples
             done = -float(middles(force[begin:]) @ np.diff(gap[begin:]))
             warmed = ledger.heat[-1] - ledger.heat[begin]
-            # What is stored comes again but for what the mean of the current still moves.
+            # The stored energy returns, except for the change of the mean current.
             kept = ledger.stored[-1] - ledger.stored[begin]
             left_over += energy[-1] - energy[begin] - (heat[-1] - heat[begin])
             left_over -= warmed + done + kept
@@ -186,7 +186,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
 
 
 def test_a_moving_bearing_keeps_its_energy() -> None:
-    """Winding against gravity and a guide, sub-step by sub-step; ends of the travel excluded."""
+    """The sub-steps balance winding, gravity and guide; end stops are excluded."""
     mass, damping = 2.0, 20.0
     plant = bearing(
         OPEN_LOOP
@@ -236,7 +236,7 @@ steels = st.builds(
 
 
 def straight(turns: list[tuple[float, float]], samples: int) -> tuple[FloatArray, FloatArray]:
-    """Return currents and gaps straight from turning point to turning point and back."""
+    """Return linear paths of current and gap between reversals and back."""
     ends = np.array([*turns, turns[0]])
     at = np.linspace(0.0, len(turns), samples * len(turns) + 1)
     current, gap = (np.interp(at, np.arange(len(ends)), ends[:, k]) for k in range(2))
@@ -255,7 +255,7 @@ def test_no_path_of_current_and_gap_makes_energy(
     electrical = np.cumsum(middles(current) * np.diff(psi))
     work = -np.cumsum(middles(force) * np.diff(gap))
     spent = electrical - work - (ledger.stored[1:] - ledger.stored[0])
-    # The plant finds its flux linkage to within 6 nWb.
+    # The flux linkage of the plant is accurate to 6 nWb.
     scale = 1e-12 + 1e-7 * np.max(np.abs(current))
     scale += 1e-3 * (np.max(ledger.stored) + ledger.heat[-1])
     assert np.all(np.isfinite(force))

@@ -1,4 +1,4 @@
-"""A magnet that holds its current loses the armature as fast as its negative stiffness says."""
+"""Check that an armature at constant current diverges at the rate of the negative stiffness."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ MASS = 2.0
 
 
 def stiffness(steel: CellSteel, current: float, gap: float, way: float) -> tuple[float, float]:
-    """Return pull and its change for each metre, N/m, if the gap moves that way after a rise."""
+    """Return pull and stiffness, N/m, for a motion of the gap in a direction after a rise of the
+    current."""
     magnet = OracleMagnet(Shape(), steel)
     force, _ = magnet.hold(current, gap)
     moved, _ = magnet.hold(current, gap + way)
@@ -53,7 +54,7 @@ def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
     grows = np.polynomial.Polynomial.fit(
         np.arange(len(away))[late] * 50e-6, np.log(away)[late], 1
     ).convert()
-    assert grows.coef[1] == pytest.approx(pole, rel=0.25)  # e^pt prevails over e^-pt
+    assert grows.coef[1] == pytest.approx(pole, rel=0.25)  # e^pt dominates e^-pt
 
 
 def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
@@ -61,7 +62,7 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
     force, slope = stiffness(example_steel(), current, GAP, way)
     turned = OracleMagnet(Shape(), example_steel())
     states = np.array([turned.hold(current, GAP), turned.hold(current - 1e-4, GAP)])
-    k_i, inductance = (states[0] - states[1]) / 1e-4  # as the gap opens, the flux falls
+    k_i, inductance = (states[0] - states[1]) / 1e-4  # the flux decreases as the gap opens
     linear = LinearBearing(MASS, float(k_i), -slope, float(inductance), 1.2)
     assert linear.voltage_drive_pole < 0.8 * linear.current_drive_pole
     held = {"amplifier.mode": "voltage", "amplifier.supply_V": 150.0, "amplifier.dac_bits": 24}
@@ -81,7 +82,7 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
 
 
 def test_in_balance_it_stays() -> None:
-    """Nothing but rounding drives it away."""
+    """Only rounding moves it."""
     plant = bearing(STIFF)
     plant.place([GAP], [0.0])
     plant.hold(2.8, 0)

@@ -1,4 +1,4 @@
-"""Irons of three families follow physics: energy, loops, memory, saturation; and their equations."""
+"""Test irons of three families: energy, loops, memory, saturation, and their equations."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ every = pytest.mark.parametrize("steel", WITH_CELLS.values(), ids=WITH_CELLS.key
 wiping = pytest.mark.parametrize("steel", WIPED_OUT.values(), ids=WIPED_OUT.keys())
 walking = pytest.mark.parametrize("steel", DUHEM.values(), ids=DUHEM.keys())
 turns = st.lists(st.floats(-6.0, 6.0), min_size=2, max_size=6)
-"""Of the field, in widths of the loop."""
+"""Reversals of the field, in loop widths."""
 names = st.sampled_from(sorted(WITH_CELLS))
 
 
@@ -91,7 +91,7 @@ def test_no_closed_cycle_gives_energy(name: str, ends: list[float]) -> None:
     density = piece.run(path)[:, 1]
     assert density[-1] == pytest.approx(begun, abs=1e-9 if name in WIPED_OUT else 2e-3)
     swing = float(np.ptp(path) * np.ptp(density))
-    # What a walk still moves takes field with it; trapezoids of 400 a leg cut corners.
+    # The remaining drift needs a field, and trapezoids with 400 steps per path cut corners.
     slack = 1e-9 + 1e-5 * swing + abs(density[-1] - begun) * float(np.max(np.abs(path)))
     assert work(path, density) > -slack
     if np.ptp(ends) > 4.0 and min(ends) < -2.0 < 2.0 < max(ends):
@@ -172,7 +172,7 @@ def test_a_small_loop_about_a_bias_closes_at_once(steel: AnySteel) -> None:
 
 @walking
 def test_a_small_loop_of_a_duhem_iron_walks_and_comes_to_rest(steel: DuhemSteel) -> None:
-    """What it has not: a turning point that is kept. The walk shrinks and is bounded."""
+    """A Duhem iron has no return-point memory; the drift decreases and is bounded."""
     unit = steel.coercivity_A_per_m
     density = run(steel, [unit * one for one in (6.0, 0.0, *(1.0, 0.0) * 400)])[1::2]
     walk = -np.diff(density)
@@ -223,7 +223,7 @@ def test_the_slope_is_that_of_the_way_ahead(steel: AnySteel) -> None:
         density, slope = piece.flux_density(field * unit)
         change = piece.flux_density(field * unit + ahead)[0] - density
         assert slope == pytest.approx(change / ahead, rel=1e-3)
-    assert piece.field == pytest.approx(3.0 * unit)  # nothing has moved
+    assert piece.field == pytest.approx(3.0 * unit)  # nothing has changed
 
 
 def test_more_turns_than_a_preisach_iron_can_keep_cost_nothing_and_move_nothing() -> None:

@@ -1,4 +1,4 @@
-"""Halving the sub-step divides the error by four."""
+"""Check that half the sub-step divides the error by four."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 EDDY = 20.0
-"""Of a law, A s/(m T)."""
+"""Eddy-current coefficient of a law, A s/(m T)."""
 VOLTAGES = ((60.0, 1.5e-3), (-40.0, 1.0e-3), (30.0, 1.0e-3))
-"""V and s; the field turns round at each jump and nowhere else."""
+"""V and s; the field reverses only at each jump."""
 
 
 def stepped(magnet: Magnet, steps: int, start: float = 0.0) -> FloatArray:
-    """Return linkage, current and pull at the end of each voltage; so many steps for 0.5 ms."""
+    """Return flux linkage, current and pull after each voltage, with the given steps per 0.5 ms."""
     coil = Coil(magnet)
     coil.hold(start, GAP)
     rows = []
@@ -81,7 +81,7 @@ def test_the_pull_of_a_law_converges_with_the_square_of_the_step(eddy: float) ->
 
 
 def test_eddy_currents_of_a_law_are_those_of_its_model() -> None:
-    """The same currents through the model, whose backward steps are of first order."""
+    """The model uses backward steps of first order for the same currents."""
     with_eddies = replace(model(), parameters={**model().parameters, "gamma": EDDY})
     start = float(model().interpolate_parameter("in_0", np.array([GAP]))[0])
     off = []
@@ -126,7 +126,7 @@ CASES = {
 
 
 def run(case: Case, substeps: int, lift: float) -> FloatArray:
-    """Return gap, velocity, force and current at each tick of 3 ms of moving commands."""
+    """Return gap, velocity, force and current at each tick of 3 ms of varying commands."""
     changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "body.gravity_m_per_s2": lift}
     plant = make_plant(
         rig(changes | case.changes | {"timing.substeps": substeps}), 0, *case.magnets
@@ -156,5 +156,5 @@ def test_the_whole_bearing_is_of_second_order(case: Case) -> None:
     order = -np.polynomial.polynomial.polyfit(np.log2(steps), np.log2(errors), 1)[1]
     assert np.all(order > 1.6)
     assert np.all(order < 2.5)
-    # 12.5 us, as the example steps: of what moves, a two parts in a thousand.
+    # 12.5 us, as in the example: two parts in a thousand of the motion.
     assert np.all(errors[1] < 2e-3 * np.ptp(finest, axis=0))

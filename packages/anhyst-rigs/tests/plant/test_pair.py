@@ -1,4 +1,4 @@
-"""Two magnets against each other: what one does is the mirror image of what the other does."""
+"""Check the symmetry of two opposing magnets."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_net_force_is_odd_in_displacement_and_in_the_difference_of_currents(
 
 
 def run_pair(side: float) -> tuple[FloatArray, FloatArray]:
-    """Return displacements and readings of 5 ms; side -1 with the roles of the magnets changed."""
+    """Return displacements and readings of 5 ms; side -1 exchanges the magnets."""
     swing = 0.4 * np.sin(0.3 * np.arange(100))
     plant = pair(2.5, 2.5, side * 1e-6)
     away, read = [], []
@@ -69,7 +69,7 @@ def test_a_mirrored_run_is_the_mirror_image() -> None:
     mirrored, mirrored_read = run_pair(-1.0)
     assert np.ptp(away) > 10e-6
     assert mirrored == pytest.approx(away, abs=1e-12)
-    # Each side by its own sensors: the same but for noise and steps of the converters.
+    # The readings of each side are equal except for noise and quantisation.
     assert np.max(np.abs(mirrored_read - read)[:, 1:3]) < 8.0 * 2.0 * 0.0005
 
 

@@ -1,4 +1,4 @@
-"""The plant makes the same runs, bit for bit, whatever compiled it and wherever it runs."""
+"""Check that runs of the plant are bit-identical for all compilers and processors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.plant.test_sanitized import sources
 pytestmark = pytest.mark.depends("core", "plant", "tests/core", "packages/anhyst-rigs/tests/plant")
 
 FLAGS = ("-O0", "-O2", "-O3", "-O3 -march=native")
-"""Ways to compile; a processor of one's own may fuse products into sums if it is let."""
+"""Compiler options; processors may fuse products into sums unless this is disabled."""
 
 RUNS = (
     "ok cells, 1 magnets, voltage, c3964ec9365790fa",
@@ -58,11 +58,11 @@ RUNS = (
     "ok cone, 2 magnets, current, b53be9103771ccfc",
     "ok cone, six axes, current, 473610ab66af2844",
 )
-"""What every build on every processor prints."""
+"""Output of every build on every processor."""
 
 
 def built(compiler: str, flags: str, folder: Path) -> Path:
-    """Compile core, plant and runs without fused products."""
+    """Compile core, plant and runs without fused multiply-add."""
     program = folder / "runs"
     command = [
         *compiler.split(),

@@ -1,4 +1,4 @@
-"""The plant's C under sanitizers, through commands of every size."""
+"""Run the plant's C code under sanitizers with commands of any size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CORE = (
     *("law/law_lag", "law/law_cells", "law/cells", "law/cell_table", "law/cell_shape"),
     *("law/solver", "law/branch", "law/langevin", "numeric/elementary"),
 )
-"""What of the core the plant stands on."""
+"""Sources of the core that the plant uses."""
 PLANT = (
     *("iron", "irons/cells", "irons/preisach", "irons/duhem"),
     *("solid", "cone", "magnet", "sensor", "held", "body"),
@@ -32,7 +32,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 
 
 def sources() -> list[str]:
-    """Return what a compiler is given: where headers are, and the sources of the runs."""
+    """Return the arguments of a compiler: include folders and sources of the runs."""
     folders = (ROOT / "core" / "include", ROOT / "plant" / "include", ROOT / "core" / "src")
     files = [
         *(ROOT / "core" / "src" / f"{name}.c" for name in CORE),

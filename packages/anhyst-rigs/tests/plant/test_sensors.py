@@ -1,4 +1,4 @@
-"""What the sensors make of gap, current, force and flux density."""
+"""Test the sensor models of gap, current, force and flux density."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from anhyst.support.numeric import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing
 
 STILL: dict[str, Any] = OPEN_LOOP | {"body.mass_kg": 1e12}
-"""Too heavy to be moved by a magnet, but for its own speed."""
+"""Too heavy to be accelerated by a magnet, but with an initial speed."""
 SHARP: dict[str, Any] = STILL | {
     "gap_sensor.noise_m": 0.0,
     "gap_sensor.step_m": 1e-13,
@@ -30,7 +30,7 @@ NAMES = ("gap", "current", "flux", "force")
 
 
 def seen(plant: Plant) -> tuple[float, float, float, float]:
-    """Return what the sensors of a bearing with one magnet say, as named above."""
+    """Return the sensor readings of a bearing with one magnet, by the names above."""
     (gap,), (current,), (flux,), force = plant.read()
     return gap, current, flux, force
 
@@ -89,7 +89,7 @@ def test_a_slow_sensor_lags_behind_a_ramp_by_its_time_constant() -> None:
 
 
 def phasor(values: FloatArray, turn: float) -> complex:
-    """Amplitude and phase of a sine over whole periods."""
+    """Return amplitude and phase of a sine over whole periods."""
     return complex(np.mean(values * np.exp(-1j * turn * np.arange(values.size)))) * 2.0
 
 
@@ -143,7 +143,7 @@ def test_noise_is_normal_white_and_as_large_as_it_should_be() -> None:
         assert abs(np.mean(noise[1:] * noise[:-1])) < 0.05
         assert abs(np.mean(noise**3)) < 0.15
     cross = np.corrcoef(noises)
-    assert np.max(np.abs(cross - np.eye(4))) < 0.05  # every sensor has its own
+    assert np.max(np.abs(cross - np.eye(4))) < 0.05  # independent noise of all sensors
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:

@@ -1,4 +1,4 @@
-"""A body of six coordinates on ten magnets: it keeps its energy and moves as a rigid body does."""
+"""Test a body with six degrees of freedom and ten magnets: energy and rigid-body motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PHASES = 2.0 * np.pi * np.arange(10) * 0.37
 
 @dataclass(frozen=True)
 class Path:
-    """A run, a row a sub-step."""
+    """A run with one row per sub-step."""
 
     pose: FloatArray  # shape (n + 1, 6)
     velocity: FloatArray
@@ -33,7 +33,7 @@ class Path:
 
 
 def run(plant: Plant, commands: FloatArray) -> Path:
-    """Apply commands, a row a tick."""
+    """Apply commands, one row per tick."""
     rows = [(plant.pose, plant.velocities, plant.coils())]
     for command in commands:
         plant.advance(command.tolist(), 0.0)
@@ -42,7 +42,7 @@ def run(plant: Plant, commands: FloatArray) -> Path:
 
 
 def balance(samples: int) -> dict[str, float]:
-    """Return where the energy of the third of three equal cycles goes, J."""
+    """Return the energy balance of the third of three equal cycles, J."""
     plant = SPRUNG.plant(samples / PERIOD, "voltage")
     for magnet in range(len(LINES)):
         plant.hold(2.0, magnet)
@@ -79,7 +79,7 @@ def balance(samples: int) -> dict[str, float]:
 
 
 def test_over_a_cycle_of_six_axes_energy_is_heat_and_motion() -> None:
-    """What is left over is a part in 1e4 of the iron's heat, a quarter with half the step."""
+    """The residual is 1e-4 of the iron's heat, and a quarter of it with half the step."""
     coarse, fine = balance(400), balance(800)
 
     def left_over(parts: dict[str, float]) -> float:
@@ -97,7 +97,7 @@ def test_over_a_cycle_of_six_axes_energy_is_heat_and_motion() -> None:
 
 
 def fly(body: Body, scale: float, seconds: float = 8e-3) -> tuple[Path, FloatArray]:
-    """Let it go under moving currents; return the run and its instants."""
+    """Release the body under varying currents; return the run and its times."""
     rate = 160e3
     plant = body.plant(rate)
     time = np.arange(round(seconds * rate) + 1) / rate
@@ -108,7 +108,8 @@ def fly(body: Body, scale: float, seconds: float = 8e-3) -> tuple[Path, FloatArr
 
 
 def rigid(body: Body, pulls: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return pose and gaps of a body under such pulls: any angle, gyroscopic moments, true faces."""
+    """Return pose and gaps of a rigid body under given pulls, for any angle and with gyroscopic
+    moments."""
     pull = CubicSpline(time, pulls)
     places, normals = np.array([one[0] for one in LINES]), np.array([one[1] for one in LINES])
     centre = np.array(body.centre)
@@ -144,7 +145,8 @@ def rigid(body: Body, pulls: FloatArray, time: FloatArray) -> tuple[FloatArray, 
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.3, 0.1])
 def test_a_body_moves_as_newton_and_euler_say_but_for_squares_of_its_angles(scale: float) -> None:
-    """At half a milliradian a pose to a part in a thousand, gaps to 60 nm; at a tenth a hundredth."""
+    """At 0.5 mrad the pose is accurate to 0.1 % and gaps to 60 nm; at a tenth to a hundredth of
+    this."""
     body = replace(HEAVY, gravity=(0.0, 0.0, scale * HEAVY.gravity[2]))
     path, time = fly(body, scale)
     pose, gaps = rigid(body, path.coils[:, :, 3], time)
@@ -156,7 +158,7 @@ def test_a_body_moves_as_newton_and_euler_say_but_for_squares_of_its_angles(scal
 
 
 def test_on_a_hinge_a_body_turns_about_it_and_not_about_its_centre() -> None:
-    """Its weight turns it: half of m*g*c/(J + m*c^2) times the square of the time."""
+    """Its weight rotates it by half of m*g*c/(J + m*c^2) times the square of the time."""
     body = replace(HEAVY, axes=(4,), centre=(0.05, 0.0, 0.0), gravity=(0.0, 0.0, -1e-2))
     plant = body.plant(20e3)
     for _ in range(200):
@@ -168,7 +170,7 @@ def test_on_a_hinge_a_body_turns_about_it_and_not_about_its_centre() -> None:
 
 
 def test_a_body_on_a_cable_alone_swings_as_its_linear_equations_say() -> None:
-    """Half of the step leaves a quarter of the error."""
+    """Half the step leaves a quarter of the error."""
     body, seconds = replace(HEAVY, gravity=(0.0, 0.0, 0.0), cable=(4e5, 1500.0)), 8e-3
     pose = np.array([2e-5, -3e-5, 5e-5, 2e-4, -1e-4, 3e-4])
     pushed = -np.linalg.solve(body.mass_matrix(), body.tie())
@@ -187,7 +189,7 @@ def test_a_body_on_a_cable_alone_swings_as_its_linear_equations_say() -> None:
 
 
 def test_heads_show_where_the_body_stands() -> None:
-    """Six of the places of its magnets; small angles put them together linearly."""
+    """Six heads at points of the magnets; small angles combine linearly."""
     plant = HEAVY.plant(20e3)
     pose = np.array([2e-6, -3e-6, 5e-6, 4e-5, -6e-5, 3e-5])
     plant.place(pose.tolist(), [0.0] * 6)

@@ -1,4 +1,5 @@
-"""Solid iron of the virtual plant: diffusion into every family, against what is known exactly."""
+"""Test diffusion into the solid iron of the virtual plant for all families, against exact
+solutions."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ LINEAR = CellSteel(
     saturation_slow_T=1e-6,
     knee_slow_A_per_m=1e9,
 )
-MU = MU_0 + 1e-6  # of it, T m/A
+MU = MU_0 + 1e-6  # of the iron, T m/A
 
 
 def coil(steel: AnySteel, solid: SolidIron | None = PART, poles: Poles | None = None) -> Coil:
@@ -37,7 +38,7 @@ def coil(steel: AnySteel, solid: SolidIron | None = PART, poles: Poles | None = 
 
 
 def answer(hertz: float, volumes: int, samples: int) -> complex:
-    """Return psi over a sinusoidal current of a core that is all solid, its gap next to nothing."""
+    """Return flux linkage over a sinusoidal current for a solid core with almost no gap."""
     poles = Poles(100, 1.0, 0.02, 0.02, 0.0, 0.2)
     core = coil(LINEAR, SolidIron(0.2, 5e-3, 5e6, volumes), poles)
     turn = 2.0 * np.pi * np.arange(3 * samples) / samples
@@ -59,7 +60,7 @@ def test_a_linear_slab_answers_as_the_exact_one(corners: float) -> None:
 
 @pytest.mark.parametrize("steel", WITH_CELLS.values(), ids=WITH_CELLS)
 def test_held_long_enough_it_is_sheets(steel: AnySteel) -> None:
-    """Every volume, and the sheets beside them, end on one branch where nothing is induced."""
+    """All volumes and the laminated part end on one branch, without induced currents."""
     solid, thin = coil(steel), coil(steel, None)
     for amperes in (3.0, 0.5, 2.2, 1.1, 0.0, 2.8):
         for one in np.linspace(solid.current, amperes, 40)[1:].tolist():
@@ -79,7 +80,7 @@ def test_fast_loops_are_higher_and_slow_ones_are_not(steel: AnySteel) -> None:
             magnet.lead(amperes, GAP, 1.0 / (400 * hertz))
             force.append(magnet.force)
         last = np.array(force[-400:])
-        return float(last[200] - last[0])  # falling less rising, in the middle
+        return float(last[200] - last[0])  # descending minus ascending, in the middle
 
     still = height(50.0, None)
     assert height(1e-3, PART) == pytest.approx(still, abs=0.02)
@@ -101,7 +102,7 @@ def test_fast_loops_are_higher_and_slow_ones_are_not(steel: AnySteel) -> None:
 def test_no_path_gives_back_more_than_it_took(
     name: str, part: float, depth: float, path: list[tuple[float, float, float]]
 ) -> None:
-    """From the demagnetised state and back to no current; the gap stands still."""
+    """The path begins demagnetised and returns to zero current at a constant gap."""
     poles = example_poles()
     magnet = coil(WITH_CELLS[name], SolidIron(part * poles.iron_length, depth, 5e6))
     gap, taken, turned = path[0][1], 0.0, 0.0
@@ -110,7 +111,7 @@ def test_no_path_gives_back_more_than_it_took(
         for one in np.linspace(magnet.current, amperes, 7)[1:].tolist():
             psi = magnet.psi
             magnet.lead(one, gap, seconds / 6)
-            taken += one * (magnet.psi - psi)  # as an implicit step sees it: never too little
+            taken += one * (magnet.psi - psi)  # as in an implicit step: never too small
             turned += abs(one * (magnet.psi - psi))
     assert math.isfinite(magnet.force)
     assert taken > -1e-6 * (turned + 1e-9)
@@ -128,7 +129,7 @@ def test_flux_linkage_is_that_of_the_iron_and_finer_steps_lead_to_the_same_place
             for _ in range(steps):
                 magnet.step(voltage, GAP, seconds / steps)
             rows.append((magnet.psi, magnet.current, magnet.force))
-            # What leaves the poles is what the winding links, but for leakage.
+            # The flux of the poles is the linked flux minus the leakage.
             outside = 2.0 * GAP / (MU_0 * (poles.width + GAP) * (poles.depth + GAP))
             share = 1.0 / (1.0 + outside * poles.leakage)
             density = magnet.psi / poles.turns * share

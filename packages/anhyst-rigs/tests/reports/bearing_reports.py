@@ -21,7 +21,7 @@ from anhyst_rigs.rig.recording import COLUMNS, Recording
 from anhyst_rigs.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst_rigs.study.bearing.linear import Margins
 from anhyst_rigs.study.bearing.responses import StepCell, group_by_step
-from anhyst_rigs.study.benefit import STEP_METRICS, Benefit, Comparison, IronFigures, MapCell
+from anhyst_rigs.study.benefit import STEP_METRICS, Benefit, MethodComparison, IronFigures, MapCell
 from anhyst_rigs.study.engine.table import Interval, MeanRatio
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS
 from tests.repository import ROOT
@@ -148,10 +148,10 @@ def gains() -> Benefit:
     return Benefit("rig", 20, cells)
 
 
-def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[str, Comparison]:
+def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[str, MethodComparison]:
     gain = certain or ratio < 0.95
     difference = Interval(1.0, 0.1 if gain else 2.0, 20)
-    one = Comparison(baseline, MeanRatio(ratio, 0.5 * ratio, 2.0 * ratio), difference)
+    one = MethodComparison(baseline, MeanRatio(ratio, 0.5 * ratio, 2.0 * ratio), difference)
     return dict.fromkeys([metric.key for metric in STEP_METRICS], one)
 
 

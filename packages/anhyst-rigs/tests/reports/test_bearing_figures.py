@@ -36,7 +36,7 @@ from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.magnet_table import OPENS_GAP, LikeTable
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
-from anhyst_rigs.study.benefit import STEP_METRICS, Comparison
+from anhyst_rigs.study.benefit import STEP_METRICS, MethodComparison
 from anhyst_rigs.study.engine.table import Interval
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (
@@ -194,7 +194,7 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(
         off = np.asarray(line.get_ydata())
         assert off.max() == pytest.approx(OVERSHOOT[name][0][0], abs=0.5)
     assert below.get_ylim()[1] > OVERSHOOT["ratio"][0][0]
-    assert below.get_ylabel() == "off (% of height)"
+    assert below.get_ylabel() == "deviation (% of height)"
 
 
 def test_forces_show_the_error_of_what_is_shown(runs: dict[MethodName, Recording]) -> None:
@@ -290,7 +290,7 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
         )
         assert comparison.outcome == outcome
         iron = replace(found.cells[0].iron, reversible_fraction=0.1 * place)
-        ratio: Mapping[str, Comparison] = {"overshoot_percent": comparison}
+        ratio: Mapping[str, MethodComparison] = {"overshoot_percent": comparison}
         cells.append(replace(found.cells[0], iron=iron, ratio=ratio, strongest={}))
     figure = figure_benefit(replace(found, cells=tuple(cells)), STEP_METRICS[0])
     (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left"))
@@ -298,7 +298,7 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
     assert len(hatches) == len(ax.patches) == 3
     (legend,) = figure.legends
     assert {patch.get_hatch() for patch in legend.get_patches()} == hatches
-    assert "certain loss" in {text.get_text() for text in legend.get_texts()}
+    assert "significant loss" in {text.get_text() for text in legend.get_texts()}
 
 
 def test_nothing_on_the_front_is_beaten() -> None:

@@ -1,4 +1,4 @@
-"""A force rig whose program is found and built once for all tests."""
+"""Provide a force rig whose program is built once for all tests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def example() -> ForceControlRig:
 
 
 def program(factory: pytest.TempPathFactory, board: str = "library") -> Program:
-    """Of the end of the stroke alone, which is identified soon."""
+    """Build a program for the end of the stroke only, which is identified quickly."""
 
     def make(folder: Path) -> None:
         model = truth("solenoid-end")
@@ -34,6 +34,6 @@ def program(factory: pytest.TempPathFactory, board: str = "library") -> Program:
 
 
 def load(folder: Path) -> Program:
-    """Return the program that lies in a folder."""
+    """Return the program that is stored in a folder."""
     found: Program = pickle.loads((folder / "program").read_bytes())
     return replace(found, firmware=folder / "firmware")

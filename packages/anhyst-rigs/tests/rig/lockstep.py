@@ -1,4 +1,4 @@
-"""A bearing stepped tick by tick in Python, as the plant bus knows it: what the loop in C is held to."""
+"""Step a bearing tick by tick in Python as a reference for the loop in C."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from anhyst_rigs.rig.plant import current_controllers, make_plant
 
 
 class SteppedBearing:
-    """Signals as fractions of full scale."""
+    """A plant for the plant bus, with signals as fractions of full scale."""
 
     def __init__(self, setup: BearingSetup, seed: int = 0) -> None:
         self.bearing = make_plant(setup.rig, seed)
@@ -21,12 +21,12 @@ class SteppedBearing:
         self._last: float | None = None
 
     def amperes(self, drives: tuple[float, ...]) -> list[float]:
-        """Return what fractions of full scale are, A."""
+        """Convert fractions of full scale to A."""
         return [drive * self._scales["current_full"] for drive in drives[: len(self._read)]]
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Go on with the currents of the tick before, and read the sensors."""
-        del tick  # the bearing counts for itself
+        """Advance with the currents of the last tick, and read the sensors."""
+        del tick  # the bearing counts its own ticks
         if self._last is not None:
             self.bearing.advance(self._amplifiers(self.amperes(currents)), self._last)
         self._last = self.load
@@ -41,7 +41,7 @@ class SteppedBearing:
         )
 
     def _amplifiers(self, reference: list[float]) -> list[float]:
-        """Return the references, or voltages that bring them about, as the amplifiers need."""
+        """Return the inputs of the amplifiers: current references, or voltages that achieve them."""
         loop = self._loop
         if loop["gain"] == 0.0:
             return reference

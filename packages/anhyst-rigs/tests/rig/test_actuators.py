@@ -1,4 +1,4 @@
-"""The virtual plants follow physics, whatever a model says of them."""
+"""Check that virtual plants obey physics, independently of models."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_a_loop_of_iron_costs_energy() -> None:
     density = np.array(walk(iron, cycle.tolist()))
     field, loop = cycle[1000:], density[1000:]
     heat = np.sum(0.5 * (field[1:] + field[:-1]) * np.diff(loop))
-    assert heat > 100.0  # J/m^3 a cycle
+    assert heat > 100.0  # J/m^3 per cycle
     iron.demagnetise()
     assert iron.flux_density(0.0)[0] == 0.0
 
@@ -108,7 +108,8 @@ def solenoid() -> Coil:
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_the_pull_of_a_solenoid_is_the_coenergy_that_its_gap_gives_up(gap: float) -> None:
-    """And its flux uses up the ampere-turns, the cone saturated or not; both written again."""
+    """Its flux also fits the ampere-turns, with and without a saturated cone; computed
+    independently."""
     ours, again, rng = solenoid(), OracleSolenoid(STEEL, PATH, CIRCUIT), np.random.default_rng(1)
     for current in (1.2, 0.0, *rng.uniform(-1.2, 1.2, 30).tolist()):
         expected = again.step(current, gap)
@@ -120,7 +121,7 @@ def test_the_pull_of_a_solenoid_is_the_coenergy_that_its_gap_gives_up(gap: float
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_a_cone_that_saturates_for_good_is_left_and_entered_in_jumps(gap: float) -> None:
-    """Newton's steps from there may go to and fro between both ends for ever."""
+    """Newton steps from there may alternate between both ends."""
     other = {"face_area_m2": 6e-6, "leakage_H": 0.0, "cone_clearance_m": 1e-4}
     circuit = CIRCUIT.model_copy(update=other)
     ours, again = (
@@ -152,11 +153,11 @@ def test_a_solenoid_may_be_stepped_coarsely_and_in_both_directions_of_the_gap() 
     assert coarse.force == pytest.approx(fine.force, rel=1e-9)
     nearer = coarse.hold(1.0, 0.8e-3)
     assert nearer > fine.force
-    assert coarse.hold(1.0, 1e-3) > fine.force  # what the flux was, the iron remembers
+    assert coarse.hold(1.0, 1e-3) > fine.force  # the iron remembers the former flux
 
 
 def test_a_solenoid_on_a_voltage_gives_its_plunger_what_it_took_less_the_heat_of_its_iron() -> None:
-    """Over the last of three closed cycles; its iron's heat from its own field and flux density."""
+    """In the last of three closed cycles; the heat is computed from field and flux density."""
     samples, h = 2000, 1e-4
     coil, turn = solenoid(), 2.0 * np.pi * np.arange(3 * samples + 1) / samples
     gap = 1.6e-3 + 0.6e-3 * np.sin(turn)
@@ -191,7 +192,7 @@ def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_fo
     rig: ForceControlRig,
 ) -> None:
     rng, ticks = np.random.default_rng(2), 400
-    reference = np.repeat(rng.uniform(-0.2, 1.5, ticks // 20), 20)  # beyond both ends too
+    reference = np.repeat(rng.uniform(-0.2, 1.5, ticks // 20), 20)  # also beyond both ends
     gap, noise = rng.uniform(1e-3, 3e-3, ticks), 1e-3 * rng.standard_normal((ticks, 3))
     found = rig.make_plant().run(reference, gap, noise)
     assert found[:, 0].tolist() == currents(rig.amplifier_parameters(), reference)
@@ -205,7 +206,7 @@ def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_fo
         pairs = zip(values.tolist(), noise[:, n].tolist(), strict=True)
         assert found[:, 2 + n].tolist() == [sensor.read(*one) for one in pairs], name
     assert found[:, 0].max() < 1.2  # the zero of its shunt is an error of the current
-    assert (found[:, 0] == 0.0).any()  # which never is below zero
+    assert (found[:, 0] == 0.0).any()  # the current is never negative
 
 
 def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits(rig: ForceControlRig) -> None:
@@ -219,7 +220,8 @@ def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits(rig: ForceC
 
     slow = step(share=0.25, most=1e9, zero=0.0)
     assert slow[:2].tolist() == [0.0, 0.0]
-    assert slow[2:5] == pytest.approx([0.25, 0.4375, 0.578125], abs=3e-4)  # steps of the converter
+    # quantised by the converter
+    assert slow[2:5] == pytest.approx([0.25, 0.4375, 0.578125], abs=3e-4)
     limited = step(share=1.0, most=0.02, zero=0.0)
     assert limited[2:] == pytest.approx(np.minimum(0.02 * np.arange(1, 59), 1.0), abs=3e-4)
     assert step(share=1.0, most=1e9, zero=0.004)[-1] == pytest.approx(0.996, abs=3e-4)
@@ -229,9 +231,8 @@ def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
     numbers = {"low": -10.0, "high": 10.0, "step": 20.0 / (2**24 - 1), "gain": 1.0, "share": 1.0}
     noisy = numbers | {"offset": 0.1, "noise": 0.2, "delay": 0}
     many = NoisySensor(noisy, [5]).read(np.ones(20_000))
-    assert (
-        many[:1].tolist() == NoisySensor(noisy, [5]).read(np.ones(1)).tolist()
-    )  # the seed decides
+    # depends on the seed
+    assert many[:1].tolist() == NoisySensor(noisy, [5]).read(np.ones(1)).tolist()
     assert many.mean() == pytest.approx(1.1, abs=0.01)
     assert many.std() == pytest.approx(0.2, rel=0.03)
     assert NoisySensor(noisy, [6]).read(np.ones(1))[0] != many[0]

@@ -1,4 +1,4 @@
-"""Every kind of plant, amplifier, load and sensor runs in the loop."""
+"""Run every kind of plant, amplifier, load and sensor in the loop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FULL = bearings.single
 def levitate(
     rig: BodyRig, seconds: float = 0.3, setup: BearingSetup | None = None
 ) -> tuple[Recording, Recording]:
-    """Lift, hold, step up, land; return the levitating plant and what holds its position."""
+    """Lift, hold, step up and land; return the levitated plant and the recording."""
     setup = setup or BearingSetup(rig, FULL().compensator, FULL().controller)
     script = bearings.lifted(setup)
     begin = script.ticks
@@ -54,7 +54,7 @@ def levitate(
 
 
 def holds(still: Recording, load: float, most: float) -> None:
-    """Hold the gap within `most`, carry the load."""
+    """Check that the gap stays within `most` and that the load is carried."""
     assert set(still["state"]) == {HOVER_CODE}
     assert np.abs(still["gap_m"] - GAP).max() < most
     assert still["force_N"].mean() == pytest.approx(load, abs=0.2)
@@ -123,7 +123,7 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
 
 
 def test_a_late_amplifier_is_a_late_output() -> None:
-    """Half a tick of computing and half a tick of amplifier are one tick: to the bit."""
+    """Half a tick of computing and half a tick of the amplifier equal one tick, bit for bit."""
     late = {"timing.delay_ticks": 0.5, "amplifier.delay_s": 25e-6}
     records = [
         levitate(rig)[0] for rig in (bearings.example(), change_rig(bearings.example(), late))
@@ -158,7 +158,7 @@ def test_disturbances_push_as_they_say() -> None:
 
 
 def test_a_rendered_load_pushes_back() -> None:
-    """Its stiffness pulls the armature to where it rests; its damping takes from a movement."""
+    """Its stiffness pulls the armature to its rest position, and its damping opposes motion."""
     changes = {"load.stiffness_N_per_m": 5e4}
     recording, _ = levitate(change_rig(bearings.example(), changes))
     up = recording.slice_ticks(len(recording) - 10000 - 2000, len(recording) - 10000)
@@ -169,7 +169,7 @@ def test_a_rendered_load_pushes_back() -> None:
 
 @pytest.fixture
 def law(tmp_path: Path) -> BodyRig:
-    """A magnet whose force the model identified from the example makes."""
+    """Return a rig whose magnet has the force of the model identified from the example."""
     write_model(bearings.knowledge().model, tmp_path / "model.toml")
     table = bearings.example().flux_linkage
     current, gap = np.meshgrid(table.current, table.gap)
@@ -190,10 +190,10 @@ def with_table(rig: BodyRig) -> BodyRig:
 def test_an_identified_law_makes_the_force(
     law: BodyRig, change: Callable[[BodyRig], BodyRig]
 ) -> None:
-    """The controller meets its own model as the truth: the demand is the force then.
+    """The controller's model is the plant, so that demand and force are equal.
 
-    Without noise: its peaks would move the play of the compensator, which sees the reference, by
-    more than that of the magnet, which sees what the amplifier makes of it.
+    There is no noise. Its peaks would move the play of the compensator, which uses the reference,
+    by more than the play of the magnet, which uses the amplifier's current.
     """
     silent = {
         "gap_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),

@@ -1,4 +1,4 @@
-"""The virtual bench: what the lock-step run in Python gives, bit for bit, however it is advanced."""
+"""Check that the virtual bench gives the bits of a lock-step run in Python, for any chunks."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def column(bench: BearingBench, rows: FloatArray, name: str) -> FloatArray:
 
 
 def follow(bench: BearingBench, scenario: Scenario, pieces: np.random.Generator) -> FloatArray:
-    """Run a scenario in pieces of any length between what happens in it."""
+    """Run a scenario in pieces of arbitrary length between its events."""
     happens = np.flatnonzero(
         (scenario.command != 0)
         | (np.diff(scenario.target, prepend=np.nan) != 0.0)
@@ -79,7 +79,8 @@ def follow(bench: BearingBench, scenario: Scenario, pieces: np.random.Generator)
 
 
 def stepped(setup: BearingSetup, firmware: Path, scenario: Scenario) -> FloatArray:
-    """Return gap, speed, both currents, state and fault of a scenario, tick by tick in Python."""
+    """Return gap, speed, both currents, state and fault of a scenario, computed tick by tick in
+    Python."""
     plant, rows, goal = SteppedBearing(setup), [], None
     full = setup.position_control.settings("fixed")
     with run_library(firmware, plant) as running, ControllerLink(running.link) as link:
@@ -100,7 +101,7 @@ def stepped(setup: BearingSetup, firmware: Path, scenario: Scenario) -> FloatArr
 
 
 def check_same_bits(setup: BearingSetup, firmware: Path) -> None:
-    """Hold a run on the bench, in pieces, to the same run tick by tick in Python."""
+    """Compare a run on the bench, in pieces, with the same run tick by tick in Python."""
     load = setup.rig.settings.load.force_N
     script = ScenarioBuilder(setup.rig, GAP).hold(0.006).command(Command.DEMAGNETISED).hold(0.001)
     script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
@@ -135,7 +136,7 @@ def test_a_bench_of_a_pair_does_so_too(tmp_path: Path) -> None:
 
 
 def flight(bench: BearingBench, gap: float) -> Iterator[FloatArray]:
-    """Lift, and go to a gap, piece by piece."""
+    """Lift, and go to a gap, in pieces."""
     yield bench.advance(UP)
     bench.command(Command.DEMAGNETISED)
     bench.command(Command.LIFT)
@@ -190,7 +191,7 @@ def test_a_load_and_parameters_act_from_one_tick_on(bench: BearingBench) -> None
     assert first == before + 1
     rows = bench.advance(2000)
     load = column(bench, rows, "load")
-    assert load[0] == pytest.approx(150.0, abs=1.0)  # at the beginning of the first tick
+    assert load[0] == pytest.approx(150.0, abs=1.0)  # at the start of the first tick
     assert abs(load[1] - load[0]) > 10.0 * abs(load[0] - 150.0)
     assert np.ptp(load[1000:]) > 15.0
     assert {one.name: one.value for one in bench.parameters()}["disturbance_force"] == 10.0
@@ -216,7 +217,7 @@ def test_of_parameters_that_do_not_fit_none_is_applied(bench: BearingBench) -> N
 
 
 def overshoots(bench: BearingBench) -> list[float]:
-    """Return the overshoot of a step of 20 um up and one down, % of it."""
+    """Return the overshoots of a step of 20 um up and down, % of it."""
     found = []
     for start, end in ((GAP, GAP - 20e-6), (GAP - 20e-6, GAP)):
         bench.demand(end)
@@ -232,7 +233,7 @@ def test_switching_the_compensation_off_shows_a_larger_overshoot(bench: BearingB
         assert bench.apply({"compensation": compensation}) == bench.tick + 1
         bench.advance(3000)
         shown[compensation] = overshoots(bench)
-    assert max(shown[1]) < 0.5  # and again, after it was off
+    assert max(shown[1]) < 0.5  # again, after it was inactive
     assert min(shown[0]) > 4.0
 
 
@@ -330,8 +331,8 @@ def test_a_refused_command_says_why_and_changes_nothing(bench: BearingBench) -> 
 def test_the_heartbeat_counts_ticks_and_stands_with_them(bench: BearingBench) -> None:
     lift(bench)
     bench.advance(UP)
-    time.sleep(0.3)  # three times what the controller waits, of the clock
-    rows = bench.advance(8000)  # four times, of virtual time
+    time.sleep(0.3)  # three times the controller's timeout, on the clock
+    rows = bench.advance(8000)  # four times the timeout, in virtual time
     assert (column(bench, rows, "state") == State.RUN).all()
 
 

@@ -1,4 +1,4 @@
-"""Files of a bearing: read whole, written back, and reported by line where they are wrong."""
+"""Check files of a bearing: reading, writing, and error messages with line numbers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def change(path: Path, old: str, new: str) -> int:
-    """Change a piece of text and return its line."""
+    """Replace a piece of text and return its line."""
     text = path.read_text()
     assert text.count(old) >= 1, old
     path.write_text(text.replace(old, new, 1))
@@ -484,7 +484,7 @@ def test_gains_that_fixed_point_cannot_hold_are_reported_with_their_key(folder: 
     line = change(path, "bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")
     rig, where = read_bearing(folder / "rig.toml"), f"{path}:{line}: "
     loops = read_loops(EXAMPLE / "loops.csv")
-    known = IdentifiedMagnet(loops, cast(Model, None))  # no variant below looks at a model
+    known = IdentifiedMagnet(loops, cast(Model, None))  # no variant below uses a model
     with refused(f"too-large-for-fixed-point design.bandwidth_Hz: {where}"):
         make_setups(rig, read_controller(path), known, ("single-valued",))
     change(path, 'format = "fixed"', 'format = "f64"')

@@ -1,4 +1,4 @@
-"""Every key of a file has its place in the page about that file, and the page names no other."""
+"""Check that the pages of the files describe every key and no other."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def tables(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def described(page: str) -> set[str]:
-    """Return what a page names as keys."""
+    """Return all keys that a page mentions."""
     text = (DOCS / page).read_text(encoding="utf-8")
     return {part for name in re.findall(r"`([\w.-]+)`", text) for part in name.split(".")}
 
 
 def listed(page: str) -> set[str]:
-    """Return the keys that have rows of their own in the tables of a page."""
+    """Return the keys with their own rows in the tables of a page."""
     return {
         name
         for line in (DOCS / page).read_text(encoding="utf-8").splitlines()

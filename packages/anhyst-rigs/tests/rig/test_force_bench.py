@@ -1,4 +1,4 @@
-"""The virtual bench of a force rig: its firmware led along a demand, and operated by hand."""
+"""Test the virtual bench of a force rig: a demand through its firmware, and manual operation."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_firmware_drives_what_its_simulated_program_gives(
     stand = ActuatorStand(rig, [2, 0])
     found, session = run_firmware(rig, program, stand, gap, demand, "library", is_demagnetised=True)
     assert count_differing_ticks(program, session) == 0
-    # Nothing moved before the run: its commands alone make the currents and forces.
+    # Nothing moved before the run, so its commands alone determine currents and forces.
     alone = run_open_loop(ActuatorStand(rig, [2, 0]), gap, found["command_A"])
     for name in ("t_s", "command_A", "current_A", "force_N", "gap_m"):
         assert (found[name] == alone[name]).all(), name
@@ -146,7 +146,7 @@ def test_a_force_is_held_for_longer_than_the_heartbeat_of_its_operator(bench: Fo
 
 
 class BrokenSensor(StandPlant):
-    """A plant whose sensor of the current breaks while it runs."""
+    """A plant whose current sensor fails during the run."""
 
     change: Callable[[float], float] = staticmethod(lambda current: current)
 

@@ -1,4 +1,4 @@
-"""Rig files: read whole, and reported by line and key where something is wrong with them."""
+"""Check rig files of force control: reading, and error messages with line and key."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_an_unknown_key_is_reported_with_its_line_and_the_nearest_known_one(rig:
         read_rig(rig)
     text = str(caught.value)
     assert text.startswith(f"{rig}:{line}: ")
-    assert "amplifier[1].dac_bits (line" in text  # and that one is missing
+    assert "amplifier[1].dac_bits (line" in text  # this one is missing
 
 
 def test_a_key_inside_a_list_of_tables_is_reported_too(rig: Path) -> None:

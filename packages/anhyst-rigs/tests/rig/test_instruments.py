@@ -1,4 +1,4 @@
-"""Parts of a rig: demands, baselines, the bench."""
+"""Test parts of a force rig: demands, baselines and the bench."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def rig() -> ForceControlRig:
 
 
 def loopset(*pairs: tuple[float, float]) -> Loops:
-    """Loops that are lines in force, shifted by half their width in current, at each gap."""
+    """Return loops that are linear in force, shifted by half their width in current, at each gap."""
     force = np.concatenate([np.linspace(0.0, 50.0, 201), np.linspace(50.0, 0.0, 201)])
     side = np.repeat([1.0, -1.0], 201)
     loops = [
@@ -58,7 +58,7 @@ def test_a_triangle_turns_where_it_says_after_its_lead_in() -> None:
     turns = np.flatnonzero(np.diff(np.sign(np.diff(proper))))
     assert (turns + 1).tolist() == [50, 100, 150, 200, 250]
     assert demand.force[0] == 0.0
-    assert np.abs(np.diff(demand.force)).max() < 1.0  # the lead-in meets it
+    assert np.abs(np.diff(demand.force)).max() < 1.0  # continues the lead-in
 
 
 def test_a_demand_that_begins_at_zero_has_a_flat_lead_in() -> None:
@@ -134,7 +134,7 @@ def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(
         stand.apply_random_history(gap[0])
     one, two, other = (run_open_loop(stand, gap, reference) for stand in stands)
     assert one["force_read_N"].tolist() == two["force_read_N"].tolist()
-    assert one["force_N"].tolist() != other["force_N"].tolist()  # another unknown past
+    assert one["force_N"].tolist() != other["force_N"].tolist()  # another unknown history
     assert one["gap_m"].tolist() == gap.tolist()
     assert one["gap_read_m"].tolist() == rig.make_sensors([1])["gap"].read(gap).tolist()
     apart = one["force_read_N"][5:] - one["force_N"][5:]

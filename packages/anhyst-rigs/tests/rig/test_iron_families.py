@@ -1,4 +1,4 @@
-"""Rig files whose iron is of another family than cells: read, checked, simulated."""
+"""Test rig files with irons of families other than cells: reading, checks and simulation."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ every = pytest.mark.parametrize("name", STEELS)
 
 
 def keys_of(name: str) -> str:
-    """Return what stands in the table of an iron."""
+    """Return the keys of an iron's table."""
     found = re.search(rf"^\[{name}\].*?\n(.*?)(?=^\[|\Z)", TEXT, re.M | re.S)
     assert found is not None
     return found[1]
 
 
 def with_keys(path: Path, keys: str) -> Path:
-    """Replace the keys of the iron in a file; its name, length and area stay."""
+    """Replace the keys of the iron in a file; name, length and area stay."""
     text = path.read_text(encoding="utf-8")
     begun, title, rest = re.split(r"(^\[+iron\]+.*\n)", text, maxsplit=1, flags=re.M)
     own, *after = rest.split("\n[", 1)
@@ -60,7 +60,7 @@ def solenoid(tmp_path: Path) -> Path:
 def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
     rig = read_bearing(with_keys(bearing, keys_of(name)))
     assert rig.settings.steel.plant_parameters() == STEELS[name].plant_parameters()
-    plant = make_plant(change_rig(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
+    plant = make_plant(change_rig(rig, {"body.mass_kg": 1e200}), 0)  # cannot move
     plant.place([0.45e-3], [0.0])
     plant.hold(2.5, 0)
     rising = plant.force

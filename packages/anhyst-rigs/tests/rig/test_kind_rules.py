@@ -1,4 +1,4 @@
-"""What belongs to each kind of rig: what is missing, superfluous or refers to nothing is named."""
+"""Test the rules of each kind of rig: missing, superfluous and unknown tables, keys and names."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ALLOWED = {
     "force": {"magnet wound", "magnet solenoid", "excite", "spread", "seed"},
     "piezo": {"spread", "seed"},
 }
-"""Beside what is needed."""
+"""Optional tables."""
 
 
 def example(kind: str) -> Content:
@@ -54,7 +54,7 @@ def example(kind: str) -> Content:
 
 
 def called(key: str, table: Content) -> str:
-    """Return what a table of a list is called here."""
+    """Return the name of a table of a list in these tests."""
     if key == "magnet":
         return "magnet like" if "like" in table else f"magnet {KINDS[table['kind']]}"
     if key == "amplifier":
@@ -68,7 +68,7 @@ KINDS = {"electromagnet": "wound", "solenoid": "solenoid"}
 
 
 def samples() -> dict[str, tuple[str, Any]]:
-    """Return one of each table that any rig has, and the key where it stands."""
+    """Return an example of each table of any rig, and the key of its list."""
     found: dict[str, tuple[str, Any]] = {
         "excite": ("excite", {"operating_N": 10.0}),
         "seed": ("seed", 3),
@@ -94,7 +94,7 @@ def read(folder: Path, content: Content) -> RigFile:
 
 
 def table_of(content: Content, name: str) -> tuple[str, Any]:
-    """Return a table of a rig, and its place as messages call it."""
+    """Return a table of a rig, and its position as in messages."""
     for key in LISTS:
         for number, table in enumerate(content.get(key, []), 1):
             if called(key, table) == name:
@@ -107,7 +107,7 @@ def cells(of: dict[str, set[str]]) -> list[tuple[str, str]]:
 
 
 FOREIGN = {kind: set(SAMPLES) - NEEDED[kind] - ALLOWED[kind] for kind in FOLDERS}
-FOREIGN["force"].remove("magnet like")  # one magnet is asked for, below
+FOREIGN["force"].remove("magnet like")  # exactly one magnet is required, see below
 
 
 SEVERAL = {("force", "case force"), ("stage", "magnet like"), ("stage", "sensor position")}
@@ -133,7 +133,7 @@ def test_what_belongs_to_another_kind_is_refused_by_its_place(
         place = f"{key}[{len(content[key])}]"
     else:
         content[key], place = table, key
-    with refused(f"not-for-this-kind {place}: has no use for"):
+    with refused(f"not-for-this-kind {place}: does not use"):
         read(tmp_path, content)
 
 
@@ -155,7 +155,7 @@ def test_what_a_kind_needs_is_asked_for(kind: str, name: str, tmp_path: Path) ->
     [(kind, name) for kind, name in cells(NEEDED) if SAMPLES[name][0] in LISTS],
 )
 def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path) -> None:
-    """There may be several forces, magnets and position sensors, and one of everything else."""
+    """There may be several forces, magnets and position sensors, and only one of all others."""
     content = example(kind)
     place, table = table_of(content, name)
     key = place.partition("[")[0]
@@ -164,7 +164,7 @@ def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path)
         content[key][-1] = {**table, "name": "another"} if "name" in table else table
         read(tmp_path, content)
         return
-    with refused(f"not-for-this-kind {key}[{len(content[key])}]: has one of them"):
+    with refused(f"not-for-this-kind {key}[{len(content[key])}]: has only one of them"):
         read(tmp_path, content)
 
 
@@ -203,7 +203,7 @@ def test_a_key_without_a_use_is_refused(
     content = example(kind)
     place, table = table_of(content, name)
     table.update(keys)
-    with refused(f"not-for-this-kind {place}.{next(iter(keys))}: has no use for it"):
+    with refused(f"not-for-this-kind {place}.{next(iter(keys))}: does not use it"):
         read(tmp_path, content)
 
 
@@ -229,7 +229,7 @@ def test_a_key_that_others_may_leave_out_is_asked_for(
 
 
 def wound(content: Content, **more: Any) -> Content:
-    """Return a rig of force control whose magnet comes from its loops."""
+    """Return a force-control rig whose magnet is fitted to its loops."""
     magnet = {"name": "magnet", "iron": "from loops", **more}
     return {**content, "magnet": [magnet]}
 
@@ -296,12 +296,12 @@ def test_a_misspelt_list_is_named_with_its_first_line(
         read_rig_file(path, file_kind(path).word)
 
 
-# What pushes as well as it pulls
+# Bidirectional magnets
 
 
 @pytest.fixture
 def pushing(monkeypatch: pytest.MonkeyPatch) -> Content:
-    """Return the planar example on actuators that go both ways."""
+    """Return the planar example with bidirectional actuators."""
     monkeypatch.setitem(
         ACTUATORS.plugins, "coil", ActuatorKind("thrust", {"inductance_H": "of the winding"}, coil)
     )

@@ -1,4 +1,4 @@
-"""Loops that a rig file names, identified once."""
+"""Test loops that a rig file names and that are identified once."""
 
 from __future__ import annotations
 

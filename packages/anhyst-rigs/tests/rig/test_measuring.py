@@ -1,4 +1,4 @@
-"""What a campaign of measurement leaves."""
+"""Test the loops of a measurement campaign."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from anhyst_rigs.rig.measuring import measure_at_gap
 
 
 class Held:
-    """A magnet and a sensor that show what they are given."""
+    """A magnet and a sensor that return their inputs."""
 
     def magnet(self) -> Held:
         return self

@@ -1,4 +1,4 @@
-"""Where the small loops of a record close."""
+"""Test where minor loops of a record close."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_where_small_loops_close_is_found_and_how_far_they_are_off() -> None:
     drive = np.concatenate([np.linspace(*pair, 60) for pair in itertools.pairwise(ends)])
     noise = np.random.default_rng(1).normal(0.0, 0.01, drive.size)
     kept = Loop("1", drive, drive**2 + noise)
-    # so much is lost before the last small loop closes
+    # loss before the last minor loop closes
     lost = replace(kept, output=kept.output + 0.1 * (np.arange(drive.size) > 8.5 * 60))
     found = list(find_closings(kept))
     assert [round(one.closing_input, 2) for one in found] == [0.75, 0.9, 0.3]

@@ -1,4 +1,4 @@
-"""The pacer: no tick is lost, whoever looks on, and time goes as fast as it is told to."""
+"""Test the pacer: no tick is lost with any subscribers, and the speed is as requested."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ RATE = 20000.0
 
 
 class Counter(Bench):
-    """A bench without physics: what was demanded, at every tick; each costs some time."""
+    """A bench without physics that returns the demand at every tick, with a computing time per
+    tick."""
 
     signals: tuple[Signal, ...] = tuple(
         Signal(name, "", "as given") for name in ("demand", "a", "b")
@@ -79,7 +80,7 @@ def paced() -> Iterator[Callable[..., PacedBench]]:
 
 
 def drain(subscription: Subscription) -> FloatArray:
-    """Return all rows until it ends."""
+    """Return all rows until the subscription ends."""
     rows = []
     while (chunk := subscription.get(timeout=10.0)) is not None:
         rows.append(chunk)
@@ -95,7 +96,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
-    recorder = pacer.subscribe("recorder", is_complete=True)
+    recorder = pacer.subscribe("recorder", needs_every_tick=True)
     pacer.resume()
     time.sleep(0.3)
     pacer.close()
@@ -109,7 +110,7 @@ def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
     paced: Callable[..., PacedBench],
 ) -> None:
     pacer = paced(Counter(), paused=True)
-    viewer = pacer.subscribe("viewer", max_chunks=3)  # never asks while it runs
+    viewer = pacer.subscribe("viewer", max_chunks=3)  # never reads while it runs
     pacer.resume()
     wait_for(lambda: pacer.pacing().tick > 0.2 * RATE)
     pace = pacer.pacing()
@@ -117,19 +118,19 @@ def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
     pacer.close()
     rows = drain(viewer)
     assert (np.diff(rows[:, 0]) == 1.0).all()
-    assert viewer.missed_ticks + len(rows) == rows[-1, 0]  # what was lost is counted
+    assert viewer.missed_ticks + len(rows) == rows[-1, 0]  # lost ticks are counted
     assert viewer.missed_ticks > 0
 
 
 def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
-    recorder = pacer.subscribe("disk", max_chunks=3, is_complete=True)
+    recorder = pacer.subscribe("disk", max_chunks=3, needs_every_tick=True)
     pacer.resume()
     wait_for(lambda: pacer.pacing().awaited_recorder == "disk")
     stands = pacer.pacing().tick
     time.sleep(0.1)
     assert pacer.pacing().tick == stands
-    pacer.execute(lambda bench: bench.demand(1.0))  # nobody else has to wait
+    pacer.execute(lambda bench: bench.demand(1.0))  # other callers need not wait
     rows = [recorder.get() for _ in range(6)]
     numbers = np.concatenate([row[:, 0] for row in rows if row is not None])
     assert (numbers == np.arange(1, numbers.size + 1)).all()
@@ -170,13 +171,13 @@ def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(
     pacer.resume()
     wait_for(lambda: pacer.pacing().tick > stands + 600)
     tick, took = pacer.pacing().tick, time.monotonic() - began
-    assert tick <= stands + 501 + took * RATE  # the pause is not made up for
+    assert tick <= stands + 501 + took * RATE  # the pause is not caught up
 
 
 def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", max_chunks=1000, is_complete=True)
+    recorder = pacer.subscribe("recorder", max_chunks=1000, needs_every_tick=True)
     pacer.resume()
 
     def both(given: float) -> int:
@@ -200,9 +201,9 @@ def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBe
 
 
 def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., PacedBench]) -> None:
-    bench = Counter(cost=2.0 / RATE)  # twice as long as there is time
+    bench = Counter(cost=2.0 / RATE)  # twice the available time
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", max_chunks=10_000, is_complete=True)
+    recorder = pacer.subscribe("recorder", max_chunks=10_000, needs_every_tick=True)
     pacer.resume()
     wait_for(lambda: pacer.pacing().slip_count >= 2)
     pace = pacer.pacing()
@@ -213,7 +214,7 @@ def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., P
     began, tick = time.monotonic(), pacer.pacing().tick
     time.sleep(0.3)
     done, took = pacer.pacing().tick - tick, time.monotonic() - began
-    assert done <= RATE * (took + MAX_LATENESS_S + 0.03)  # it does not run after what it lost
+    assert done <= RATE * (took + MAX_LATENESS_S + 0.03)  # lost time is not caught up
     pacer.close()
     rows = drain(recorder)
     assert (rows[:, 0] == np.arange(1, len(rows) + 1)).all()
@@ -233,7 +234,7 @@ def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pac
     bench = Counter()
     bench.ends = 1000
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", is_complete=True)
+    recorder = pacer.subscribe("recorder", needs_every_tick=True)
     pacer.resume()
     rows = drain(recorder)
     assert len(rows) == 1000

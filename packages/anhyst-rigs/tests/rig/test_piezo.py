@@ -1,4 +1,4 @@
-"""A piezo stage from its file: what it does by itself, and what its compensator follows."""
+"""Test a piezo stage from its file: its own response, and its compensator."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_stage_rings_at_its_resonance_however_high(resonance: float) -> None:
 
 
 def still(load: float, ticks: int = 4000) -> FloatArray:
-    """Return the places of a stage that is held at 20 um by its controller, under a load."""
+    """Return the positions of a stage that its controller holds at 20 um under a load."""
     rig, drive = piezos.rig(), copy_at_rest(piezos.inverses()["full"])
     loop = PiezoLoop(rig.make_motion(rig.dt), rig.settings.position_sensor.step_m)
     loop.control(drive.native, **controller_arguments(rig, drive))
@@ -49,7 +49,7 @@ def test_a_load_moves_the_stage_by_what_it_says_until_the_integrator_takes_it_ba
     away = still(1e-6) - still(0.0)
     overshoot = away.max() / 1e-6
     assert away[0] == 0.0
-    assert 1.5 < overshoot < 1.95  # a step on a resonance that is hardly damped
+    assert 1.5 < overshoot < 1.95  # a step on a weakly damped resonance
     assert abs(away[-100:].mean()) < 3e-9
 
 
@@ -67,7 +67,7 @@ def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_
     expected = followed.follow(voltages, np.zeros(way.size))
     assert np.abs(expected - way).max() < 2e-9
     assert followed.solve(2e-5) == pytest.approx(drove.solve(2e-5), abs=1e-3)
-    assert abs(followed.solve(2e-5) - copy_at_rest(drove).solve(2e-5)) > 0.5  # which knows nothing
+    assert abs(followed.solve(2e-5) - copy_at_rest(drove).solve(2e-5)) > 0.5  # without a history
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,11 @@ def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_
     [
         ("too-many-creeps stack[1]", "[0.15, 1.2, 11.0, 90.0]", str([1.0] * 9)),
         ("greater-than-equal stack[1].creep_times_s[1]", "[0.15,", "[1e-6,"),
-        ("greater-than-equal case[1].cycles", "cycles = 6", "cycles = 2"),  # nothing to judge
+        (
+            "greater-than-equal case[1].cycles",
+            "cycles = 6",
+            "cycles = 2",
+        ),  # no cycle would be evaluated
         ("too-long case[1]", "corner_s = 4.2e-3", "corner_s = 0.06"),
         ("out-of-range case[1].frequency_Hz", "rate_Hz = 10000.0", "rate_Hz = 100.0"),
         ("less-than-equal body[1].resonance_Hz", "resonance_Hz = 480.0", "resonance_Hz = 9e9"),

@@ -1,4 +1,4 @@
-"""The virtual bench of a piezo stage: its triangle over and over, and what is changed while it runs."""
+"""Test the virtual bench of a piezo stage: repeated triangles, and changes while it runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.study import piezos
 
 SIGNALS = [signal.name for signal in PiezoBench.signals]
 PERIOD = 1000
-"""Ticks of the triangle."""
+"""Ticks of a period of the triangle."""
 
 
 def column(rows: FloatArray, name: str) -> FloatArray:
@@ -185,7 +185,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing() -> None:
         with refused("out-of-range demand"):
             bench.demand(place)
     with refused("out-of-range"):
-        bench.demand(15e-6)  # beside a triangle of 30 um
+        bench.demand(15e-6)  # in addition to a triangle of 30 um
     bench.demand(5e-6)
     with refused("out-of-range"):
         bench.apply({"stroke": 36e-6})

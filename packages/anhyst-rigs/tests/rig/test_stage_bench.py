@@ -1,4 +1,4 @@
-"""The virtual bench of a stage: its set-point over and over, and what is changed while it runs."""
+"""Test the virtual bench of a stage: repeated set-points, and changes while it runs."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ def column(bench: StageBench, rows: FloatArray, name: str) -> FloatArray:
 
 
 def lap(bench: StageBench) -> int:
-    """Return the ticks of a set-point that has begun."""
+    """Return the number of ticks of a set-point that has begun."""
     return bench.cycles[-1].tick_count
 
 
 def going(bench: StageBench, laps: int = 1) -> FloatArray:
-    """Let a bench begin, and go on by so many laps."""
+    """Start a bench and advance by some cycles."""
     bench.command(Command.RUN)
     first = bench.advance(1)
     return np.concatenate([first, bench.advance(laps * lap(bench) - 1)])
 
 
 def test_the_first_lap_is_what_a_simulation_of_it_gives() -> None:
-    """Codes of 24 bits, so that the last bits of a sine, which processors differ in, stay there."""
+    """Codes of 24 bits hide the last bits of a sine, which differ between processors."""
     bench = StageBench(setups(24))
     rows = going(bench)
     setup = bench.setups[1]
@@ -109,7 +109,7 @@ def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(
 ) -> None:
     other = StageBench(setups())
     for one in (bench, other):
-        one.load(5.0)  # which the integral carries
+        one.load(5.0)  # carried by the integral
         going(one, 2)
     bench.apply({"crossover": bench.rig.settings.tracking.crossover_Hz})
     changed, same = (column(one, one.advance(lap(one)), "error") for one in (bench, other))
@@ -160,7 +160,7 @@ def test_commands_and_values_that_it_cannot_take_are_refused(bench: StageBench) 
         bench.command(Command.CLEAR)
     with refused("wrong-state condition"):
         bench.command(Command.CONDITION)
-    bench.command(Command.STOP)  # nothing moves
+    bench.command(Command.STOP)  # at rest
     going(bench)
     with refused("wrong-state run"):
         bench.command(Command.RUN)
@@ -186,7 +186,7 @@ def test_a_drawn_plant_is_another_one_and_its_iron_is_demagnetised(bench: StageB
     applied = bench.apply({"plant": 3.0})
     other = bench.advance(applied - bench.tick - 1 + lap(bench))
     error = np.abs(column(bench, other, "error")[-lap(bench) :])
-    assert error[:20].max() < 1e-7  # it is switched on where it is wanted
+    assert error[:20].max() < 1e-7  # it is switched on at its reference
     wrong = error.max()
     assert wrong > 2.0 * np.abs(column(bench, rows, "error")).max()
     assert bench.cycles[-1].history_start == applied
@@ -212,12 +212,13 @@ def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: 
     free, file = axes.body["free"], axes.rig.settings
     wrench = np.column_stack([read[f"wrench_{axis}"] for axis in free])
     assert np.ptp(wrench[:, 0]) > 50.0
-    # the lines of pull turn with the body, by tilts of less than 1e-5
+    # The lines of pull rotate with the body, by tilts of less than 1e-5.
     assert np.allclose(all_of("pull") @ magnet_rows(file), wrench, atol=2e-3)
     opened = all_of("gap") - [one["gap"] for one in axes.body["magnets"]]
     pose = -opened @ np.transpose(axes.body["see"])
     assert np.allclose(-pose @ magnet_rows(file).T, opened, atol=1e-11)
-    # they ride on the long stroke: along the set-point it strays, the others are errors alone
+    # The magnets ride on the long stroke, whose path error is along the set-point; others are
+    # errors.
     assert np.allclose(pose[:, 1], -read["error_y"], atol=1e-11)
 
 
@@ -284,7 +285,8 @@ def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_c
     monkeypatch.undo()
     rows = axes.advance(50)
     assert np.all(column(axes, rows, "current_7") == 0.0)
-    # its weight pulls it away from the magnets above it, and those beside it are where they were
+    # Its weight pulls it away from the magnets above it; the gaps of the lateral magnets are
+    # unchanged.
     read = {one.name: rows[-1, 1 + place] for place, one in enumerate(axes.signals)}
     gaps = [read["gap"], *(read[f"gap_{number}"] for number in range(2, 11))]
     assert gaps == pytest.approx([0.45e-3] * 6 + [0.55e-3] * 4)
@@ -302,7 +304,7 @@ def test_a_drawn_plant_of_several_coordinates_is_another_one(axes: StageBench) -
     rows = axes.advance(400)
     error = np.abs(column(axes, rows, "error_rx"))
     assert error.max() < 20e-6
-    assert error[-1] > 1e-8  # its magnets are not alike
+    assert error[-1] > 1e-8  # its magnets differ
 
 
 def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_it_up(
@@ -310,7 +312,7 @@ def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_i
 ) -> None:
     quiet = axes.advance(3000)
     limits = {one.name: one.high for one in axes.parameters() if one.name.startswith("push_")}
-    # two pairs along x, the weight of 20 kg on the four magnets of 240 N above it
+    # Two pairs along x; the four magnets of 240 N above the body carry 20 kg.
     assert limits["push_x"] == pytest.approx(0.5 * 480.0, rel=0.02)
     assert limits["push_z"] == pytest.approx(0.5 * (20.0 * 9.81 - 2.0), rel=0.02)
     assert axes.apply({"push_z": 20.0}) == axes.tick + 1
@@ -319,7 +321,7 @@ def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_i
     assert away.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
     assert away[-1] < 0.1 * away.max()
     assert np.ptp(column(axes, rows, "error_y")) < 0.01 * away.max()
-    # another controller goes on with what the loop holds against it
+    # Another controller takes over the integral of the loop.
     axes.apply({"compensation": 0.0})
     assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
     with refused("out-of-range"):
@@ -330,7 +332,7 @@ def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(
     axes: StageBench,
 ) -> None:
     def state(rows: FloatArray) -> list[float]:
-        """Return the states that came, in their order."""
+        """Return the states in their order."""
         found = column(axes, rows, "state")
         return [float(found[0]), *found[1:][np.diff(found) != 0.0].tolist()]
 
@@ -351,7 +353,7 @@ def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(
     assert column(axes, rows, "current_7")[-1] == pytest.approx(0.0, abs=1e-3)
     with refused("wrong-state run"):
         axes.command(Command.RUN)
-    # another controller does not fly off, and remembers that no current flows
+    # Another controller does not lift off, and its history has no current.
     axes.apply({"compensation": 0.0})
     rows = axes.advance(500)
     assert state(rows) == [State.IDLE]
@@ -366,7 +368,7 @@ def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(
     axes.command(Command.RUN)
     rows = axes.advance(2000)
     assert set(column(axes, rows, "lap")) == {1.0}
-    # let go on its way, the set-point brakes and no lap follows
+    # After the command during a motion, the set-point brakes and no cycle follows.
     axes.command(Command.IDLE)
     rows = axes.advance(4000)
     assert state(rows) == [State.IDLE]

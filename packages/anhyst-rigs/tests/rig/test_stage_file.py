@@ -1,4 +1,4 @@
-"""A stage of one coordinate from its file: along any axis, with what it cannot do refused."""
+"""Test the file of a stage with one coordinate: any axis, and rejected files."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ ALONG_Z = {
     "[22.0, 16.0, 8.0, 20.0, 12.0]": "[12.0, 8.0]",
     "[22.0, 10.0, 18.0, 6.0, 14.0, 22.0]": "[12.0, 6.0, 10.0]",
 }
-"""The example stood up: the second magnet carries its weight."""
+"""The example along z: the second magnet carries the weight."""
 
 
 def rig_file(folder: Path, changes: dict[str, str]) -> Path:
-    """Write the example with some of its lines changed."""
+    """Write the example with some changed lines."""
     text = TEXT
     for old, new in changes.items():
         assert text.count(old) == 1, old
@@ -95,15 +95,15 @@ def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
         ),
         (
             ALONG_Z | {"[22.0, 16.0, 8.0, 20.0, 12.0]": "[16.0, 8.0]"},
-            "load-too-large case[1].train_m_per_s2: beside the weight",
+            "load-too-large case[1].train_m_per_s2: in addition to the weight",
         ),
         (
             {"stop_high_m = 0.55e-3": "stop_high_m = 0.458e-3"},
-            "range-too-narrow frame.stray_m: 8e-06 m either way",
+            "range-too-narrow frame.stray_m: 8e-06 m in both directions",
         ),
         (
             {'of = "position"': 'of = "position"\ndirection = [0.0, 1.0, 0.0]'},
-            "axis-not-seen sensor: do not tell x apart",
+            "axis-not-seen sensor: cannot separate x",
         ),
         (
             {"mass_kg = 10.0": 'mass_kg = 10.0\nfree = ["y"]'},
@@ -111,7 +111,7 @@ def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
         ),
         (
             {"direction = [1.0, 0.0, 0.0]": "direction = [-1.0, 0.0, 0.0]"},
-            "load-too-large magnet: no pulls of these magnets hold the body",
+            "load-too-large magnet: these magnets cannot hold the body",
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""The bundled bearing in many forms; what is slow to find is found once for all tests."""
+"""Variants of the bundled bearing for all tests; slow results are cached."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ RAMP = 90
 CYCLES = 12
 """Before a loop is recorded: until it has settled."""
 SCATTER = 0.05
-"""Of the pinning and of the output, from magnet to magnet."""
+"""Standard deviation of pinning and output between magnets, as a fraction."""
 
 
 def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
@@ -46,7 +46,8 @@ def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
 
 
 def loops_of(model: Model, seed: int) -> Loops:
-    """Measure a magnet in one run: at each gap large loops, then small ones, the last of each."""
+    """Measure a magnet in one run: at each gap major loops, then minor loops; keep the last of
+    each."""
     rng = np.random.default_rng(seed)
     loops = []
     ramp = 1.0 - np.abs(np.linspace(-1.0, 1.0, 2 * RAMP, endpoint=False))
@@ -66,9 +67,9 @@ def loops_of(model: Model, seed: int) -> Loops:
 
 
 NOISE = 0.01
-"""Of few loops: of the largest force."""
+"""Noise of few loops, as a fraction of the largest force."""
 EACH = 5
-"""Every so many samples are kept of them."""
+"""Step between the samples that are kept of few loops."""
 _GAUGE = 1e-3
 """Slope of the air core that identification chooses where loops leave it open."""
 
@@ -89,24 +90,24 @@ def few_loops_of(model: Model, seed: int) -> Loops:
 
 def quantities_of(model: Model) -> FloatArray:
     """Return what a fit of `magnet` finds without noise: k/a, c, w*M_s/a, a/c_H, saturation."""
-    told = model.parameters
-    rho, a = np.array(told["rho"]), np.array(told["a"])
-    gain = told["c_out"] * (MU_0 * np.array(told["M_s"])) ** 2
+    parameters = model.parameters
+    rho, a = np.array(parameters["rho"]), np.array(parameters["a"])
+    gain = parameters["c_out"] * (MU_0 * np.array(parameters["M_s"])) ** 2
     return np.array(
         [
-            told["k"] / a,
-            told["c"],
+            parameters["k"] / a,
+            parameters["c"],
             *(rho / (1.0 + rho) / _GAUGE),
-            (1.0 + rho[0]) * a / told["c_H"],
+            (1.0 + rho[0]) * a / parameters["c_H"],
             gain,
         ]
     )
 
 
-def of_quantities(values: FloatArray) -> Model:
+def model_of_quantities(values: FloatArray) -> Model:
     """Return the magnet of such quantities."""
-    kappa, c, near, far, scale, gain = values.tolist()
-    rho = tuple(_GAUGE * one / (1.0 - _GAUGE * one) for one in (near, far))
+    kappa, c, low_gap, high_gap, scale, gain = values.tolist()
+    rho = tuple(_GAUGE * gap / (1.0 - _GAUGE * gap) for gap in (low_gap, high_gap))
     around = {"c_H": (1.0 + rho[0]) * 1000.0 / scale, "c_out": gain / (MU_0 * 1e6) ** 2}
     made = magnet(1.0, 1.0)
     return replace(
@@ -116,11 +117,11 @@ def of_quantities(values: FloatArray) -> Model:
 
 
 def write_fleet(folder: Path, count: int, seed: int = 7) -> list[tuple[float, float]]:
-    """Write a fleet and return pinning and output of each magnet."""
+    """Write a fleet; return pinning and output of its magnets."""
     rng = np.random.default_rng(seed)
-    drawn = []
+    rows = []
     for place in range(count):
         pinning, output = 1.0 + SCATTER * rng.standard_normal(2)
         loops_of(magnet(pinning, output), place).save(folder / f"m{place:02d}.csv")
-        drawn.append((float(pinning), float(output)))
-    return drawn
+        rows.append((float(pinning), float(output)))
+    return rows

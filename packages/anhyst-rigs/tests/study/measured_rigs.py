@@ -20,11 +20,14 @@ from anhyst_rigs.rig.measurement_table import MeasurementTable
 from anhyst_rigs.rig.measuring import HeldBearing, HeldRig, measure_at_gap, sweep_path
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
-UNSEEN = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}
+UNMEASURED_GAPS_M = {
+    "bearing": (0.38e-3, 0.45e-3, 0.52e-3),
+    "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3),
+}
 IRON = {"bearing": "rig.toml", "solenoid": "solenoid.toml"}
 GAP_MAP = {"bearing": "circuit", "solenoid": "reluctance"}
-WIDE = (0.0, 0.95, 0.1, 0.8, 0.05, 0.6, 0.3, 0.9, 0.0)
-INNER = (
+WIDE_REVERSALS = (0.0, 0.95, 0.1, 0.8, 0.05, 0.6, 0.3, 0.9, 0.0)
+MINOR_REVERSALS = (
     0.0,
     *(
         turn
@@ -38,25 +41,27 @@ INNER = (
 
 @dataclass(frozen=True)
 class MeasuredRig:
-    """A rig in a folder of its own."""
+    """A rig in a separate folder."""
 
     kind: str
     path: Path
     held: HeldRig
     campaign: MeasurementTable
     zero: float
-    """What its shunt reads at no current, A."""
+    """Reading of the shunt at zero current, A."""
 
     @property
     def past(self) -> list[float]:
         return [0.0, *[self.campaign.current_max_A, 0.0] * 3]
 
     def usual_loops(self) -> Loops:
-        """Return the loops that its own [measurement] asks for."""
+        """Return the loops that [measurement] of the rig requires."""
         magnet = self.held.magnet()
         places = range(len(self.campaign.gaps_m))
         loops = [
-            loop for one in places for loop in measure_at_gap(self.held, self.campaign, one, magnet)
+            loop
+            for index in places
+            for loop in measure_at_gap(self.held, self.campaign, index, magnet)
         ]
         names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
         return Loops(tuple(loops), *names)
@@ -75,7 +80,7 @@ class MeasuredRig:
     def errors(self, model: Model, turns: tuple[float, ...]) -> float:
         """Return the rms error of a model at gaps that were not measured, N."""
         squares = []
-        for gap in UNSEEN[self.kind]:
+        for gap in UNMEASURED_GAPS_M[self.kind]:
             current, force = self.truth(turns, gap)
             history = History("conditioned", tuple(self.past))
             found = model.predict(current + self.zero, np.full(current.size, gap), history=history)
@@ -84,14 +89,14 @@ class MeasuredRig:
 
 
 def measured_rig(
-    kind: str, folder: Path, iron: str | None = None, more: str = "", law: str = ""
+    kind: str, folder: Path, iron: str | None = None, extra_lines: str = "", law: str = ""
 ) -> MeasuredRig:
-    """Copy a bundled rig; with another iron, a law to identify, and more lines in its rig file."""
+    """Copy a bundled rig, optionally with another iron, a law to identify and more lines."""
     shutil.copytree(EXAMPLES / kind, folder, dirs_exist_ok=True)
     if iron is not None:
         with_keys(folder / IRON[kind], keys_of(iron))
     path = folder / "rig.toml"
-    text = path.read_text(encoding="utf-8") + more
+    text = path.read_text(encoding="utf-8") + extra_lines
     if law:
         text = text.replace("[loops]", f'[loops]\nlaw = "{law}"')
     path.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The bundled piezo stage, and what makes voltages of displacements for it."""
+"""The bundled piezo stage and its inverses for tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bundled bearing with so little to try that a tuning takes seconds."""
+"""The bundled bearing with a small tuning that takes seconds."""
 
 from __future__ import annotations
 

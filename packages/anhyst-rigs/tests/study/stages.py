@@ -1,4 +1,4 @@
-"""The bundled stage with short set-points; its magnets are those of the bundled bearing."""
+"""The bundled stage with short set-points and with the magnets of the bundled bearing."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from tests.repository import ROOT
 from tests.study import bearings
 
 EXAMPLE = ROOT / "examples" / "stage"
-SHORT = {
+SHORT_SCAN = {
     "speed_m_per_s": 0.25,
     "cruise_s": 0.03,
     "train_m_per_s2": [22.0, 12.0],
     "test_m_per_s2": [22.0, 10.0, 18.0],
 }
 
-WRONG = Drift(
+WRONG_DRIFT = Drift(
     magnets=(
         Drift(pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, flux_gain=0.006),
         Drift(pinning=0.12, gap_offset=-0.5e-6, first_scale=-0.005, flux_gain=0.006),
@@ -48,22 +48,22 @@ def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> Bo
     }
     if stray_m is not None:
         update["frame"] = FrameTable(stray_m=stray_m)
-    short = file.with_table_replaced(file.scan, file.scan.model_copy(update=SHORT))
-    return replace(rig, settings=short.model_copy(update=update))
+    short_file = file.with_table_replaced(file.scan, file.scan.model_copy(update=SHORT_SCAN))
+    return replace(rig, settings=short_file.model_copy(update=update))
 
 
 def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
     return make_stage(stage(substeps, **changes), bearings.knowledge(), method)
 
 
-def unseen(rig: BodyRig) -> SetPoint:
+def evaluation_set_point(rig: BodyRig) -> SetPoint:
     """SetPoint on which nothing was tuned."""
     return scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
 
 
 @cache
 def study() -> TrackingStudy:
-    """The compensator and what it is measured against."""
+    """The compensator and its baselines."""
     return explore_stage(stage(), bearings.knowledge(), ("single-valued", "play", "full"))
 
 
@@ -74,6 +74,6 @@ def training() -> SetPoint:
 
 
 @cache
-def recorded(drift: Drift = WRONG) -> Recording:
-    """Return the motion of a plant under the compensator as it was fitted."""
+def recorded(drift: Drift = WRONG_DRIFT) -> Recording:
+    """Return the motion of a plant under the identified compensator."""
     return track(replace(setup("full"), drift=drift), training(), Feedforward(), 1)

@@ -1,4 +1,4 @@
-"""Bodies of several coordinates: what their files say, how they follow, and that the form is open."""
+"""Test bodies with several coordinates: rig files, tracking, and other kinds of bodies."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 @cache
 def planar() -> BodyRig:
-    """Return the example with the iron that is known without a search, where nothing is lost."""
+    """Return the example with a known iron, for which no search is needed and no loop is lost."""
     rig = read_stage(EXAMPLES / "planar" / "rig.toml")
     changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
     changed = rig.settings.model_copy(update=changes)
@@ -62,14 +62,15 @@ def followed(method: MethodName, substeps: int = 4) -> Recording:
 def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
     scan = planar().settings.scan
     motion = scan_motion(scan, scan.test_m_per_s2)
-    plain, own = followed("single-valued"), followed("full")
-    assert not plain.loss_text
-    assert not own.loss_text
+    single_valued, full = followed("single-valued"), followed("full")
+    assert not single_valued.loss_text
+    assert not full.loss_text
     assert (
-        measure(own, motion, scan.slit_s).peak_m < 0.4 * measure(plain, motion, scan.slit_s).peak_m
+        measure(full, motion, scan.slit_s).peak_m
+        < 0.4 * measure(single_valued, motion, scan.slit_s).peak_m
     )
     crossed, less = (
-        cross_talk(run, motion, stationary_axes(planar().settings)) for run in (plain, own)
+        cross_talk(run, motion, stationary_axes(planar().settings)) for run in (single_valued, full)
     )
     assert set(crossed) == {"y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"}
     for axis in ("z_m", "ry_rad"):
@@ -79,8 +80,8 @@ def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
 def test_twice_the_sub_steps_change_little_once_the_body_is_lifted() -> None:
     coarse, fine = followed("full"), followed("full", substeps=8)
     lifted = round(0.05 / coarse.dt)
-    for name, most in (("error_m", 3e-9), ("error_z_m", 1.5e-9), ("error_ry_rad", 50e-9)):
-        assert np.abs(coarse[name] - fine[name])[lifted:].max() < most
+    for name, limit in (("error_m", 3e-9), ("error_z_m", 1.5e-9), ("error_ry_rad", 50e-9)):
+        assert np.abs(coarse[name] - fine[name])[lifted:].max() < limit
 
 
 def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> None:
@@ -109,9 +110,9 @@ def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> No
 def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:
     """Return a stage whose heads stand, without noise."""
     file = rig.settings
-    for one in file.position_sensors:
+    for head in file.position_sensors:
         changes = {"stands": True, "noise_m": 0.0, **beam}
-        file = file.with_table_replaced(one, one.model_copy(update=changes))
+        file = file.with_table_replaced(head, head.model_copy(update=changes))
     return replace(rig, settings=file)
 
 
@@ -127,30 +128,35 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     flown = SimulatedLoop(setup).run(scenario)
     pose = np.column_stack([flown[name] for name in axis_columns("pose", file.body.free)])
     pose += reference[:n]
-    turned = Rotation.from_rotvec(pose[:, 3:])
+    rotation = Rotation.from_rotvec(pose[:, 3:])
     assert np.ptp(pose[:, 0]) > 0.02
     assert np.abs(pose[:, 4]).max() > 3e-6
-    for number, one in enumerate(file.position_sensors, len(file.body_magnets) + 1):
-        # along its beam to a mirror that is turned with the body
-        assert one.position_m is not None
-        normal = turned.apply(one.direction)
-        way = np.sum((pose[:, :3] + turned.apply(one.position_m) - one.position_m) * normal, axis=1)
+    for number, head in enumerate(file.position_sensors, len(file.body_magnets) + 1):
+        # along the beam to a mirror that rotates with the body
+        assert head.position_m is not None
+        normal = rotation.apply(head.direction)
+        way = np.sum(
+            (pose[:, :3] + rotation.apply(head.position_m) - head.position_m) * normal, axis=1
+        )
         read = flown[column_name("gap_read", "m", number)]
-        assert read == pytest.approx(way / (normal @ one.direction), abs=2e-11)
-    seen = recording_columns(rig, flown, scenario)
-    read = np.column_stack([seen[name] for name in pose_columns(file.body.free)])
+        assert read == pytest.approx(way / (normal @ head.direction), abs=2e-11)
+    columns = recording_columns(rig, flown, scenario)
+    read = np.column_stack([columns[name] for name in pose_columns(file.body.free)])
     assert read == pytest.approx(pose, abs=1e-10)
     # z is held as if they rode along; a controller that does not know takes a turn for height
     riding, knows = (
-        track(one, motion, Feedforward()) for one in (replace(setup, rig=planar()), setup)
+        track(each_setup, motion, Feedforward())
+        for each_setup in (replace(setup, rig=planar()), setup)
     )
     unaware = controller_matrices(setup) | {"ground": np.zeros(0)}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(loop, "controller_matrices", lambda _: unaware)
         takes = track(setup, motion, Feedforward())
-    apart, same = (np.abs(one["error_z_m"] - knows["error_z_m"]).max() for one in (takes, riding))
+    unmodelled_change, riding_change = (
+        np.abs(run["error_z_m"] - knows["error_z_m"]).max() for run in (takes, riding)
+    )
     turn = np.abs(knows["error_ry_rad"] * knows["reference_m"]).max()
-    assert apart > 0.5 * turn > 10.0 * same
+    assert unmodelled_change > 0.5 * turn > 10.0 * riding_change
 
 
 def test_air_that_changed_lengthens_a_beam_with_its_dead_path() -> None:
@@ -158,10 +164,12 @@ def test_air_that_changed_lengthens_a_beam_with_its_dead_path() -> None:
     motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2[:1])
     setup = make_stage(rig, bearings.knowledge(), "full")
     run = track(setup, motion, Feedforward())
-    late = slice(len(run) // 2, None)
-    off = 1e-7 * (0.3 + run["reference_m"][late])
-    assert run["pose_read_x_m"][late] - run["position_m"][late] == pytest.approx(off, abs=1e-12)
-    assert np.mean(run["error_m"][late]) == pytest.approx(np.mean(off), rel=0.1)
+    second_half = slice(len(run) // 2, None)
+    expected = 1e-7 * (0.3 + run["reference_m"][second_half])
+    assert run["pose_read_x_m"][second_half] - run["position_m"][second_half] == pytest.approx(
+        expected, abs=1e-12
+    )
+    assert np.mean(run["error_m"][second_half]) == pytest.approx(np.mean(expected), rel=0.1)
 
 
 Y1 = 'like = "x1"\nposition_m = [0.0, 0.15, 0.0]\ndirection = '
@@ -208,7 +216,8 @@ SIXTY = np.sqrt(0.75).item()
 
 
 def three_magnets(folder: Path) -> Path:
-    """Write a rig of another kind of body: two coordinates, three magnets 120 degrees apart."""
+    """Write a rig with another kind of body: two coordinates, three magnets 120 degrees from each
+    other."""
     text = (EXAMPLES / "stage" / "rig.toml").read_text()
     begin, end = text.index('[[magnet]]\nname = "second"'), text.index("[[amplifier]]")
     others = "".join(
@@ -257,7 +266,7 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.interval("x_m").mean
     at_rest = variants["full"]["standstill_rms"]
     assert set(at_rest) == {"x_m", "y_m"}
-    assert all(0.1e-10 < one < 2e-9 for one in at_rest.values())
+    assert all(0.1e-10 < error < 2e-9 for error in at_rest.values())
     assert variants["full"]["standstill_rms_m"] == at_rest["y_m"]
     text = render(study, "anhyst simulate rig.toml")
     assert 'id="cross-talk"' in text

@@ -1,4 +1,4 @@
-"""A bearing that learns from its motion: what a recording teaches, what it must not, what it is for."""
+"""Test the calibration of a bearing from its motion: recordings, rejections, and the gain."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ from anhyst_rigs.study.plants import run_bearing
 from anhyst_rigs.study.tracking.bodies import BearingLaw
 from tests.study import bearings
 
-WRONG = Drift(pinning=0.2, gap_offset=10e-6)
+WRONG_DRIFT = Drift(pinning=0.2, gap_offset=10e-6)
 """The plant of the table: wider loops, and a gap that reads too much."""
-UNSURE = {"spread.gap_zero_m": 5e-6}
-"""What the rig file says of the gap, which no motion moves by more than four times that."""
+UNCERTAIN_GAP = {"spread.gap_zero_m": 5e-6}
+"""Prior standard deviation of the gap zero in the rig file; estimates stay within four of them."""
 
 
 def rig(two: bool = False) -> BodyRig:
-    return change_rig(bearings.pair_rig() if two else bearings.example(), UNSURE)
+    return change_rig(bearings.pair_rig() if two else bearings.example(), UNCERTAIN_GAP)
 
 
 def setup(two: bool = False) -> BearingSetup:
     return bearings.pair() if two else bearings.single()
 
 
-def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG) -> Recording:
+def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG_DRIFT) -> Recording:
     return SimulatedLoop(of, plant=drifted_plant(of.rig, drift, 1)).run(scenario)
 
 
@@ -61,7 +61,7 @@ def recorded(two: bool = False) -> Recording:
     return flown(mine, plan_recorded_run(mine.rig, mine.controller)[0])
 
 
-def taught(run: Recording | Path, two: bool = False, out: Path | None = None) -> Calibration:
+def calibrate_run(run: Recording | Path, two: bool = False, out: Path | None = None) -> Calibration:
     table = bearings.pair_controller() if two else bearings.controller().settings
     file = ControllerFile(bearings.controller().path, table)
     known = bearings.knowledge()
@@ -70,23 +70,23 @@ def taught(run: Recording | Path, two: bool = False, out: Path | None = None) ->
 
 @cache
 def learnt(two: bool = False) -> CalibratedMethod:
-    (found,) = taught(recorded(two), two).file.method
+    (found,) = calibrate_run(recorded(two), two).file.method
     return found
 
 
 def corrected(folder: Path, two: bool = False) -> BodyRig:
-    """The rig, which names what was learnt."""
-    assert taught(recorded(two), two, folder / "calibration.toml").has_estimates
-    named = change_rig(rig(two), {"control.calibration": "calibration.toml"})
-    return replace(named, path=folder / "rig.toml")
+    """The rig with the calibration."""
+    assert calibrate_run(recorded(two), two, folder / "calibration.toml").has_estimates
+    calibrated_rig = change_rig(rig(two), {"control.calibration": "calibration.toml"})
+    return replace(calibrated_rig, path=folder / "rig.toml")
 
 
-def with_columns(**others: np.ndarray) -> Recording:
-    return Recording({**recorded().columns, **others})
+def with_columns(**columns: np.ndarray) -> Recording:
+    return Recording({**recorded().columns, **columns})
 
 
 def force_error(of: BearingSetup, drift: Drift) -> float:
-    """Of the second period of the slow triangle, N."""
+    """Force error in the second period of the slow triangle, N."""
     scenario, begin = plan_trajectory(of, of.rig.settings.trajectories[0])
     run = flown(of, scenario, drift).slice_ticks(begin, scenario.ticks)
     return rms(run["force_N"] - run["demand_N"])
@@ -109,8 +109,8 @@ def test_the_calibrated_bearing_is_as_good_as_one_that_never_drifted(
     table = bearings.pair_controller() if two else bearings.controller().settings
     after = make_setup(corrected(tmp_path, two), table, bearings.knowledge(), "full", "fixed")
     nominal = force_error(setup(two), NO_DRIFT)
-    assert force_error(setup(two), WRONG) > 2.5 * nominal
-    assert force_error(after, WRONG) < 1.2 * nominal
+    assert force_error(setup(two), WRONG_DRIFT) > 2.5 * nominal
+    assert force_error(after, WRONG_DRIFT) < 1.2 * nominal
 
 
 @pytest.mark.slow
@@ -121,10 +121,10 @@ def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
     after = make_setup(corrected(tmp_path), table, bearings.knowledge(), "full", "fixed")
 
     def overshoot(of: BearingSetup, drift: Drift) -> float:
-        """Of the highest step, which noise moves least, %."""
+        """Overshoot of the highest step, on which noise has the least effect, %."""
         return float(run_bearing({"full": of}, "full", drift, 1)["overshoot_percent"][-1])
 
-    assert overshoot(after, WRONG) < 1.2 * overshoot(setup(), NO_DRIFT) + 0.05
+    assert overshoot(after, WRONG_DRIFT) < 1.2 * overshoot(setup(), NO_DRIFT) + 0.05
 
 
 @pytest.mark.slow
@@ -133,7 +133,9 @@ def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None
     model = model_to_compile(own, known, "full")
     assert model.nodes == pytest.approx(np.add(known.model.nodes, found.value("gap_zero_m")))
     scale = 1.0 + found.value("scale_1")
-    before, after = (one.interpolate_parameter("c_H", 0.45e-3) for one in (known.model, model))
+    before, after = (
+        each_model.interpolate_parameter("c_H", 0.45e-3) for each_model in (known.model, model)
+    )
     assert after == pytest.approx(scale * before)
     with pytest.raises(InputError, match="share one block"):
         model_to_compile(corrected(tmp_path, True), known, "full")
@@ -155,19 +157,21 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
         motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, motion.columns["gap_read_m"]
     )
     commands = [motion.columns[name] for name in ("command_A", "command_2_A")]
-    for number, one in enumerate(fit_bearing_compensators(law.rig, table, each, "full", "f64")):
+    for number, compensator in enumerate(
+        fit_bearing_compensators(law.rig, table, each, "full", "f64")
+    ):
         at = total - gap if number else gap
-        pulled = one.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
+        pulled = compensator.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
         net += (-1.0) ** number * motion.filter_force(pulled, motion.delay_ticks)
-    off = (net - law.net_force(motion, values))[motion.compared_indices]
-    assert rms(off) < 1e-3 * motion.force_rms
+    force_error = (net - law.net_force(motion, values))[motion.compared_indices]
+    assert rms(force_error) < 1e-3 * motion.force_rms
 
 
 @pytest.mark.slow
 def test_of_another_iron_it_is_said_that_the_law_does_not_fit_and_nothing_is_taken() -> None:
     other = replace(setup(), rig=change_iron(bearings.example(), 0.3, 1.0))
     run = flown(other, plan_recorded_run(other.rig, other.controller)[0], NO_DRIFT)
-    found = taught(run)
+    found = calibrate_run(run)
     assert not found.file.method[0].fits
     assert not found.has_estimates
 
@@ -178,8 +182,8 @@ def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
         script.set_load(150.0 + swing).hold(0.1)
     run = flown(setup(), script.build())
     columns = {name: row for name, row in run.columns.items() if name != "load_N"}
-    for one in (run, Recording(columns)):
-        found = taught(one)
+    for recording in (run, Recording(columns)):
+        found = calibrate_run(recording)
         assert not found.has_estimates
         (method,) = found.file.method
         assert all(number.frozen and number.value == 0.0 for number in method.parameter)
@@ -201,7 +205,7 @@ def test_what_the_live_page_recorded_of_the_firmware_teaches_the_same(
         file.write_rows(bench.advance(1500))
     file.close()
     bench.close()
-    (found,) = taught(place).file.method
+    (found,) = calibrate_run(place).file.method
     assert found.fits
     assert found.is_applied
     # this plant has not drifted
@@ -221,28 +225,28 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_after_a_fault_nothing_is_taken(fault: str) -> None:
-    assert not taught(FAULTS[fault](recorded())).has_estimates
+    assert not calibrate_run(FAULTS[fault](recorded())).has_estimates
 
 
 def test_a_recording_without_what_is_needed_is_refused() -> None:
     run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
     kept = {name: row for name, row in run.columns.items() if name != "state"}
     with pytest.raises(InputError, match="no column state"):
-        taught(Recording(kept))
+        calibrate_run(Recording(kept))
     with pytest.raises(InputError, match="begins while a current flows"):
-        taught(run.slice_ticks(len(run) - 200, len(run)))
+        calibrate_run(run.slice_ticks(len(run) - 200, len(run)))
 
 
 def test_a_reading_beyond_all_numbers_is_refused() -> None:
     run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
     for name, value in (("gap_read_m", 1e300), ("load_N", -1e300), ("state", np.nan)):
         wrong = np.where(np.arange(len(run)) == len(run) // 2, value, run[name])
-        with pytest.raises(InputError, match=f"{name} holds what is no number"):
-            taught(Recording({**run.columns, name: wrong}))
+        with pytest.raises(InputError, match=f"{name} contains invalid values"):
+            calibrate_run(Recording({**run.columns, name: wrong}))
 
 
 def naming(folder: Path) -> Path:
-    """The example's rig file, which names a calibration beside it."""
+    """The example's rig file with a calibration in the same folder."""
     place, kind = bearings.copy_known(folder), 'kind = "levitation"'
     text = place.read_text(encoding="utf-8")
     place.write_text(text.replace(kind, f'calibration = "calibration.toml"\n{kind}'), "utf-8")
@@ -261,7 +265,7 @@ def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
         method=[method],
     )
     Calibration(file).save(tmp_path / "calibration.toml")
-    with pytest.raises(InputError, match="says nothing of 'full'"):
+    with pytest.raises(InputError, match="does not contain 'full'"):
         check_inputs(*read_files(naming(tmp_path), None))
 
 

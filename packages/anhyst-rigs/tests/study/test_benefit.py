@@ -1,4 +1,4 @@
-"""The map of what compensation gains: measured magnets, paired seeds, honest marks."""
+"""Test the benefit map: measured magnets, paired seeds, and its marks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from anhyst_rigs.study.bearing.operating import find_operating_point
 from anhyst_rigs.study.benefit import (
     BASELINES,
     Benefit,
-    Comparison,
+    MethodComparison,
     IronFigures,
     MapCell,
     make_map_cell,
@@ -187,11 +187,11 @@ def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> N
 
 
 def test_what_is_lost_does_not_count_as_a_baseline() -> None:
-    lost = Comparison(None, None, None)
+    lost = MethodComparison(None, None, None)
     assert lost.outcome == "no gain"
-    certain = Comparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
+    certain = MethodComparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
     assert certain.outcome == "gain"
-    assert Comparison("single-valued", None, None).outcome == "loss"
+    assert MethodComparison("single-valued", None, None).outcome == "loss"
 
 
 @pytest.mark.parametrize(
@@ -199,8 +199,8 @@ def test_what_is_lost_does_not_count_as_a_baseline() -> None:
 )
 def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, outcome: str) -> None:
     ratio = mean_ratio([1.0, 1.1], [2.0, 2.2])
-    assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
-    assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
+    assert MethodComparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
+    assert MethodComparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
         "nothing to gain"
     )
 

@@ -1,4 +1,4 @@
-"""The firmware levitates the bearing: what the simulation levitates, to the bit, and what breaks it."""
+"""Test that the firmware levitates the bearing as simulated, bit for bit, and its faults."""
 
 from __future__ import annotations
 

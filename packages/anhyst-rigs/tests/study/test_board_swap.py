@@ -1,4 +1,4 @@
-"""Another model in the air: the control goes on, and what the models differ by fades."""
+"""Test the swap of a model while levitated: control continues, and the difference decays."""
 
 from __future__ import annotations
 

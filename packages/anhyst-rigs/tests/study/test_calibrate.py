@@ -1,4 +1,4 @@
-"""Calibration from motion: what a recording teaches of the magnets, and what it must not."""
+"""Test the calibration of a stage from recorded motion: estimates and rejections."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import explore_stage
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.stages import WRONG, recorded, training
+from tests.study.stages import WRONG_DRIFT, recorded, training
 
 SLIT = 0.01
 
 
-def taught(
+def calibrate_run(
     runs: Recording | Sequence[Recording], methods: Sequence[MethodName] = ("full",)
 ) -> Calibration:
     return calibrate(stages.stage(), runs, magnet=bearings.knowledge(), methods=methods)
 
 
 @cache
-def learnt(method: MethodName = "full", drift: Drift = WRONG) -> CalibratedMethod:
-    (found,) = taught(recorded(drift), [method]).file.method
+def learnt(method: MethodName = "full", drift: Drift = WRONG_DRIFT) -> CalibratedMethod:
+    (found,) = calibrate_run(recorded(drift), [method]).file.method
     return found
 
 
@@ -59,30 +59,32 @@ def test_numbers_that_are_off_are_found_from_one_scan() -> None:
     assert found.value("lag_s") == pytest.approx(40e-6, abs=15e-6)
     for number in (1, 2):
         assert found.value(f"width_{number}") == pytest.approx(0.12, abs=0.08)
-    for one in found.parameter:
-        assert one.frozen == one.name.startswith("gap_zero")
-        assert one.sigma < one.prior or one.frozen
+    for parameter in found.parameter:
+        assert parameter.frozen == parameter.name.startswith("gap_zero")
+        assert parameter.sigma < parameter.prior or parameter.frozen
 
 
 @pytest.mark.slow
 def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
-    for one in learnt(drift=NO_DRIFT).parameter:
-        assert abs(one.value) <= 0.5 * one.prior, one.name
+    for parameter in learnt(drift=NO_DRIFT).parameter:
+        assert abs(parameter.value) <= 0.5 * parameter.prior, parameter.name
 
 
 @pytest.mark.slow
 def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
-    motion = stages.unseen(stages.stage())
+    motion = stages.evaluation_set_point(stages.stage())
 
-    def left(setup: StageSetup) -> float:
-        run = track(replace(setup, drift=WRONG), motion, Feedforward(), 2)
+    def moving_average(setup: StageSetup) -> float:
+        run = track(replace(setup, drift=WRONG_DRIFT), motion, Feedforward(), 2)
         return measure(run, motion, SLIT).force_rms_N
 
     parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0, "fused": 0.5}
     for method, part in parts.items():
-        assert left(corrected(method)) < part * left(stages.setup(method)), method
-    assert left(corrected()) < 0.4 * left(corrected("play"))
-    assert left(corrected("fused")) < 0.8 * left(corrected("flux"))
+        assert moving_average(corrected(method)) < part * moving_average(stages.setup(method)), (
+            method
+        )
+    assert moving_average(corrected()) < 0.4 * moving_average(corrected("play"))
+    assert moving_average(corrected("fused")) < 0.8 * moving_average(corrected("flux"))
 
 
 @pytest.mark.slow
@@ -92,7 +94,7 @@ def test_the_gain_of_a_probe_is_found_whatever_it_corrects() -> None:
         assert found.fits
         for number in (1, 2):
             probe = found.value(f"scale_{number}")
-            assert probe == pytest.approx(-WRONG.magnets[0].flux_gain, abs=0.001)
+            assert probe == pytest.approx(-WRONG_DRIFT.magnets[0].flux_gain, abs=0.001)
 
 
 @pytest.mark.slow
@@ -112,7 +114,7 @@ def test_where_the_law_does_not_fit_nothing_is_taken_or_written(tmp_path: Path) 
     found = calibrate(rig, recorded(), out, magnet=bearings.knowledge(), methods=["full"])
     assert not found.has_estimates
     assert not out.exists()
-    assert "nothing is taken" in found.facts()["full"]
+    assert "no correction is applied" in found.facts()["full"]
 
 
 def test_numbers_that_do_not_fit_correct_nothing() -> None:
@@ -125,20 +127,22 @@ def test_numbers_that_do_not_fit_correct_nothing() -> None:
 
 @pytest.mark.slow
 def test_two_recordings_teach_more_than_one() -> None:
-    again = track(replace(stages.setup("full"), drift=WRONG), training(), Feedforward(), 2)
-    (found,) = taught([recorded(), again]).file.method
-    for one, both in zip(learnt().parameter, found.parameter, strict=True):
-        assert both.sigma < one.sigma or both.frozen
+    second_run = track(
+        replace(stages.setup("full"), drift=WRONG_DRIFT), training(), Feedforward(), 2
+    )
+    (found,) = calibrate_run([recorded(), second_run]).file.method
+    for parameter, updated in zip(learnt().parameter, found.parameter, strict=True):
+        assert updated.sigma < parameter.sigma or updated.frozen
 
 
 def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> None:
     gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
-    setup = replace(stages.setup("full"), drift=WRONG)
+    setup = replace(stages.setup("full"), drift=WRONG_DRIFT)
     run, out = track(setup, gently, Feedforward(), 1), tmp_path / "calibration.toml"
     whole = calibrate(stages.stage(), run, out, magnet=bearings.knowledge(), methods=["full"])
     (found,) = whole.file.method
-    assert {one.value for one in found.parameter} == {0.0}
-    assert all(one.frozen for one in found.parameter)
+    assert {parameter.value for parameter in found.parameter} == {0.0}
+    assert all(parameter.frozen for parameter in found.parameter)
     assert not whole.has_estimates
     assert not found.fits
     assert not out.exists()
@@ -147,10 +151,10 @@ def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> No
 @pytest.mark.slow
 def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> None:
     stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
-    (found,) = taught(stuck).file.method
+    (found,) = calibrate_run(stuck).file.method
     assert not found.fits
-    assert {one.value for one in found.parameter} == {0.0}
-    assert all(one.frozen for one in found.parameter)
+    assert {parameter.value for parameter in found.parameter} == {0.0}
+    assert all(parameter.frozen for parameter in found.parameter)
 
 
 @pytest.mark.slow
@@ -163,7 +167,7 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
     assert not learnt("single-valued").fits
     noisy = stages.stage().settings.with_changes({"position_sensor.noise_m": 5e-9})
     rig = replace(stages.stage(), settings=noisy)
-    made = replace(make_stage(rig, bearings.knowledge(), "full"), drift=WRONG)
+    made = replace(make_stage(rig, bearings.knowledge(), "full"), drift=WRONG_DRIFT)
     run = track(made, training(), Feedforward(), 1)
     (found,) = calibrate(rig, run, magnet=bearings.knowledge(), methods=["full"]).file.method
     assert found.fits
@@ -172,15 +176,17 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
 @pytest.mark.slow
 def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
     far = with_columns(command_A=1.2 * recorded()["command_A"])
-    (found,) = taught(far).file.method
-    assert all(abs(one.value) <= 4.0 * one.prior + 1e-12 for one in found.parameter)
+    (found,) = calibrate_run(far).file.method
+    assert all(
+        abs(parameter.value) <= 4.0 * parameter.prior + 1e-12 for parameter in found.parameter
+    )
 
 
 @pytest.mark.slow
 def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> None:
     made, motion = stages.setup("full"), training()
-    nothing = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
-    same = track(replace(made, correction_rows=nothing), motion, Feedforward(), 1)
+    zero_corrections = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
+    same = track(replace(made, correction_rows=zero_corrections), motion, Feedforward(), 1)
     assert (same.table == track(made, motion, Feedforward(), 1).table).all()
     single = make_stage(stages.stage(format="f32"), bearings.knowledge(), "full", learnt())
     runs = [
@@ -202,7 +208,7 @@ def test_a_correction_that_is_no_factor_is_refused(column: int, value: float) ->
 
 @pytest.mark.slow
 def test_the_file_that_a_rig_names_corrects_its_variants(tmp_path: Path) -> None:
-    taught(recorded()).save(tmp_path / "calibration.toml")
+    calibrate_run(recorded()).save(tmp_path / "calibration.toml")
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
     named = make_stage(rig, bearings.knowledge(), "full")
     assert named.correction_rows is not None
@@ -256,10 +262,10 @@ def test_a_recording_is_of_every_tick_from_rest_on(
     kept = rows(np.arange(len(recorded())))
     part = Recording({name: values[kept] for name, values in recorded().columns.items()})
     if not code:
-        assert taught(part).file.method[0].fits
+        assert calibrate_run(part).file.method[0].fits
         return
     with refused(code):
-        taught(part)
+        calibrate_run(part)
 
 
 def test_a_recording_teaches_once_and_only_what_is_there(tmp_path: Path) -> None:
@@ -268,11 +274,11 @@ def test_a_recording_teaches_once_and_only_what_is_there(tmp_path: Path) -> None
         with refused("recordings-not-once"):
             calibrate(stages.stage(), [tmp_path / "run.csv", same], magnet=bearings.knowledge())
     with refused("recordings-not-once"):
-        taught([])
+        calibrate_run([])
     with refused("no-such-method"):
-        taught(recorded(), ["ratio"])
+        calibrate_run(recorded(), ["ratio"])
     with refused("not-finite: command_A"):
-        taught(with_columns(command_A=np.full(len(recorded()), np.nan)))
+        calibrate_run(with_columns(command_A=np.full(len(recorded()), np.nan)))
 
 
 def test_a_current_is_not_taken_for_a_force(tmp_path: Path) -> None:
@@ -285,11 +291,11 @@ def test_a_current_is_not_taken_for_a_force(tmp_path: Path) -> None:
 
 def test_a_demand_of_the_wrong_sign_is_refused() -> None:
     with refused("wrong-sign demand_x_N"):
-        taught(with_columns(demand_x_N=-recorded()["demand_x_N"]))
+        calibrate_run(with_columns(demand_x_N=-recorded()["demand_x_N"]))
 
 
 def test_a_calibration_without_the_law_itself_is_refused_before_any_work(tmp_path: Path) -> None:
-    taught(recorded(), ["flux"]).save(tmp_path / "calibration.toml")
+    calibrate_run(recorded(), ["flux"]).save(tmp_path / "calibration.toml")
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
     with refused("method-missing control.calibration"):
         explore_stage(rig, bearings.knowledge())
@@ -314,7 +320,7 @@ def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> No
 def test_no_file_corrects_by_more_than_any_calibration(
     tmp_path: Path, name: ParameterName, value: float
 ) -> None:
-    found = taught(recorded(), ["single-valued"])
+    found = calibrate_run(recorded(), ["single-valued"])
     found.save(tmp_path / "calibration.toml")
     text = (tmp_path / "calibration.toml").read_text()
     number = re.search(rf'name = "{name}", value = [^,]+', text)
@@ -331,16 +337,13 @@ def test_no_file_corrects_by_more_than_any_calibration(
 
 @pytest.mark.slow
 def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
-    """Least squares of its own, tick by tick, without filter, delay, prior or recorded readings.
-
-    The flux lags as a low-pass of the true currents does; the law is asked sample by sample.
-    """
+    """Independent least squares: tick by tick, without filter, delay, prior or recorded readings."""
     run, found = recorded(), learnt()
     compensator = corrected().compensator
     truth = run["force_N"] - found.value("bias_N")
     counts = np.abs(truth) > 15.0
 
-    def missed(numbers: FloatArray) -> FloatArray:
+    def residuals(numbers: FloatArray) -> FloatArray:
         scales, share = numbers[:2], -np.expm1(-run.dt / (1e-9 + abs(numbers[2]) * 1e-5))
         pulls = []
         for scale, current, gap in zip(
@@ -354,12 +357,12 @@ def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -
                 compensator.reset_copy(),
             )
             pulls.append(
-                [law.commit(*one) for one in zip(slow.tolist(), gap.tolist(), strict=True)]
+                [law.commit(*sample) for sample in zip(slow.tolist(), gap.tolist(), strict=True)]
             )
         net = np.array(pulls[1]) - np.array(pulls[0])
         return np.asarray((net - truth)[counts])
 
-    seen = least_squares(missed, [1.0, 1.0, 2.0], diff_step=[0.005, 0.005, 0.2], max_nfev=4).x
+    seen = least_squares(residuals, [1.0, 1.0, 2.0], diff_step=[0.005, 0.005, 0.2], max_nfev=4).x
     assert found.value("scale_1") == pytest.approx(seen[0] - 1.0, abs=0.0015)
     assert found.value("scale_2") == pytest.approx(seen[1] - 1.0, abs=0.0015)
     assert found.value("lag_s") == pytest.approx(1e-5 * seen[2], abs=15e-6)

@@ -1,4 +1,4 @@
-"""What a bearing learns from the recording of a flight in which something goes wrong."""
+"""Test the calibration of a bearing from flights with faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from anhyst_rigs.rig.drift import drifted_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.board_faults import FaultAction, FaultInjection, fault_injections
 from tests.study import bearings
-from tests.study.test_bearing_calibration import WRONG, setup, taught
+from tests.study.test_bearing_calibration import WRONG_DRIFT, calibrate_run, setup
 
 HEIGHTS = (-25e-6, 25e-6, -50e-6, 50e-6, 0.0)
 COLUMNS = {
@@ -33,7 +33,7 @@ OFTEN |= {"five ticks missed", "overload for 100 ms"}
 
 
 class Flight:
-    """A flight and its rows; where the sensor of the position says nothing, what it said before."""
+    """A flight and its rows; a missing position repeats the reading before."""
 
     def __init__(self, running: BearingBench) -> None:
         self.running, self.rows = running, list[list[float]]()
@@ -66,7 +66,7 @@ class Flight:
 
 def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
     """Fly steps, then with something that is done, then steps again; until when all was well."""
-    plant = drifted_plant(setup().rig, WRONG, 1)
+    plant = drifted_plant(setup().rig, WRONG_DRIFT, 1)
     with closing(BearingBench(setup(), firmware, board="library", bearing=plant)) as running:
         flight, supply = Flight(running), plant.supply
         flight.fly(120)
@@ -83,14 +83,18 @@ def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
 
 
 def learnt(run: Recording) -> dict[str, tuple[float, float]]:
-    """Numbers and their standard deviations; none where nothing is taken."""
-    (method,) = taught(run).file.method
-    return {one.name: (one.value, one.sigma) for one in method.parameter if method.is_applied}
+    """Parameters and their standard deviations; empty if the method is rejected."""
+    (method,) = calibrate_run(run).file.method
+    return {
+        parameter.name: (parameter.value, parameter.sigma)
+        for parameter in method.parameter
+        if method.is_applied
+    }
 
 
 @cache
 def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...]:
-    """What is learnt of the steps before, and of all of a flight in which nothing happens."""
+    """Estimates from the steps before a fault, and from a flight without a fault."""
     run, good = recorded(firmware, lambda *_: True)
     return learnt(run.slice_ticks(0, good)), learnt(run)
 
@@ -110,7 +114,7 @@ def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
     run, _ = recorded(firmware, fault.action)
     if fault.expected_fault is Fault.MISSED_TICK:
         with pytest.raises(InputError, match="record every tick once"):
-            taught(run)
+            calibrate_run(run)
         return
     flies_on = bool(run["state"][-1] == State.RUN)
     assert flies_on == (fault.expected_fault is Fault.NONE)

@@ -1,4 +1,4 @@
-"""What compensation must reach in the bundled bearing; the whole table is benchmarks/bearing.py."""
+"""Test the aims of compensation with the bundled bearing; benchmarks/bearing.py has the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shortest move that shows what a stage is off by: what is chosen, and what it is worth."""
+"""Test the design of the shortest calibration move of a stage, and its gain."""
 
 from __future__ import annotations
 
@@ -21,7 +21,14 @@ from anhyst_rigs.study.tracking.excitation import (
 )
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.test_balancing import left, plant, recorded, short, stage_of, taught
+from tests.study.test_balancing import (
+    make_estimator,
+    plant,
+    recorded,
+    remaining_errors,
+    short_stage,
+    stage_of,
+)
 
 
 @cache
@@ -61,19 +68,21 @@ def test_a_bearing_has_no_such_move(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_one() -> None:
-    found = find_move(short(), bearings.knowledge())
+    found = find_move(short_stage(), bearings.knowledge())
     assert not found.move.hidden
     assert {"scale_5", "scale_6", "centre_x_m"} <= set(found.work.hidden)
     assert max(found.legs["y"].peaks) == pytest.approx(11.0)  # one pair carries it
-    learner = ParameterEstimator(StageLaw(short(), bearings.knowledge(), "full"))
-    setup = make_stage(short(), bearings.knowledge(), "full")
+    learner = ParameterEstimator(StageLaw(short_stage(), bearings.knowledge(), "full"))
+    setup = make_stage(short_stage(), bearings.knowledge(), "full")
     moved = fly_legs(replace(setup, drift=plant()), found.legs, 1)
     assert learner.update(learner.law.make_motion(moved.columns))
     assert learner.calibration.fits
-    worked = taught("full", recorded())
-    along, about = left(stage_of(learner))
-    before, turned = left(setup)
+    worked = make_estimator("full", recorded())
+    along, about = remaining_errors(stage_of(learner))
+    before, turned = remaining_errors(setup)
     assert along < 0.15 * before
     assert about < 0.4 * turned
-    across, by_work = (left(stage_of(one), "y")[0] for one in (learner, worked))
+    across, by_work = (
+        remaining_errors(stage_of(estimator), "y")[0] for estimator in (learner, worked)
+    )
     assert across < 0.3 * by_work

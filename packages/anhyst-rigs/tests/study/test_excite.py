@@ -22,9 +22,9 @@ from anhyst_rigs.study.excite.excite import Excitation, excite, measure_gaps, re
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.repository import ROOT
-from tests.study.measured_rigs import INNER, WIDE, measured_rig
+from tests.study.measured_rigs import MINOR_REVERSALS, WIDE_REVERSALS, measured_rig
 
-TIGHT = """
+TIGHT_LIMITS = """
 [excite]
 current_max_A = 3.5
 rate_max_A_per_s = 3.0
@@ -37,7 +37,7 @@ thermal_s = 15.0
 
 @dataclass
 class Watched:
-    """A rig whose armature is held, and all the forces that it ever felt."""
+    """A rig with held armature that records all forces."""
 
     rig: HeldRig
     forces: list[float] = field(default_factory=list)
@@ -63,32 +63,32 @@ class Watched:
         return self.rig.sensors(seed, sample)
 
 
-def bearing(folder: Path, more: str = "") -> Specimen:
-    return read_specimen(measured_rig("bearing", folder, more=more).path).specimen
+def bearing(folder: Path, extra_lines: str = "") -> Specimen:
+    return read_specimen(measured_rig("bearing", folder, extra_lines=extra_lines).path).specimen
 
 
 def check_limits(found: Excitation) -> None:
-    """Hold all that was played against the limits, rests and conditioning included."""
+    """Check the complete drive, with rests and conditioning, against the limits."""
     specimen, played = found.specimen, found.drive_history
     assert played.current.max() <= specimen.max_current.value + 1e-12
     assert played.current.min() >= specimen.min_current
     rate = np.abs(np.diff(played.current)) / specimen.sample_s
-    same = np.diff(played.time) < 1.5 * specimen.sample_s
-    assert same.all()  # nothing is left out of the account
+    is_regular = np.diff(played.time) < 1.5 * specimen.sample_s
+    assert is_regular.all()  # the account is complete
     assert rate.max() <= specimen.max_rate.value * (1.0 + 1e-9)
     assert np.diff(played.gap)[np.abs(played.current[1:]) > 0.0].max() <= 0.0
     if specimen.winding is None:
         return
     # The firmware's own step, and its share.
-    share, warmth, most = specimen.sample_s / specimen.winding.time_constant, 0.0, 0.0
+    share, warmth, max_warmth = specimen.sample_s / specimen.winding.time_constant, 0.0, 0.0
     for current in played.current.tolist():
         warmth += share * ((current / specimen.winding.continuous_current) ** 2 - warmth)
-        most = max(most, warmth)
-    assert 0.5 < most < 1.0  # not by staying cold
+        max_warmth = max(max_warmth, warmth)
+    assert 0.5 < max_warmth < 1.0  # the winding was warm
 
 
 def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_path: Path) -> None:
-    specimen = bearing(tmp_path, TIGHT)
+    specimen = bearing(tmp_path, TIGHT_LIMITS)
     assert specimen.held_rig is not None
     watched = Watched(specimen.held_rig)
     found = measure_gaps(replace(specimen, held_rig=watched))
@@ -170,7 +170,9 @@ def test_a_bipolar_amplifier_demagnetises_before_every_record(tmp_path: Path) ->
 
 
 def test_loops_are_read_back_with_their_histories(tmp_path: Path) -> None:
-    path = measured_rig("bearing", tmp_path, more="[excite]\ngaps_m = [0.4e-3, 0.5e-3]\n").path
+    path = measured_rig(
+        "bearing", tmp_path, extra_lines="[excite]\ngaps_m = [0.4e-3, 0.5e-3]\n"
+    ).path
     made = excite(path, tmp_path / "new.csv")
     read = read_loops(tmp_path / "new.csv")
     assert read.schedule_values == (0.4e-3, 0.5e-3)
@@ -187,8 +189,8 @@ def test_loops_are_read_back_with_their_histories(tmp_path: Path) -> None:
     [
         ("bearing", None),
         *(
-            pytest.param(*one, marks=pytest.mark.campaign)
-            for one in (
+            pytest.param(*case, marks=pytest.mark.campaign)
+            for case in (
                 *(("solenoid", None), ("bearing", "preisach-usual"), ("bearing", "duhem-usual")),
                 *(("solenoid", "preisach-usual"), ("solenoid", "duhem-usual")),
             )
@@ -202,15 +204,15 @@ def test_a_model_of_these_loops_is_as_good_as_one_of_the_bundled_campaign(
     own, usual = measure_gaps(read_specimen(rig.path).specimen).loops, rig.usual_loops()
     largest = max(float(loop.output.max()) for loop in usual.loops)
     ours, theirs = rig.model(own), rig.model(usual)
-    for turns in (WIDE, INNER):
-        # Searches end apart by up to a thousandth of the force when only the noise is another.
+    for turns in (WIDE_REVERSALS, MINOR_REVERSALS):
+        # Two searches with different noise differ by up to a thousandth of the force.
         allowed = 1.15 * rig.errors(theirs, turns) + 1e-3 * largest
         assert rig.errors(ours, turns) <= allowed
 
 
-def solid_bearing(folder: Path, fast: str, more: str = "") -> Specimen:
-    """Return the bearing with solid iron and fast cycles asked for."""
-    path = measured_rig("bearing", folder, more=more).path
+def solid_bearing(folder: Path, fast: str, extra_lines: str = "") -> Specimen:
+    """Return the bearing with a solid core and fast cycles."""
+    path = measured_rig("bearing", folder, extra_lines=extra_lines).path
     text = path.read_text(encoding="utf-8")
     table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
     text = text.replace("turns = 250", f"turns = 250\n{table}")
@@ -220,8 +222,10 @@ def solid_bearing(folder: Path, fast: str, more: str = "") -> Specimen:
 
 
 def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_path: Path) -> None:
-    plain = bearing(tmp_path / "plain", TIGHT)
-    specimen = solid_bearing(tmp_path / "solid", "[30.0, 300.0]", TIGHT.replace("3.0", "200.0"))
+    plain = bearing(tmp_path / "plain", TIGHT_LIMITS)
+    specimen = solid_bearing(
+        tmp_path / "solid", "[30.0, 300.0]", TIGHT_LIMITS.replace("3.0", "200.0")
+    )
     specimen = replace(specimen, gaps=specimen.gaps[:1])
     found = measure_gaps(specimen)
     assert found.drive_history.warmth.max() < 1.0
@@ -240,7 +244,7 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     assert any("300" in note and "rate_max" in note for note in found.notes)
     speeds = group_by_speed(found.loops)
     assert speeds is not None
-    assert {loop.label for group in speeds.fast for loop in group} == {one.label for one in quick}
+    assert {loop.label for group in speeds.fast for loop in group} == {loop.label for loop in quick}
     assert "rate matters" in describe_rate(found.loops)
 
 
@@ -290,7 +294,7 @@ def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_
     for loop, first in zip(again.loops, made.loops.loops, strict=True):
         assert loop.history == first.history
         assert loop.time is not None
-        # Reversals are wide open: at half the range the branches lie more than a micrometre apart.
+        # Reversal curves are open: at half of the range the branches differ by more than a micrometre.
         rising = np.gradient(loop.input) > 0.0
         middle = np.abs(loop.input - 70.0) < 5.0
         assert loop.output[middle & ~rising].mean() - loop.output[middle & rising].mean() > 1e-6
@@ -317,7 +321,7 @@ def test_a_slow_stage_is_driven_so_slowly_that_it_hardly_rings(
     figures = made.as_dict()
     assert figures["rate_V_per_s"] == pytest.approx(300.0 / slower, rel=0.01)
     major = made.loops.loops[0]
-    # Noise of the sensor and what rings show as second differences; a quarter of it is 0.3 % of 45 um.
+    # Second differences from sensor noise and ringing; a quarter of it is 0.3 % of 45 um.
     assert np.std(np.diff(major.output, 2)) < 4.0 * 0.003 * 45e-6
 
 

@@ -1,4 +1,4 @@
-"""Many magnets of one type: who is good, who does not belong, how they scatter."""
+"""Test a fleet of magnets: tolerance, outliers and scatter."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.study.fleets import (
     few_loops_of,
     loops_of,
     magnet,
-    of_quantities,
+    model_of_quantities,
     quantities_of,
     write_fleet,
 )
@@ -43,20 +43,20 @@ SETTINGS = FleetSettings(
 )
 
 
-def drawn(count: int, left: float, seed: int) -> list[MagnetEstimate]:
+def draw_magnets(count: int, uncertainty: float, seed: int) -> list[MagnetEstimate]:
     """Draw magnets of mean (2, -30), scatter (0.1, 3), whose loops leave two correlated errors."""
     rng = np.random.default_rng(seed)
     true = np.array([2.0, -30.0]) + rng.standard_normal((count, 2)) * [0.1, 3.0]
-    std = left * np.array([0.1, 3.0])
+    std = uncertainty * np.array([0.1, 3.0])
     correlation = np.array([[1.0, 0.97], [0.97, 1.0]])
     errors = rng.multivariate_normal([0.0, 0.0], correlation * np.outer(std, std), count)
-    return [MagnetEstimate.from_uncertainty(one, std, correlation) for one in true + errors]
+    return [MagnetEstimate.from_uncertainty(values, std, correlation) for values in true + errors]
 
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("left", [1e-3, 0.5, 1.0])
 def test_mean_and_scatter_are_those_of_the_magnets_not_of_their_loops(left: float) -> None:
-    found = estimate_spread(drawn(400, left, 3))
+    found = estimate_spread(draw_magnets(400, left, 3))
     assert found.mean == pytest.approx([2.0, -30.0], rel=0.02)
     assert found.scatter == pytest.approx([0.1, 3.0], rel=0.25)
     assert not found.outlier.any()
@@ -66,12 +66,14 @@ def test_what_loops_leave_open_is_taken_from_the_others() -> None:
     rng = np.random.default_rng(5)
     true = 2.0 + 0.1 * rng.standard_normal((60, 1))
     read = true + 0.2 * rng.standard_normal((60, 1))
-    found = estimate_spread([MagnetEstimate.from_uncertainty(one, [0.2], [[1.0]]) for one in read])
+    found = estimate_spread(
+        [MagnetEstimate.from_uncertainty(values, [0.2], [[1.0]]) for values in read]
+    )
     assert np.std(found.values - true) < 0.6 * np.std(read - true)
 
 
 def test_outliers_are_named_and_have_no_say() -> None:
-    magnets = drawn(30, 0.1, 4)
+    magnets = draw_magnets(30, 0.1, 4)
     clean = estimate_spread(magnets)
     odd = replace(magnets[0], values=np.array([2.9, -30.0]))
     found = estimate_spread([*magnets, odd, odd])
@@ -80,10 +82,10 @@ def test_outliers_are_named_and_have_no_say() -> None:
 
 
 def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
-    magnets = drawn(20, 0.1, 6)
+    magnets = draw_magnets(20, 0.1, 6)
     wide = [
-        MagnetEstimate.from_uncertainty([*one.values, 7.0], [0.01, 0.3, np.inf], [])
-        for one in magnets
+        MagnetEstimate.from_uncertainty([*magnet.values, 7.0], [0.01, 0.3, np.inf], [])
+        for magnet in magnets
     ]
     found = estimate_spread(wide)
     assert np.isfinite(found.mean).all()
@@ -91,11 +93,11 @@ def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
 
 
 def test_a_quantity_at_the_end_of_its_range_is_as_uncertain_as_its_loops_leave_it() -> None:
-    # Reversible parts of 0 +- 0.3 beside others of 0.2 +- 0.01: those must not count as exact.
+    # Reversible parts of 0 +- 0.3 and of 0.2 +- 0.01: the first must not count as exact.
     rng = np.random.default_rng(8)
     sure = [
-        MagnetEstimate.from_uncertainty([0.2 + 0.01 * one], [0.01], [])
-        for one in rng.standard_normal(12)
+        MagnetEstimate.from_uncertainty([0.2 + 0.01 * deviation], [0.01], [])
+        for deviation in rng.standard_normal(12)
     ]
     found = estimate_spread([*sure, *[MagnetEstimate.from_uncertainty([0.0], [0.3], [])] * 5])
     assert found.mean == pytest.approx([0.2], rel=0.05)
@@ -109,7 +111,7 @@ def test_a_magnet_is_a_file_or_a_folder(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "near.csv").write_text("I_A,F_N\n")
     (tmp_path / "empty").mkdir()
-    assert [one.name for one in find_members(tmp_path)] == ["a", "b"]
+    assert [member.name for member in find_members(tmp_path)] == ["a", "b"]
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "near.csv").write_text("I_A,F_N\n")
     with refused("name-twice"):
@@ -139,7 +141,7 @@ def test_results_do_not_become_magnets(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def magnets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write three magnets, one with pinning of its own kind, and a damaged file."""
+    """Write three magnets, one with different pinning, and a damaged file."""
     folder = tmp_path_factory.mktemp("magnets")
     write_fleet(folder, 4)
     loops_of(magnet(1.8, 1.0), 99).save(folder / "odd.csv")
@@ -154,10 +156,10 @@ def found(magnets: Path, tmp_path_factory: pytest.TempPathFactory) -> Fleet:
 
 @pytest.mark.slow
 def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> None:
-    assert [one["name"] for one in found.evaluated] == ["m00", "m01", "m02", "m03", "odd"]
+    assert [result["name"] for result in found.evaluated] == ["m00", "m01", "m02", "m03", "odd"]
     assert list(found.failed) == ["damaged"]
     assert "damaged.csv: line 2" in found.failed["damaged"]
-    # Each with its own controller is good; outputs that differ by 5 % are not, with one for all.
+    # Each is good with its controller; with a common model, outputs that differ by 5 % are not.
     assert all(found.is_good)
     assert sum(found.is_good_shared) < 4
     assert found.outliers == ["odd"]
@@ -184,7 +186,7 @@ def test_a_stopped_run_goes_on_and_gives_the_same(
     (found.out / "m02" / RESULT_FILE).write_text('{"name": "m02"')  # the power went
     again = fleet(magnets, found.out, SETTINGS, jobs=1)
     assert kept.stat().st_mtime_ns == stamp
-    # Byte for byte, but for the folders' times in no file: the same files in any order of work.
+    # Any order of work gives the same files, byte for byte; no file contains a time.
     assert {path: path.read_bytes() for path in found.out.rglob("*.json")} == before
     assert again.as_dict() == found.as_dict()
     monkeypatch.setattr(whole, "map_ordered", lambda *_: [{"name": "a", "error": "broken"}])
@@ -199,35 +201,39 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
     made = [magnet(*(1.0 + SCATTER * rng.standard_normal(2))) for _ in range(12)]
     fits = [
         identify(
-            few_loops_of(one, place),
+            few_loops_of(magnet, place),
             law="effective-field",
             gap_map="reluctance",
             offsets=False,
             dead_band=False,  # the truth has none
         ).model.uncertainty
-        for place, one in enumerate(made)
+        for place, magnet in enumerate(made)
     ]
-    told = [one for one in fits if one is not None]
-    ways = [coordinate_kind("effective-field", name) for name in told[0].names]
+    estimates = [fit for fit in fits if fit is not None]
+    ways = [coordinate_kind("effective-field", name) for name in estimates[0].names]
     assert ways == ["log", "plain", "asinh", "asinh", "log", "log"]
     found = estimate_spread(
-        [MagnetEstimate.from_uncertainty(u.values, u.std, u.correlation) for u in told], ways
+        [MagnetEstimate.from_uncertainty(u.values, u.std, u.correlation) for u in estimates], ways
     )
-    true = np.array([quantities_of(one) for one in made])
-    own = np.array([one.values for one in told])
+    true = np.array([quantities_of(magnet) for magnet in made])
+    own = np.array([fit.values for fit in estimates])
 
-    def off(values: FloatArray) -> FloatArray:
+    def force_error(values: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(np.mean((values / true - 1.0) ** 2, axis=0)))
 
-    assert (off(found.values) < 0.9 * off(own)).all()
+    assert (force_error(found.values) < 0.9 * force_error(own)).all()
     drive = np.concatenate([np.linspace(0.0, 2.5, 60), np.linspace(2.5, 0.5, 60)])
 
     def forces(magnets: list[Model]) -> FloatArray:
         """Return them at a gap that no loop was measured at."""
-        return np.array([one(drive, 8e-4, history="demagnetised") for one in magnets])
+        return np.array([magnet(drive, 8e-4, history="demagnetised") for magnet in magnets])
 
     def force_off(values: FloatArray) -> float:
-        return float(np.std(forces([of_quantities(one) for one in values]) - forces(made)))
+        return float(
+            np.std(
+                forces([model_of_quantities(quantities) for quantities in values]) - forces(made)
+            )
+        )
 
     assert force_off(found.values) < 0.95 * force_off(own)
 
@@ -242,7 +248,7 @@ def test_the_magnets_that_choose_are_identified_once(
 
     def counted(*given: Any, **named: Any) -> Any:
         count.append(named["law"])
-        chosen = {"law": "effective-field", "gap_map": "reluctance"}  # what auto would find
+        chosen = {"law": "effective-field", "gap_map": "reluctance"}  # the choice of auto
         return identify(*given, **named | chosen)
 
     monkeypatch.setattr("anhyst_rigs.study.fleet_magnets.identify", counted)
@@ -254,12 +260,12 @@ def test_the_magnets_that_choose_are_identified_once(
     before = (out / "m01" / "model.toml").read_bytes()
     (
         out / "m01" / RESULT_FILE
-    ).unlink()  # stopped before it was judged: it is asked again what it was
+    ).unlink()  # stopped before the evaluation: it is identified again with its first settings
     count.clear()
     again = fleet(tmp_path / "magnets", out, replace(settings, tolerance=0.01), jobs=1)
     assert count == ["auto"]
     assert (out / "m01" / "model.toml").read_bytes() == before
-    assert not any(again.is_good)  # a tolerance is held against what is known
+    assert not any(again.is_good)  # a changed tolerance uses stored results
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Force control from end to end: loops, models, firmware over its link, figures."""
+"""Test force control from end to end: loops, models, firmware over its link, figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bench that was prepared once opens soon, and never as what it was before."""
+"""Test that a cached bench opens fast and is never outdated."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ gaps_m = [1.0e-3]
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A rig of one gap, and a cache of its own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    path = measured_rig("solenoid", tmp_path / "rig", more=ONE_GAP, law="play-cells").path
+    path = measured_rig("solenoid", tmp_path / "rig", extra_lines=ONE_GAP, law="play-cells").path
     excite(path, path.with_name("loops.csv"))
     return path
 

@@ -1,4 +1,4 @@
-"""A stage that calibrates itself while it works: what it learns, how fast, and what it must not."""
+"""Test the online calibration of a stage: estimates, rates, forgetting and rejections."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from anhyst_rigs.study.tracking.motion import Motion
 from anhyst_rigs.study.tracking.simulate import explore_stage
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.stages import WRONG, recorded, training
+from tests.study.stages import WRONG_DRIFT, recorded, training
 
 ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
 
@@ -41,7 +41,9 @@ def motion_of_run(run: Recording, **columns: np.ndarray) -> Motion:
     return StageMotion(stages.stage(), {**run.columns, **columns})
 
 
-def taught(method: MethodName = "full", forget_s: float = FORGETTING_TIME_S) -> ParameterEstimator:
+def make_estimator(
+    method: MethodName = "full", forget_s: float = FORGETTING_TIME_S
+) -> ParameterEstimator:
     learner = ParameterEstimator(law(method), forget_s)
     assert learner.update(motion_of_run(recorded()))
     return learner
@@ -51,9 +53,9 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
     gently = replace(training(), peaks=(0.2, 0.2), speed=0.004)
     ticks = round(gently.duration / recorded().dt)
     load = 8.0 * np.sin(2.0 * np.pi * 3.0 * recorded().dt * np.arange(ticks))
-    setup = replace(stages.setup("full"), drift=WRONG)
+    setup = replace(stages.setup("full"), drift=WRONG_DRIFT)
     rest = motion_of_run(track(setup, gently, Feedforward(), 1, load=load))
-    learner = taught()
+    learner = make_estimator()
     before, known = dict(learner.estimate), learner.calibration
     for _ in range(round(3600.0 / gently.duration)):
         assert not learner.update(rest)
@@ -63,25 +65,30 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
 
 @pytest.mark.slow
 def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
-    """Scans of three noise seeds by turns; what is forgotten is learnt again."""
-    setup = replace(stages.setup("flux"), drift=WRONG)
+    """Scans with three noise seeds in turn; the estimate recovers after forgetting."""
+    setup = replace(stages.setup("flux"), drift=WRONG_DRIFT)
     runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
     scans = [motion_of_run(run) for run in runs]
     learner = ParameterEstimator(law("flux"), FORGETTING_TIME_S)
     for number in range(300):
         learner.update(scans[number % 3])
-    settled, known = dict(learner.estimate), learner.calibration
+    settled, calibration = dict(learner.estimate), learner.calibration
     for number in range(600):
         learner.update(scans[number % 3])
-    for one, now in zip(known.parameter, learner.calibration.parameter, strict=True):
-        assert abs(now.value - settled[now.name]) < 0.1 * one.prior
-        assert now.sigma <= one.sigma <= one.prior
+    for parameter, updated in zip(
+        calibration.parameter, learner.calibration.parameter, strict=True
+    ):
+        assert abs(updated.value - settled[updated.name]) < 0.1 * parameter.prior
+        assert updated.sigma <= parameter.sigma <= parameter.prior
 
 
-STUCK: Callable[[np.ndarray], np.ndarray] = lambda values: np.full_like(values, values[0])  # noqa: E731
+def hold_first(values: np.ndarray) -> np.ndarray:
+    return np.full_like(values, values[0])
 
 
-def from_half(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+def change_second_half(
+    change: Callable[[np.ndarray], np.ndarray],
+) -> Callable[[np.ndarray], np.ndarray]:
     def changed(values: np.ndarray) -> np.ndarray:
         half = values.size // 2
         return np.concatenate([values[:half], change(values[half:])])
@@ -92,40 +99,48 @@ def from_half(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarra
 @pytest.mark.parametrize(
     ("column", "fault"),
     [
-        pytest.param("gap_read_m", from_half(STUCK), id="the gap is stuck"),
-        pytest.param("gap_read_m", from_half(lambda v: v + 20e-6), id="the gap jumps"),
+        pytest.param("gap_read_m", change_second_half(hold_first), id="the gap is stuck"),
+        pytest.param("gap_read_m", change_second_half(lambda v: v + 20e-6), id="the gap jumps"),
         pytest.param("gap_read_m", lambda v: 1.4 * v - 0.4 * v[0], id="the gap has another gain"),
-        pytest.param("gap_read_m", from_half(lambda v: 2.0 * v[0] - v), id="the gap turns round"),
-        pytest.param("pose_read_x_m", from_half(STUCK), id="the position is stuck"),
+        pytest.param(
+            "gap_read_m", change_second_half(lambda v: 2.0 * v[0] - v), id="the gap turns round"
+        ),
+        pytest.param("pose_read_x_m", change_second_half(hold_first), id="the position is stuck"),
         pytest.param("pose_read_x_m", lambda v: 0.9 * v, id="the position has another gain"),
         pytest.param("pose_read_x_m", lambda v: np.roll(v, 20), id="the position is late"),
-        pytest.param("command_A", from_half(STUCK), id="a command is stuck"),
+        pytest.param("command_A", change_second_half(hold_first), id="a command is stuck"),
         pytest.param("command_A", lambda v: 0.0 * v, id="a command is not recorded"),
         pytest.param("command_2_A", lambda v: 1.02 * v, id="an amplifier lost its gain"),
-        pytest.param("command_2_A", from_half(lambda v: v + 0.1), id="an amplifier has an offset"),
+        pytest.param(
+            "command_2_A", change_second_half(lambda v: v + 0.1), id="an amplifier has an offset"
+        ),
     ],
 )
 def test_after_a_fault_of_a_sensor_nothing_is_learnt(
     column: str, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    learner = taught()
+    learner = make_estimator()
     before = dict(learner.estimate)
     assert not learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
     assert learner.rejected_count == 1
     assert learner.estimate == before
-    assert learner.update(motion_of_run(recorded()))  # and goes on afterwards
+    assert learner.update(motion_of_run(recorded()))  # and the next motion is accepted
 
 
 @pytest.mark.parametrize(
     ("column", "fault"),
     [
-        pytest.param("pose_read_x_m", from_half(lambda v: v + 1e-6), id="the position jumps"),
+        pytest.param(
+            "pose_read_x_m", change_second_half(lambda v: v + 1e-6), id="the position jumps"
+        ),
         pytest.param(
             "pose_read_x_m",
             lambda v: v + np.random.default_rng(1).normal(0.0, 50e-9, v.size),
             id="the position is noisy",
         ),
-        pytest.param("command_2_A", from_half(lambda v: 1.1 * v), id="at rest an amplifier's gain"),
+        pytest.param(
+            "command_2_A", change_second_half(lambda v: 1.1 * v), id="at rest an amplifier's gain"
+        ),
         pytest.param("gap_read_m", lambda v: 1.2 * v - 0.2 * v[0], id="one gap has another gain"),
     ],
 )
@@ -133,25 +148,25 @@ def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
     column: str, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     """The same motion without the fault, taken in a second time, moves numbers as well."""
-    learner, right = taught(), taught()
+    learner, right = make_estimator(), make_estimator()
     learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
     right.update(motion_of_run(recorded()))
     for name, value in learner.estimate.items():
         assert abs(value - right.estimate[name]) <= 0.2 * learner.prior_sigma[name], name
 
 
-def heavier(learner: ParameterEstimator, part: float) -> bool:
-    setup = replace(stages.setup("full"), drift=replace(WRONG, mass=part))
+def update_with_mass(learner: ParameterEstimator, part: float) -> bool:
+    setup = replace(stages.setup("full"), drift=replace(WRONG_DRIFT, mass=part))
     return learner.update(motion_of_run(track(setup, training(), Feedforward(), 1)))
 
 
 def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_known() -> None:
-    new, known = ParameterEstimator(law("full")), taught()
+    new, known = ParameterEstimator(law("full")), make_estimator()
     for learner, off in ((new, 0.1), (known, 0.03)):
-        assert not heavier(learner, 0.05)
+        assert not update_with_mass(learner, 0.05)
         assert learner.calibration.mass_kg == pytest.approx(10.5, abs=off)
     assert not new.calibration.is_applied
-    assert known.estimate == taught().estimate
+    assert known.estimate == make_estimator().estimate
 
 
 @pytest.mark.slow
@@ -162,17 +177,19 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     rig = change_rig(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
     law = StageLaw(rig, bearings.knowledge(), method)
     learner = ParameterEstimator(law)
-    drift = replace(WRONG, mass=0.05, cable=60.0)
+    drift = replace(WRONG_DRIFT, mass=0.05, cable=60.0)
     own, gains, scan = learner.corrected_stage(drift), Feedforward(), rig.settings.scan
     run = track(own, scan_motion(scan, scan.train_m_per_s2), gains, 1)
     assert learner.update(StageMotion(rig, run.columns))
     found = learner.calibration
-    learnt: dict[str, CalibratedParameter] = {one.name: one for one in found.parameter}
+    learnt: dict[str, CalibratedParameter] = {
+        parameter.name: parameter for parameter in found.parameter
+    }
     assert found.fits
     for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
         off = abs(learnt[name].value - true)
         assert off < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
-    motion = stages.unseen(rig)
+    motion = stages.evaluation_set_point(rig)
     before, after = (
         measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
         for stage in (own, law.corrected_stage(found, drift))
@@ -185,7 +202,7 @@ def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_ca
     learner = ParameterEstimator(StageLaw(rig, bearings.knowledge(), "full"))
     assert learner.update(StageMotion(rig, recorded().columns))
     assert abs(learner.estimate["payload"]) < 0.015
-    found = {one.name: one for one in learner.calibration.parameter}
+    found = {parameter.name: parameter for parameter in learner.calibration.parameter}
     cable = found["cable_N_per_m"]
     assert cable.sigma > 0.5 * cable.prior
     assert abs(cable.value) < cable.sigma
@@ -194,7 +211,7 @@ def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_ca
 
 
 def test_what_is_applied_follows_at_a_bounded_rate() -> None:
-    learner = taught()
+    learner = make_estimator()
     seconds, ticks = 0.05, 0
     while learner.applied_values != learner.estimate and ticks < 200:
         before = dict(learner.applied_values)
@@ -221,12 +238,15 @@ def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
         assert learner.update(run(0.0055))
         assert learner.update(run(0.005))
     fresh.update(run(0.005))
-    off = [abs(one.estimate["scale_1"] - fresh.estimate["scale_1"]) for one in (forgetful, patient)]
+    off = [
+        abs(estimator.estimate["scale_1"] - fresh.estimate["scale_1"])
+        for estimator in (forgetful, patient)
+    ]
     assert off[0] < off[1]
     for learner in (forgetful, patient):
-        for one in learner.calibration.parameter:
-            assert one.sigma <= one.prior
-            assert abs(one.value) <= 4.0 * one.prior
+        for parameter in learner.calibration.parameter:
+            assert parameter.sigma <= parameter.prior
+            assert abs(parameter.value) <= 4.0 * parameter.prior
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Limit cycles are found by amplitude and period; noise is not taken for one."""
+"""Test that limit cycles are found with amplitude and period, and that noise is not one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The linear loop against python-control, finer simulation, and what its margins promise."""
+"""Test the linear loop against python-control and a finer simulation, and its margins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""With an iron without memory the running loop is the linear one, for small movements."""
+"""Test that the simulated loop of an iron without hysteresis equals the linear loop."""
 
 from __future__ import annotations
 

@@ -39,12 +39,12 @@ from tests.study.test_axes import planar
 def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> StageSetup:
     """Return the example with the magnets of a layout, which looks for lost ones.
 
-    And at so many heads, if any; a seventh one looks at the fourth corner.
+    With a number of heads, if given; a seventh one measures at the fourth corner.
     """
     file, lines = planar().settings, LAYOUTS[name]
     more = file.position_sensors[-1].model_copy(update={"position_m": [0.12, -0.1, -0.05]})
     sensors = [*file.sensors, *[more] * (heads == 7)]
-    like = next(one for one in file.magnets if isinstance(one, LikeTable))
+    like = next(table for table in file.magnets if isinstance(table, LikeTable))
     magnets = [
         (like if number else file.magnet).model_copy(
             update={
@@ -66,7 +66,7 @@ def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> 
 def lose(
     setup: StageSetup, magnets: Sequence[int], circuit: Literal["open", "short"] = "open"
 ) -> list[LossResult]:
-    case = LossCase(kind="loss", circuit=circuit, magnets=[f"m{one}" for one in magnets])
+    case = LossCase(kind="loss", circuit=circuit, magnets=[f"m{number}" for number in magnets])
     return LossFlights(setup, Feedforward(), case).run_all()
 
 
@@ -90,34 +90,34 @@ def test_looking_for_lost_magnets_moves_no_bit_where_none_is() -> None:
 
 @pytest.mark.slow
 def test_what_can_be_spared_flies_on_and_is_as_exact_in_the_end() -> None:
-    for one in [*lose(laid("12"), [1, 4]), *lose(laid("14"), [8, 12])]:
-        assert one.outcome == "flies on"
-        assert one.noticed_s is not None
-        assert one.noticed_s < 1e-3
-        assert max(one.error_end[name] for name in ("error_x_m", "error_z_m")) < 20e-9
-        assert max(value for name, value in one.error.items() if name.endswith("_m")) < 5e-6
+    for loss in [*lose(laid("12"), [1, 4]), *lose(laid("14"), [8, 12])]:
+        assert loss.outcome == "flies on"
+        assert loss.noticed_s is not None
+        assert loss.noticed_s < 1e-3
+        assert max(loss.error_end[name] for name in ("error_x_m", "error_z_m")) < 20e-9
+        assert max(value for name, value in loss.error.items() if name.endswith("_m")) < 5e-6
 
 
 @pytest.mark.slow
 def test_too_little_left_for_the_acceleration_brakes_without_touching_a_stop() -> None:
-    (one,) = lose(laid("12"), [0])
-    assert one.outcome == "brakes"
-    assert one.touch_m_per_s == 0.0
-    assert one.error_end["error_x_m"] < 20e-9
-    assert one.unaware[1] > 0.02
+    (loss,) = lose(laid("12"), [0])
+    assert loss.outcome == "brakes"
+    assert loss.touch_m_per_s == 0.0
+    assert loss.error_end["error_x_m"] < 20e-9
+    assert loss.unaware[1] > 0.02
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("circuit", ["open", "short"])
 def test_what_cannot_be_spared_is_set_down(circuit: Literal["open", "short"]) -> None:
-    for one in lose(laid("10"), [0, 4, 6], circuit):
-        assert one.outcome == "lands"
-        assert 0.0 < one.down_m_per_s < 0.015
-        assert one.down_m_per_s < 0.3 * one.let_go[0]
+    for loss in lose(laid("10"), [0, 4, 6], circuit):
+        assert loss.outcome == "lands"
+        assert 0.0 < loss.down_m_per_s < 0.015
+        assert loss.down_m_per_s < 0.3 * loss.let_go[0]
 
 
 def lost_after(read: Sequence[Sequence[float]]) -> list[int]:
-    """Return what is lost after each tick in which so much is read of the first magnets."""
+    """Return the lost magnets after each tick, for given readings of the first magnets."""
     controller, told, found = make_axes_controller(laid("10")), [0.0] * 10, []
     for row in [*[[]] * 40, *read]:
         now = [*row, *told[len(row) :]]
@@ -155,15 +155,15 @@ UP, DOWN, TICKS = 200, 2200, 4200
 def commanded(
     setup: StageSetup, commands: Mapping[int, Command], since: int = 0, failing: int = 0
 ) -> Recording:
-    """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
+    """Return the record of a body that rests away from its position, with faults from a tick on."""
     rig = setup.rig
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
     still = np.zeros((TICKS + 1, 6))
     scenario = Scenario(still[1:], feed=feedforward_wrench(rig, np.zeros(TICKS)), frame=still)
     scenario.command[since:] = failing
-    for tick, one in {0: Command.IDLE, **commands}.items():
-        scenario.command[tick] |= one
+    for tick, command in {0: Command.IDLE, **commands}.items():
+        scenario.command[tick] |= command
     return ClosedLoop(bearing, make_axes_controller(setup), current_controllers(rig)).run(scenario)
 
 
@@ -182,11 +182,11 @@ def phases(run: Recording) -> list[int]:
 def test_from_rest_off_its_place_to_flight_and_back() -> None:
     run = commanded(laid("10", heads=6), {UP: Command.LIFT, DOWN: Command.LAND})
     assert phases(run) == [0, 2, 3, 4, 0]
-    assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # where the body lies
+    assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # position of rest
     pose, speed = poses(run), run["velocity_3_m_per_s"]
     hover = slice(DOWN - 100, DOWN)
     assert np.abs(pose[hover, :3]).max() < 30e-9
-    assert pose[:, 2].max() < 3e-6  # of 100 to the upper stop
+    assert pose[:, 2].max() < 3e-6  # of 100 um to the upper stop
     assert np.abs(pose[:, :2]).max() < 61e-6
     assert pose[:, 0].min() > -3e-6
     assert speed[UP:].max() < 5e-3
@@ -245,7 +245,7 @@ def test_a_command_out_of_order_is_refused_and_changes_nothing() -> None:
     order += [Command.LAND, Command.LAND, Command.LIFT, Command.IDLE, Command.IDLE]
     told = [0.0] * 10
     for command in order:
-        head = [1e-6 + 1e-9 * float(one) for one in noise.normal(size=6)]
+        head = [1e-6 + 1e-9 * float(value) for value in noise.normal(size=6)]
         told, _, flags, _, state = controller.tick(head, forward, [0.45e-3] * 10, told, command)
         found.append((state, bool(flags & Flag.COMMAND_REFUSED)))
     states = [0, 0, 2, 2, 3, 3, 1, 1, 1, 2, 2]

@@ -40,7 +40,7 @@ def within(values: list[float]) -> SignalBound:
         ([0.0, 0.9, -0.9], 3, None),
         ([0.0, 1.0, 0.0], 3, Loss(1, "too far")),
         ([0.0, 0.0, math.nan], 3, Loss(2, "a value was not finite")),
-        ([0.0, 0.5], 3, Loss(2, "the simulation lost all bounds")),
+        ([0.0, 0.5], 3, Loss(2, "the simulation diverged")),
         ([], 0, None),
     ],
 )
@@ -70,7 +70,7 @@ def unstable(folder: Path) -> Path:
 def test_an_unstable_stage_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The recording is kept; figures and report of another one go, and there is no verdict."""
+    """The recording is saved, older figures and reports are deleted, and there is no verdict."""
     monkeypatch.setattr(tracking, "identify_stage_magnet", lambda _: bearings.knowledge())
     rig = unstable(tmp_path)
     for name in ("figures.json", "report.html"):
@@ -93,7 +93,7 @@ def test_an_unstable_stage_exits_with_1(
 @pytest.mark.slow
 def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
     made = stages.setup("full", crossover_Hz=6000.0)
-    motion = stages.unseen(made.rig)
+    motion = stages.evaluation_set_point(made.rig)
     run = track(made, motion, Feedforward())
     assert np.isfinite(run["error_m"]).all()
     assert run.loss is not None

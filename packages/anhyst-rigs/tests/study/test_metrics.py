@@ -1,4 +1,4 @@
-"""Figures of steps and records against responses that are known in closed form."""
+"""Test figures of steps and records against responses in closed form."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_what_the_sensor_cannot_tell_does_not_hide_the_settling() -> None:
     assert figures.standstill_rms_m == pytest.approx(0.03 / math.sqrt(3.0) * 10e-6, rel=0.05)
     assert settling_band(10e-6, 0.17e-6) == pytest.approx(3.0 * 0.17e-6)
     assert figures.settling_time_s > 0.9 * t[-1]
-    # Within 5.1 % with 3 % of noise: e^-t is left at 2.1 to 8.1 %.
+    # With a band of 5.1 % and noise of 3 %, e^-t settles between 2.1 and 8.1 %.
     assert 2.4e-3 < figures.settling_in_noise_s < 4e-3
 
 

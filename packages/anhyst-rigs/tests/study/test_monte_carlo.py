@@ -1,4 +1,4 @@
-"""Drifted plants: each its own, the same whoever runs it and when, and none is run twice."""
+"""Test drifted plants: each depends on seed and number only, and none is simulated twice."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NONE = dict.fromkeys(SpreadTable.model_fields, 0.0)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the example with its model identified, so that it need not be again."""
+    """Return the example with an identified model, so that it is identified once."""
     place = tmp_path_factory.mktemp("bearing")
     for path in EXAMPLE.glob("*.*"):
         shutil.copy(path, place)
@@ -96,7 +96,7 @@ def test_a_plant_depends_on_seed_and_number_alone(
         assert runs == whole.runs[name][:3]
     other = monte_carlo(rig, controller, tmp_path / "b", 3, ("linearised",), seed=12, jobs=1)
     assert not set(other.drifts) & set(whole.drifts)
-    assert len({one.mass for one in whole.drifts}) == 5
+    assert len({drift.mass for drift in whole.drifts}) == 5
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_an_interrupt_loses_nothing(
             raise KeyboardInterrupt
 
     variants: tuple[MethodName, ...] = ("linearised", "full")
-    with pytest.raises(Interrupted, match=r"2 of 5 plants are kept in .*plants\.jsonl; the same"):
+    with pytest.raises(Interrupted, match=r"2 of 5 plants are stored in .*plants\.jsonl; the same"):
         monte_carlo(rig, controller, path, 5, variants, progress=stop, jobs=jobs)
     assert len(path.read_text().splitlines()) == 3
     found = monte_carlo(rig, controller, path, 5, variants, jobs=1)
@@ -269,14 +269,14 @@ def test_a_file_with_such_a_line_is_refused(
 def test_drawn_plants_have_the_spreads_of_the_file(rig: BodyRig) -> None:
     file = with_drift(rig, pinning_percent=10.0, gap_zero_m=2e-6).settings
     drawn = [sample_drift(file, np.random.default_rng([1, i])) for i in range(4000)]
-    pinning = np.array([one.pinning for one in drawn])
-    offset = np.array([one.gap_offset for one in drawn])
+    pinning = np.array([drift.pinning for drift in drawn])
+    offset = np.array([drift.gap_offset for drift in drawn])
     # Cut off at three, a normal distribution keeps 98.7 % of its deviation.
     assert np.std(pinning) == pytest.approx(0.1 * 0.9866, rel=0.03)
     assert np.std(offset) == pytest.approx(2e-6 * 0.9866, rel=0.03)
     assert np.max(np.abs(pinning)) <= 0.1 * MAX_SAMPLE_SIGMA
     assert abs(np.corrcoef(pinning, offset)[0, 1]) < 0.05
-    assert {one.mass for one in drawn} == {0.0}
+    assert {drift.mass for drift in drawn} == {0.0}
 
 
 @pytest.mark.slow
@@ -293,11 +293,11 @@ def test_without_drift_a_plant_is_the_nominal_one(
         StepRun(setup, tried.gap_m, tuple(tried.step.heights_m), rig.static_load, noise)
     )
     for place, height in enumerate(tried.step.heights_m):
-        pair = [one.figures for one in steps if one.height == pytest.approx(height)]
-        worst = max(one["overshoot_percent"] for one in pair)
+        pair = [step.figures for step in steps if step.height == pytest.approx(height)]
+        worst = max(figures["overshoot_percent"] for figures in pair)
         overshoot = found.values("full", "overshoot_percent", place)
         assert overshoot == [pytest.approx(worst, abs=1e-9)]
-        slowest = max(one["settling_in_noise_s"] for one in pair)
+        slowest = max(figures["settling_in_noise_s"] for figures in pair)
         settling = found.values("full", "settling_s", place)
         assert settling == [pytest.approx(slowest, abs=1e-9)]
 
@@ -307,9 +307,9 @@ def width_and_top(rig: BodyRig) -> tuple[float, float]:
     current = np.linspace(0.0, 4.5, 500)
     path = np.concatenate([current, current[::-1]])
     force = rig.static_map(path, np.full(path.size, 0.45e-3))[0]
-    half = 0.5 * force[499]
-    up = np.interp(half, force[:500], current)
-    down = np.interp(half, force[500:][::-1], current)
+    half_force = 0.5 * force[499]
+    up = np.interp(half_force, force[:500], current)
+    down = np.interp(half_force, force[500:][::-1], current)
     return float(up - down), float(force[499])
 
 
@@ -371,11 +371,11 @@ def test_drifted_cells_are_pinned_otherwise_and_saturate_otherwise(
     own, other = cell_weights(model), cell_weights(drifted_law(model, drift))
     np.testing.assert_allclose(other.thresholds, 1.1 * own.thresholds)
     np.testing.assert_allclose(other.saturation, 0.98 * own.saturation)
-    free, freer = (one.weights[0].sum() / one.saturation for one in (own, other))
+    free, freer = (each.weights[0].sum() / each.saturation for each in (own, other))
     assert freer == pytest.approx(min(1.5 * free, 1.0))
     assert not cell_weights(drifted_law(model, Drift(reversible=1e6))).weights[1:].any()
     same = drifted_law(model, Drift())
-    there, back = (one.predict([0.0, 3.0, 1.0], 0.45e-3).output for one in (same, model))
+    there, back = (each.predict([0.0, 3.0, 1.0], 0.45e-3).output for each in (same, model))
     np.testing.assert_allclose(there, back)
 
 
@@ -411,9 +411,9 @@ def test_plants_that_are_lost_count_as_the_worst(
     far = with_drift(rig, gap_zero_m=30e-6)
     found = monte_carlo(far, controller, tmp_path / "a", 8, ("linearised",), jobs=1)
     lost = [run.lost_s is not None for run in found.runs["linearised"]]
-    for one, drift in zip(lost, found.drifts, strict=True):
-        assert one or drift.gap_offset < 20e-6
-        assert not one or abs(drift.gap_offset) > 10e-6
+    for is_lost, drift in zip(lost, found.drifts, strict=True):
+        assert is_lost or drift.gap_offset < 20e-6
+        assert not is_lost or abs(drift.gap_offset) > 10e-6
     assert 0 < sum(lost) < 8
     figures = found.as_dict()["variants"]["linearised"]
     assert figures["lost"] == sum(lost)
@@ -439,7 +439,7 @@ def test_percentiles_are_values_that_occurred(whole: MonteCarlo) -> None:
 
 
 def test_the_verdict_compares_plant_by_plant(whole: MonteCarlo) -> None:
-    """Plants differ by more than what the controllers leave: what is paired is certain."""
+    """Plants differ by more than the methods, but paired differences are significant."""
     assert whole.verdict.level in {"yes", "mixed"}
     first = MonteCarlo(
         whole.plants, whole.drifts[:1], {name: runs[:1] for name, runs in whole.runs.items()}

@@ -1,4 +1,4 @@
-"""Drifted plants of stages, piezo stages and force rigs: one engine, one table, one verdict."""
+"""Test random plants of stages, piezo stages and force rigs: results, table and verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes wrong in the air, and how the armature comes back or lands."""
+"""Test faults while levitated, and the recovery or landing of the armature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A measured sensitivity against one that is known, and the zones it falls into."""
+"""Test a measured sensitivity against a known one, and its zones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verb's function: what it writes, when it writes it, and what it says to bad gains."""
+"""Test the function of the command: its files, their order, and its errors."""
 
 from __future__ import annotations
 

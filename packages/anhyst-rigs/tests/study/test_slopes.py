@@ -1,4 +1,4 @@
-"""Slopes of a magnet with and without memory against derivatives in closed form."""
+"""Test slopes of a magnet with and without hysteresis against derivatives in closed form."""
 
 from __future__ import annotations
 
@@ -56,5 +56,5 @@ def test_without_hysteresis_nothing_is_lost_at_a_reversal() -> None:
 
 
 def test_a_current_at_the_end_of_the_loop_is_refused() -> None:
-    with pytest.raises(ValueError, match="not well within"):
+    with pytest.raises(ValueError, match="too close to the ends"):
         measure_slopes(pull, 4.45, GAP, 0.0, 4.5, 1e-6)

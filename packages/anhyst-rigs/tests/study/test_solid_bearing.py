@@ -29,7 +29,7 @@ from anhyst_rigs.study.bearing.responses import compare_steps
 from anhyst_rigs.study.prepared_benches import PreparedBearing
 from tests.refusals import refused
 from tests.study import bearings
-from tests.study.test_solid_stage import late
+from tests.study.test_solid_stage import solid_magnet
 
 METHODS: tuple[MethodName, ...] = ("full", "at-rest", "single-valued")
 STEP = 50e-6
@@ -97,20 +97,22 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
 
 def test_a_board_takes_layers_that_it_has_memories_for_and_never_loses_its_own() -> None:
     thin = bearings.knowledge().model
-    setup = make_setup(solid(), bearings.controller().settings, late(), "full", "fixed")
-    board = PreparedBearing(setup, late().model, Path())
-    layers = late().model.layers
+    setup = make_setup(solid(), bearings.controller().settings, solid_magnet(), "full", "fixed")
+    board = PreparedBearing(setup, solid_magnet().model, Path())
+    layers = solid_magnet().model.layers
     assert layers is not None
-    fewer, more = (replace(late().model, layers=replace(layers, count=count)) for count in (2, 4))
+    fewer, more = (
+        replace(solid_magnet().model, layers=replace(layers, count=count)) for count in (2, 4)
+    )
 
     def layers_of(running: Model, model: Model) -> int:
         block = replace(board, model=running).compile(model).block
         assert isinstance(block, Block)
         return block.integer("SOLID_LAYERS")
 
-    assert layers_of(late().model, fewer) == 2
-    assert layers_of(thin, late().model) == 0
+    assert layers_of(solid_magnet().model, fewer) == 2
+    assert layers_of(thin, solid_magnet().model) == 0
     with refused("rate-not-measured model"):
-        layers_of(late().model, thin)
+        layers_of(solid_magnet().model, thin)
     with refused("too-many-layers model"):
-        layers_of(late().model, more)
+        layers_of(solid_magnet().model, more)

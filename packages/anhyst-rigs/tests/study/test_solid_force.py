@@ -1,4 +1,4 @@
-"""Force control of solid iron: layers in the firmware beside the same model at rest."""
+"""Test force control of solid iron: layers in the firmware against the model at rest."""
 
 from __future__ import annotations
 

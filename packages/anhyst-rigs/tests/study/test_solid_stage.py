@@ -1,4 +1,4 @@
-"""A stage on solid iron: the compensator that follows it beside the same one at rest."""
+"""Test a stage with a solid core: compensators with and without eddy currents."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def solid(**changes: Any) -> BodyRig:
 
 
 @cache
-def late() -> IdentifiedMagnet:
-    """What is known of a magnet, with layers typed by hand."""
+def solid_magnet() -> IdentifiedMagnet:
+    """The identified magnet with layers that are set by hand."""
     known = bearings.knowledge()
     parameters = {**known.model.parameters, "gamma": 60.0}
     return replace(
@@ -45,7 +45,7 @@ def late() -> IdentifiedMagnet:
 @pytest.mark.slow
 def test_at_rest_stands_beside_what_follows_solid_iron_and_nowhere_else() -> None:
     names = ("full", "at-rest")
-    made, _ = make_variants(solid(), late())
+    made, _ = make_variants(solid(), solid_magnet())
     assert set(names) <= set(made)
     assert "at-rest" not in make_variants(solid(), bearings.knowledge())[0]
 
@@ -59,8 +59,8 @@ def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not(number_for
         return make_stage(rig, magnet, method).compensator.run(demand, 0.45e-3)
 
     thin = run(bearings.knowledge(), "full")
-    assert np.array_equal(run(late(), "at-rest"), thin)
-    assert np.abs(run(late(), "full") - thin).max() > 1e-3 * thin.max()
+    assert np.array_equal(run(solid_magnet(), "at-rest"), thin)
+    assert np.abs(run(solid_magnet(), "full") - thin).max() > 1e-3 * thin.max()
 
 
 def test_loops_of_further_speeds_are_measured_in_time() -> None:
@@ -106,7 +106,7 @@ def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
         }
     )
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
-    motion, slit = stages.unseen(rig), rig.settings.scan.slit_s
+    motion, slit = stages.evaluation_set_point(rig), rig.settings.scan.slit_s
 
     def found(method: Any, drift: Drift = NO_DRIFT) -> Measures:
         made = replace(make_stage(rig, magnet, method), drift=drift)

@@ -1,4 +1,4 @@
-"""A bearing for small movements, as an object of python-control."""
+"""Test a bearing for small movements as an object of python-control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stage that follows set-points: what the loop is, and what compensation is worth in it."""
+"""Test a stage that follows set-points: its loop, and the gain of compensation."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_both_magnets_always_pull_and_their_difference_is_the_net_force(
 
 
 def test_a_set_point_keeps_its_limits_and_its_derivatives_belong_together() -> None:
-    motion = stages.unseen(stages.stage())
+    motion = stages.evaluation_set_point(stages.stage())
     time = np.arange(0.0, motion.duration, 2e-5)
     position, acceleration, jerk, snap = motion.derivatives_at(time)
     speed = np.gradient(position, time)
@@ -58,7 +58,7 @@ def test_a_set_point_keeps_its_limits_and_its_derivatives_belong_together() -> N
 
 
 def test_a_path_of_half_a_minute_keeps_its_picometres() -> None:
-    motion = replace(stages.unseen(stages.stage()), peaks=(22.0,) * 50, cruise=0.4)
+    motion = replace(stages.evaluation_set_point(stages.stage()), peaks=(22.0,) * 50, cruise=0.4)
     time = motion.duration - np.arange(0.0, 1.0, 5e-5)[::-1]
     jerk = 22.0 / 5.5e-3
     assert np.abs(np.diff(motion.derivatives_at(time)[0], 3)).max() < 1.1 * jerk * 5e-5**3
@@ -76,12 +76,12 @@ def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds
 def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
     setup, motion = stages.setup("full"), stages.training()
 
-    def left(weight: float) -> Measures:
+    def measures_with(weight: float) -> Measures:
         rig = change_rig(setup.rig, {"scan.average_weight": weight})
         gains = find_gains(replace(setup, rig=rig), motion)
         return measure(track(setup, motion, gains, 0), motion, SLIT)
 
-    plain, weighed = left(0.0), left(1.0)
+    plain, weighed = measures_with(0.0), measures_with(1.0)
     assert weighed.average_m < plain.average_m
     assert weighed.rms_m > plain.rms_m
 
@@ -101,7 +101,7 @@ def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
 @pytest.mark.slow
 def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None:
     made = stages.setup("full", stray_m=20e-6)
-    run = track(made, stages.unseen(made.rig), Feedforward())
+    run = track(made, stages.evaluation_set_point(made.rig), Feedforward())
     position = run["position_m"]
     assert np.ptp(position) > 5e-3
     assert 5e-6 < np.ptp(run["gap_m"]) < 25e-6
@@ -113,7 +113,7 @@ def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None
 @pytest.mark.slow
 def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision() -> None:
     made = stages.setup("full")
-    motion = stages.unseen(made.rig)
+    motion = stages.evaluation_set_point(made.rig)
     real = track(made, motion, Feedforward())
     fixed = track(replace(made, number_format="fixed"), motion, Feedforward())
     assert fixed.loss is None
@@ -137,9 +137,9 @@ def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
 def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> None:
     def error(format_: str, substeps: int) -> np.ndarray:
         made = stages.setup("full", substeps, format=format_)
-        return track(made, stages.unseen(made.rig), stages.study().variants["full"].gains, 1)[
-            "error_m"
-        ]
+        return track(
+            made, stages.evaluation_set_point(made.rig), stages.study().variants["full"].gains, 1
+        )["error_m"]
 
     real = error("f64", 8)
     assert np.abs(error("fixed", 8) - real).max() <= 10e-9
@@ -158,7 +158,7 @@ def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
 @pytest.mark.slow
 def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
     made = stages.setup("full")
-    motion, forward = stages.unseen(made.rig), stages.study().variants["full"].gains
+    motion, forward = stages.evaluation_set_point(made.rig), stages.study().variants["full"].gains
 
     def average(drift: Drift) -> float:
         return measure(
@@ -173,8 +173,8 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
     drawn = sample_drift(stages.stage().settings, np.random.default_rng(1))
-    one, two = drawn.magnets
-    assert 0.0 != one.pinning != two.pinning
+    first, second = drawn.magnets
+    assert 0.0 != first.pinning != second.pinning
     pinned = tuple(Drift(pinning=magnet.pinning) for magnet in drawn.magnets)
     assert drawn.select(("pinning",)) == Drift(magnets=pinned)
     assert drawn.eddy > 0.0
@@ -183,7 +183,7 @@ def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
 
 def test_measures_say_what_they_say() -> None:
     made = stages.setup("full")
-    motion = stages.unseen(made.rig)
+    motion = stages.evaluation_set_point(made.rig)
     run = track(made, motion, stages.study().variants["full"].gains, 1)
     scans = cruise_slices(motion, run.dt)
     assert len(scans) == 2
@@ -226,8 +226,8 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     assert found.level == "yes"
     assert "against the strongest baseline without hysteresis model, less: peak 0." in found.text
     own, play = study.variants["full"], study.variants["play"]
-    quick = tuple(replace(one, settling_50_s=0.0) for one in play.measures)
-    slow = tuple(replace(one, settling_50_s=0.01) for one in own.measures)
+    quick = tuple(replace(measures, settling_50_s=0.0) for measures in play.measures)
+    slow = tuple(replace(measures, settling_50_s=0.01) for measures in own.measures)
     tried = dict(study.variants)
     tried["play"], tried["full"] = replace(play, measures=quick), replace(own, measures=slow)
     beaten = replace(study, variants=tried)

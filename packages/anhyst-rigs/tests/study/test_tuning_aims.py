@@ -1,4 +1,4 @@
-"""Costs put what is allowed before what is fast, and nothing that is lost before what holds."""
+"""Test that gains within all limits cost less than others, and that lost bodies cost most."""
 
 from __future__ import annotations
 

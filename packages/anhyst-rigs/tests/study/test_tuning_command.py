@@ -63,7 +63,7 @@ def test_a_tuned_controller_is_written_that_can_be_tuned_again(here: Path) -> No
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     assert "linearised" in result.stdout
-    assert "verdict: worth it or not remains open: 'linearised' alone was tuned" in result.stdout
+    assert "verdict: no verdict: only 'linearised' was tuned" in result.stdout
     folder = here / "tuned"
     assert sorted(path.name for path in folder.iterdir()) == [
         "controller.toml",
@@ -181,7 +181,7 @@ def test_ctrl_c_keeps_the_best_so_far(
     assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "100"]) == 130
     kept = str(Path("tuned") / "controller.toml")
     assert capsys.readouterr().err == (
-        f"anhyst: interrupted: the best so far, not checked, is in {kept}\n"
+        f"anhyst: interrupted: the best gains until then, not checked, are in {kept}\n"
     )
     assert read_controller(here / kept).settings.gains is not None
     assert "(the search was interrupted)" in (here / kept).read_text(encoding="utf-8")
@@ -196,7 +196,7 @@ def test_ctrl_c_before_any_gains_writes_nothing(
     monkeypatch.setattr(search.GainSearch, "run", stop)
     monkeypatch.chdir(here)
     assert cli.main(["tune", "rig.toml", "--out", "tuned"]) == 130
-    assert "too early for any gains, nothing written" in capsys.readouterr().err
+    assert "no gains were found yet, nothing was written" in capsys.readouterr().err
     assert not (here / "tuned").exists()
 
 

@@ -1,4 +1,4 @@
-"""What tunes a piezo stage: its linear loop is the simulated one, and its gains serve drawn plants."""
+"""Test the tuning of a piezo stage: its linear loop, its gains with random plants, its files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The screen computes what the linear loop of one set of gains does, for many at once."""
+"""Test that the screen of many gains equals the linear loop of each set of gains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A search finds allowed gains, the same on any number of cores, and knows when there are none."""
+"""Test that a search finds permitted gains, reproducibly, and reports if there are none."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from anhyst_rigs.study.tuning import search as module
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.bearing import BearingLoop
-from anhyst_rigs.study.tuning.search import GainSearch, SearchResult
+from anhyst_rigs.study.tuning.search import GainSearch, TuningSearchResult
 from anhyst_rigs.study.tuning.trial import BearingCondition, GainOutcome, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, LESS, loop, setup
@@ -20,7 +20,7 @@ BUDGET = 20
 
 
 @cache
-def found(jobs: int = 1) -> SearchResult:
+def found(jobs: int = 1) -> TuningSearchResult:
     return GainSearch(loop(), Aims(), BUDGET, seed=0, jobs=jobs).run()
 
 
@@ -75,7 +75,7 @@ def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
     assert result.check is not None
     limits = result.loop.find_limits(aims, result.check, seed=0, jobs=1)
     missed = next(one for one in limits if one.what == "settling_time_s")
-    assert "misses its limit of 1 ms at 0.45 mm and 150 N" in missed.text
+    assert "exceeds its limit of 1 ms at 0.45 mm and 150 N" in missed.text
     helps = [one for one in limits if "linear loops would settle" in one.text]
     assert "force" in {one.what for one in helps}
 

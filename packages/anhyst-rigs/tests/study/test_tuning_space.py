@@ -1,4 +1,4 @@
-"""A place in the box is a controller: its poles, its file, its limits."""
+"""Test that a point of the box gives a controller: its poles, its file, its limits."""
 
 from __future__ import annotations
 

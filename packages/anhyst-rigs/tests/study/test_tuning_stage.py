@@ -1,4 +1,4 @@
-"""Gains of a stage: what linear loops say of them, what is found, and what is written."""
+"""Test the tuning of a stage: linear loops, the gains that are found, and the files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from anhyst_rigs.rig.stage.loop import Feedforward, pid_coefficients, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_ticks, tick_times
 from anhyst_rigs.study.tuning import search, stage, tuning
 from anhyst_rigs.study.tuning.aims import LOST_BODY_COST, Aims
-from anhyst_rigs.study.tuning.search import GainSearch, SearchResult
+from anhyst_rigs.study.tuning.search import GainSearch, TuningSearchResult
 from anhyst_rigs.study.tuning.stage import TEST, TRAINING, StageLoop, make_linear_stage
 from anhyst_rigs.study.tuning.trial import run_trial
 from tests.refusals import refused
@@ -97,7 +97,7 @@ def test_gains_whose_margin_is_too_small_are_given_up_without_a_motion() -> None
 
 
 @cache
-def found(jobs: int = 1) -> SearchResult:
+def found(jobs: int = 1) -> TuningSearchResult:
     bounded = replace(loop(), max_crossover=250.0)
     return GainSearch(bounded, Aims(None, 2.0), 10, jobs=jobs).run()
 

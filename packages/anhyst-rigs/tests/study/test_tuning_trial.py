@@ -1,4 +1,4 @@
-"""One set of gains in the nonlinear loop: what it reaches, and when it is given up."""
+"""Test the trial of one set of gains in the nonlinear loop: figures, and early stops."""
 
 from __future__ import annotations
 

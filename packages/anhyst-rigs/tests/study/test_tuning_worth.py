@@ -1,4 +1,4 @@
-"""Whether a hysteresis model is worth it after tuning, in one sentence."""
+"""Test the sentence that states whether a hysteresis model is worth it after tuning."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: boo
     return Plain(
         variant=variant,
         figures=BearingFigures(1e-3 * settling),
-        misses={} if meets else {"overshoot_percent": 0.5},
-        found=Plain(check=Plain(widths={"settling_time_s": 1e-3 * half_width})),
+        missed_aims={} if meets else {"overshoot_percent": 0.5},
+        search_result=Plain(check=Plain(half_widths={"settling_time_s": 1e-3 * half_width})),
     )
 
 
@@ -57,4 +57,4 @@ def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:
 
 
 def test_one_variant_alone_leaves_it_open() -> None:
-    assert "remains open: 'full' alone was tuned; --all-variants" in reported(tuned("full", 4.0))
+    assert "no verdict: only 'full' was tuned; --all-variants" in reported(tuned("full", 4.0))

@@ -1,4 +1,4 @@
-"""A drift of the magnet is found, and noise alone is none."""
+"""Test that a drift of the magnet is detected, and that noise alone is not."""
 
 from __future__ import annotations
 

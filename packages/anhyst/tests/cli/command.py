@@ -1,4 +1,4 @@
-"""The real command line, and what it must keep to whatever it is given."""
+"""Run the real command line, and check its general rules."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .warm import as_ordinary_user
 
 COMMAND = (sys.executable, "-m", "anhyst.cli.app")
 PATIENCE = 180.0
-"""Seconds after which a command counts as hanging, on a busy machine."""
+"""Time after which a command is regarded as hanging on a busy machine, s."""
 
 _COLOUR = ("FORCE_COLOR", "NO_COLOR", "PY_COLORS", "CLICOLOR_FORCE", "GITHUB_ACTIONS", "COLUMNS")
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in _COLOUR}
@@ -35,9 +35,9 @@ def anhyst(
     patience: float = PATIENCE,
     **options: Any,
 ) -> Result:
-    """Run a command to its end as a shell does, nothing on its standard input.
+    """Run a command in a shell-like process without standard input.
 
-    Environment variables are added to those of the tests. After `patience` seconds it is given up.
+    Environment variables are added to those of the tests. After `patience` seconds, the test fails.
     """
     return subprocess.run(
         [*COMMAND, *map(str, arguments)],
@@ -53,7 +53,7 @@ def anhyst(
 
 
 def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subprocess.PIPE) -> Result:
-    """Run a command that says how far it is every so many seconds, instead of every minute."""
+    """Run a command that reports its progress at a given interval instead of every minute."""
     script = (
         "import sys, anhyst.cli.shared as progress; from anhyst.cli.app import main; "
         f"progress.PROGRESS_INTERVAL_S = {every}; sys.exit(main())"
@@ -72,7 +72,7 @@ def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subproce
 
 
 def shares_said(title: str, message: str) -> list[int]:
-    """Return the per cent of the lines that say how far a command is."""
+    """Return the percentages of the progress lines."""
     return [
         int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", message, re.MULTILINE)
     ]
@@ -85,10 +85,10 @@ def quick(
     file_size: int | None = None,
     patience: float = PATIENCE,
 ) -> Result:
-    """Run a command to its end in a process that has imported already; see `warm`.
+    """Run a command in a process that has already imported the package; see `warm`.
 
-    An ordinary user obeys permissions; no file becomes larger than a size that is given. After
-    `patience` seconds the command is killed.
+    An ordinary user obeys permissions. The size of files can be limited. After `patience` seconds,
+    the command is killed.
     """
     if not hasattr(os, "fork"):
         drop = as_ordinary_user() if ordinary else None
@@ -121,7 +121,7 @@ def _server() -> subprocess.Popen[str]:
 
 
 def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
-    """Start a command and let it run."""
+    """Start a command and return while it runs."""
     return subprocess.Popen(
         [*COMMAND, *map(str, arguments)],
         cwd=cwd,
@@ -139,7 +139,7 @@ def unwrapped(text: str) -> str:
 
 
 def contents(folder: Path) -> dict[str, bytes | None]:
-    """Everything in a folder, hidden files included; None for folders and pipes."""
+    """Return the content of a folder, including hidden files; None for folders and pipes."""
     return {
         str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))
@@ -147,13 +147,13 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 
 
 def refused(*arguments: object, cwd: Path, ordinary: bool = False, **options: Any) -> str:
-    """Run a command that must refuse its input: exit code 2, one line, every file as before.
+    """Run a command that must reject its input: exit code 2, one line, all files unchanged.
 
-    With options of :func:`anhyst` it starts cold, else as :func:`quick` does.
+    With options of :func:`anhyst`, it is started as a new process, otherwise as :func:`quick` does.
 
     Returns
     -------
-    What the line says after ``anhyst: error:``.
+    The line after ``anhyst: error:``.
     """
     before = contents(cwd)
     if options:
@@ -166,7 +166,7 @@ def refused(*arguments: object, cwd: Path, ordinary: bool = False, **options: An
 
 
 def said_in_one_line(result: Result) -> str:
-    """Check that a command ended as on bad input; return what it said."""
+    """Check that a command ended as for bad input; return its error line."""
     lines = result.stderr.splitlines()
     assert result.returncode == 2, result
     assert result.stdout == ""

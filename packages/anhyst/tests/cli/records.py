@@ -1,4 +1,4 @@
-"""Records of a magnet to spoil: a play before a square, quick to fit and beyond suspicion."""
+"""Simple records of a magnet (a play operator before a square) that tests modify."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from anhyst.model.writer import model_text
 from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3, 0.5)
-"""In mm."""
+"""Gaps, mm."""
 
 PLAIN = ("--law", "effective-field", "--gap-map", "scaling")
-"""Options with which identify need not choose: for tests of what is around it."""
+"""Options of identify that fix the law and the gap map, for tests of other functions."""
 
 _RISE = np.linspace(0.0, 2.0, 40)
 DRIVE = np.concatenate([_RISE, _RISE[-2::-1]])
@@ -40,7 +40,7 @@ def table(lines: Sequence[Row] | None = None, header: str = "t_s,I_A,F_N,gap_m")
 
 
 def model() -> str:
-    """Text of a model of the same kind of magnet, over the gap."""
+    """Text of a model of the same magnet over the gap."""
     return model_text(
         Model(
             name="magnet",

@@ -1,4 +1,4 @@
-"""Files that strangers brought are read right, or refused with the reason; see shared/cases."""
+"""Files of other users are read correctly, or rejected with the reason; see shared/cases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KILOGRAM_FORCE = 9.80665
 
 @pytest.fixture
 def case(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Copy a case into a folder of its own, or let its script write it."""
+    """Copy a case into its own folder, or let its script write it."""
 
     def bring(name: str) -> Path:
         source = cases / name
@@ -82,7 +82,7 @@ def test_resonance_is_named_and_is_a_negative_result(case: Any) -> None:
     _, done = identified("resonance.csv", folder, code=1)
     frequency_Hz = float(re.search(r"([\d.]+) Hz", done.stderr)[1])  # type: ignore[index]
     assert frequency_Hz == pytest.approx(35.0, rel=0.1)
-    assert "the fit is done" not in done.stdout
+    assert "the fit is complete" not in done.stdout
 
 
 def test_full_scale_is_that_of_identify_and_predict(case: Any) -> None:
@@ -147,7 +147,7 @@ def test_worst_error_contradicts_no_verdict(case: Any) -> None:
     folder = case("voltage.csv")
     done = quick("identify", "voltage.csv", "--out", "model.toml", cwd=folder)
     assert done.returncode in {0, 1}
-    assert "the fit is done" not in done.stdout
+    assert "the fit is complete" not in done.stdout
 
 
 @pytest.mark.parametrize(("name", "column"), [("force_kgf.csv", 2), ("force_kg.csv", 2)])

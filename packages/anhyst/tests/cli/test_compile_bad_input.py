@@ -1,4 +1,4 @@
-"""What ``compile`` says to a model, an option or a place that will not do; nothing is written."""
+"""``compile`` rejects an unsuitable model, option or folder, and writes nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COMPILE = ("compile", "model.toml", "--rate", "1e4", "--out", "c")
 
 
 def edited(**values: str) -> str:
-    """Return the good model with some values replaced, whatever they were."""
+    """Return the good model with some values replaced."""
     text = GOOD
     for key, value in values.items():
         text, count = re.subn(rf"(?m)^({key} =) [^#\n]*", rf"\1 {value} ", text)
@@ -147,7 +147,7 @@ def test_a_model_without_limits(folder: Path) -> None:
                 "tables",
                 "the tables of a block cannot be larger",
             ),
-            marks=pytest.mark.slow,  # packages/anhyst/tests/compilation/test_compile.py refuses it too
+            marks=pytest.mark.slow,  # also in packages/anhyst/tests/compilation/test_compile.py
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""Drives and demands that do not fit the model are refused, or flagged where they can be run."""
+"""Drives and demands that do not fit the model are rejected, or flagged if they can be computed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, content: str, *options: object, verb: str = "predict") -> str:
-    """Have a drive or a demand refused."""
+    """Run predict or invert, which must reject the drive or the demand."""
     (folder / "drive.csv").write_text(content)
     return refused(verb, "model.toml", "drive.csv", "-o", "out.csv", *options, cwd=folder)
 
@@ -123,7 +123,10 @@ def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
     (folder / "demand.csv").write_text("F_N,gap_mm\n50,0.3\n-50,0.3\n900,0.3\n50,0.3\n")
     result = quick("invert", "model.toml", "demand.csv", "-o", "out.csv", "--json", cwd=folder)
     assert result.returncode == 0
-    assert "1 of 4 rows demand less than any drive can give (first: row 2, -50 N)" in result.stderr
+    assert (
+        "1 of 4 rows demand an output below that of any drive (first: row 2, -50 N)"
+        in result.stderr
+    )
     assert "lie outside the valid range of force, 0 to 500 N (first: row 2, -50 N)" in result.stderr
     assert json.loads(result.stdout)["outside"] == 2
     written = np.genfromtxt(folder / "out.csv", delimiter=",", names=True)

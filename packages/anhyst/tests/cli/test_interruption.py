@@ -1,4 +1,4 @@
-"""Ctrl-C and kill: nothing half written, and the next run goes on where the last one was."""
+"""Ctrl-C and kill leave no incomplete file, and the next run continues."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .records import model
 
 IDENTIFY = ["identify", "loops.csv", "--out", "model.toml", "--history", "settled"]
 SLOW = [*IDENTIFY, "--search", "paper"]
-"""Stages of seconds, at each gap by itself."""
+"""Options of a search with stages of some seconds at each gap."""
 
 
 def record(samples: int, gaps: tuple[float, ...]) -> str:
@@ -49,7 +49,7 @@ def wait_until(process: subprocess.Popen[str], happened: Callable[[], bool]) -> 
 
 
 def interrupt(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """Send ctrl-C; return what was printed and said."""
+    """Send Ctrl-C; return standard output and standard error."""
     process.send_signal(signal.SIGINT)
     printed, message = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, message
@@ -59,7 +59,7 @@ def interrupt(process: subprocess.Popen[str]) -> tuple[str, str]:
 
 
 def has_joined_gaps(folder: Path) -> bool:
-    """Whether a search is behind the first model of all gaps, one that can be written."""
+    """Whether a search has its first model of all gaps, which can be written."""
     try:
         return " without " in (folder / "model.toml.checkpoint").read_text()
     except FileNotFoundError:
@@ -76,7 +76,7 @@ def test_a_search_interrupted_early_writes_nothing(tmp_path: Path, loops: str) -
     printed, message = interrupt(process)
     assert printed == ""
     assert message == (
-        "anhyst: interrupted: too early for a model, nothing written; the same command goes on "
+        "anhyst: interrupted: too early for a model; nothing was written; the same command continues "
         "from there\n"
     )
     left = contents(tmp_path)
@@ -109,7 +109,7 @@ def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops:
     wait_until(process, lambda: has_joined_gaps(tmp_path))
     _, message = interrupt(process)
     assert message.splitlines()[-1] == (
-        "anhyst: interrupted: model.toml holds the best model so far; the same command goes on "
+        "anhyst: interrupted: model.toml contains the best model until then; the same command continues "
         "from there"
     )
     found = read_model(tmp_path / "model.toml")
@@ -135,7 +135,7 @@ def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -
     assert not (killed / "model.toml").exists()
     result = quick(*free, cwd=killed)
     assert result.returncode == ended.returncode, result.stderr
-    assert "anhyst: warning: went on from a checkpoint: " in result.stderr
+    assert "anhyst: warning: continued from a checkpoint: " in result.stderr
     assert contents(killed) == contents(whole)
 
 

@@ -1,6 +1,6 @@
-"""Long files: read in pieces, with progress, in memory that grows with the numbers alone.
+"""Long files are read in pieces, with progress, and with memory in proportion to their numbers.
 
-``ANHYST_TEST_ROWS=10000000`` tries the length that a logger makes in a day.
+``ANHYST_TEST_ROWS=10000000`` tests the length that a logger writes in a day.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ ROWS = int(os.environ.get("ANHYST_TEST_ROWS", "500000"))
 GAPS = (0.3, 0.4, 0.5, 0.6)
 
 BASE = 160e6
-"""Bytes that the interpreter and the libraries take before anything is read."""
+"""Memory of the interpreter and the libraries before a file is read, bytes."""
 EACH = 90.0
-"""Bytes a row: four numbers make 32, what is computed and passes through comes on top."""
+"""Memory per row, bytes: 32 for four numbers, the rest for computed columns and buffers."""
 
 LAUNCHER = """
 import resource, subprocess, sys
@@ -34,7 +34,7 @@ code = subprocess.run(sys.argv[1:]).returncode
 print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, file=sys.stderr)
 sys.exit(code)
 """
-"""A small parent: a child inherits the peak of the one that started it."""
+"""A small parent process, because a child inherits the peak memory of its parent."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def peak(folder: Path, *arguments: str) -> tuple[dict[str, object], float]:
-    """Run a command; return its result and the most memory it had, in bytes."""
+    """Run a command; return its result and its peak memory in bytes."""
     result = subprocess.run(
         [sys.executable, "-c", LAUNCHER, *COMMAND, *arguments, "--json"],
         cwd=folder,

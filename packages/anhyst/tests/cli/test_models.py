@@ -1,4 +1,4 @@
-"""A damaged model file is refused by every verb that reads one, with its line and key."""
+"""A damaged model file is rejected by each command that reads it, with line and key."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ VERBS = {
 
 
 def edited(key: str, value: str) -> str:
-    """Return the good model with one value replaced, whatever it was."""
+    """Return the good model with one value replaced."""
     text, count = re.subn(rf"(?m)^({re.escape(key)} =) [^#\n]*", rf"\1 {value} ", GOOD)
     assert count == 1
     return text
@@ -166,7 +166,7 @@ def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
 def test_several_faults_are_reported_at_once(folder: Path) -> None:
     text = edited("c", "1.5").replace("k_A_per_m", "k").replace("alpha", "alfa")
     message = refused(*VERBS["predict"], cwd=damage(folder, text))
-    assert "; wrong as well: " in message
+    assert "; also wrong: " in message
     assert all(key in message for key in ("parameters.k", "parameters.alfa"))
 
 

@@ -1,4 +1,4 @@
-"""Commands that make no sense are refused before any work."""
+"""Contradicting options are rejected before any work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places that cannot be written: said at once where it can be known, and nothing is left behind."""
+"""Outputs that cannot be written are rejected early if possible, and leave no files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WRITERS = {
     "report": (["report", "good.toml", "--out"], "report.html"),
 }
 LARGE = {verb: call for verb, call in WRITERS.items() if verb != "report"}
-"""Without the report, which needs a model with its measurements; it is written as a plot is."""
+"""Commands with large outputs; without the report, which needs measurements."""
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_a_folder_is_not_written_over(folder: Path, verb: str) -> None:
 
 
 def permissions_count(folder: Path) -> bool:
-    """Whether a child that is no superuser is really kept out of a folder without permission."""
+    """Whether folder permissions keep out a child that is not root."""
     probe = [sys.executable, "-c", "open('probe', 'w')"]
     result = subprocess.run(
         probe, cwd=folder, capture_output=True, preexec_fn=as_ordinary_user(), check=False
@@ -79,7 +79,7 @@ def test_a_read_only_folder_is_reported_at_once(folder: Path, verb: str) -> None
 
 
 NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
-"""For commands that may write small files only: halves of compiled sources would stay behind."""
+"""For commands with limited file sizes: Python would leave incomplete bytecode files."""
 
 
 @pytest.mark.first(3)
@@ -102,7 +102,7 @@ def test_a_disk_without_room_for_a_checkpoint_is_reported(folder: Path) -> None:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 
-    # What a command that starts warm says goes through a file.
+    # The output of a warm command goes through a file, so that it needs a cold start.
     message = refused(*paper, name, cwd=folder, preexec_fn=limit, variables=NO_BYTECODE)
     assert message.startswith(f"{name}.checkpoint: cannot be written: File too large")
 
@@ -122,7 +122,7 @@ def test_a_device_that_is_full_is_reported(folder: Path, verb: str) -> None:
 
 
 def on_a_small_disk(folder: Path, command: list[str], *, read_only: bool) -> str:
-    """Run a command in a file system of its own, 32 KiB large or read-only; list it afterwards."""
+    """Run a command in its own file system, 32 KiB large or read-only; list its files afterwards."""
     if os.geteuid() != 0 or shutil.which("unshare") is None:
         pytest.skip("only root can mount a small disk")
     (folder / "disk").mkdir()
@@ -156,7 +156,9 @@ def test_a_disk_that_is_really_full_is_reported(folder: Path) -> None:
         [*COMMAND, "predict", "good.toml", "long.csv", "--out", "disk/force.csv", *options],
         read_only=False,
     )
-    assert says(message, "cannot-be-written: disk/force.csv; No space left on device; make room")
+    assert says(
+        message, "cannot-be-written: disk/force.csv; No space left on device; free some space"
+    )
 
 
 def test_a_read_only_disk_is_reported(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a verb prints for a person: 80 columns, 25 lines, the most useful first."""
+"""Terminal output: 80 columns, 25 lines, the most useful lines first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far long commands are: a bar with per cent on a terminal, a line now and then elsewhere."""
+"""Progress of long commands: a bar with per cent on a terminal, otherwise lines at intervals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.foreign.magnets import MAGNETS
 from .command import quick, shares_said, speaking
 
 SHORT = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "m.toml")
-"""A search that lasts a few seconds."""
+"""A search of a few seconds."""
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_on_a_terminal_a_bar_shows_per_cent_and_time_left(here: Path) -> None:
         try:
             while part := os.read(ours, 65536):
                 seen.append(part)
-        except OSError:  # what Linux says at the end
+        except OSError:  # Linux raises this at the end
             pass
 
     reader = threading.Thread(target=read)
@@ -74,7 +74,7 @@ def test_on_a_terminal_a_bar_shows_per_cent_and_time_left(here: Path) -> None:
 
 
 class Clock:
-    """A time that is set."""
+    """A clock that tests set."""
 
     def __init__(self) -> None:
         self.now = 0.0

@@ -1,4 +1,4 @@
-"""Results on standard output, everything else on standard error; for a person or for a program."""
+"""Results go to standard output, everything else to standard error, as text or JSON."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_pipe_gets_no_colours_and_no_progress(folder: Path, verb: str) -> None
 
 
 def on_a_terminal(*arguments: object, cwd: Path) -> str:
-    """Run a command whose standard error is a terminal; return what was shown there."""
+    """Run a command whose standard error is a terminal; return the terminal output."""
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
@@ -72,7 +72,7 @@ def on_a_terminal(*arguments: object, cwd: Path) -> str:
     try:
         while piece := os.read(ours, 4096):
             shown += piece
-    except OSError:  # the other end is closed
+    except OSError:  # the other end was closed
         pass
     os.close(ours)
     printed, _ = process.communicate()
@@ -89,7 +89,7 @@ def test_a_terminal_gets_progress(folder: Path) -> None:
 
 
 def test_a_model_that_fails_its_acceptance_test_is_a_negative_result(tmp_path: Path) -> None:
-    # The force of the near gap at the far one: it falls as the gap closes.
+    # Exchange the gaps, so that the force falls as the gap closes.
     exchange = {f"{one}e-3": f"{two}e-3" for one, two in zip(GAPS, GAPS[::-1], strict=True)}
     lines = [[*row[:3], exchange[row[3]]] for row in rows()]
     (tmp_path / "loops.csv").write_text(table(lines))

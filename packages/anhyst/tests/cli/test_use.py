@@ -126,4 +126,4 @@ def test_diff_reports_the_change_and_the_newtons(folder: Path) -> None:
     assert result["worst"] == pytest.approx(1.5)
     assert not result["same"]
     alike = quick("diff", "model.toml", "model.toml", cwd=folder)
-    assert alike.stdout == "the two models compute the same\n"
+    assert alike.stdout == "the two models give the same results\n"

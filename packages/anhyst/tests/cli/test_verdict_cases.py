@@ -1,4 +1,4 @@
-"""Files that people really have: the verdict, the exit code and the figures agree."""
+"""Realistic files: the verdict, the exit code and the figures agree."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_resonance_is_named_and_its_model_rejected(cases: Path, tmp_path: Path) 
     found = quick("identify", cases / "resonance.csv", "-o", "model.toml", cwd=tmp_path)
     assert found.returncode == 1
     assert sentence in last_line(found.stderr)
-    assert "the fit is done" not in found.stdout
+    assert "the fit is complete" not in found.stdout
     assert (tmp_path / "model.toml").exists()
 
 
@@ -66,7 +66,7 @@ def test_voltage_of_a_coil_is_a_lag_and_its_worst_error_is_named(
     assert "record the current instead" in verdict["sentences"][-1]
     found = quick("identify", cases / "voltage.csv", "-o", "model.toml", cwd=tmp_path)
     assert "record the current instead" in found.stderr
-    assert "the fit is done" not in found.stdout
+    assert "the fit is complete" not in found.stdout
 
 
 def test_table_of_branches_in_one_direction_is_refused_and_the_remedy_works(
@@ -82,11 +82,11 @@ def test_table_of_branches_in_one_direction_is_refused_and_the_remedy_works(
     (tmp_path / "turned.csv").write_text("\n".join([*lines[:41], *lines[:40:-1]]) + "\n")
     result = quick("inspect", "turned.csv", "--history", history, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert "wrong way" not in result.stderr
+    assert "wrong direction" not in result.stderr
 
 
 def noisy(rate: float, density: float) -> Loops:
-    """Magnet with noise of a density, N per root of the rate in kHz."""
+    """Return a magnet with noise of a density in N per root of the rate in kHz."""
     time = np.arange(0.0, 3.0, 1.0 / rate)
     current = 1.0 - np.cos(2.0 * np.pi * time)
     force = 10.0 * (0.5 * current + 0.5 * play(current, 0.05)) ** 2
@@ -102,7 +102,7 @@ def test_verdict_does_not_depend_on_the_sampling_rate(density: float) -> None:
     assert len({verdict.level for verdict in verdicts}) == 1
     gains = [verdict.gain for verdict in verdicts]
     assert max(gains) - min(gains) < 0.05
-    # The noise of a sample is stated as it is.
+    # The stated noise is that of the samples.
     ratio = verdicts[2].noise_relative / verdicts[0].noise_relative
     assert ratio == pytest.approx(10.0, rel=0.2)
 
@@ -133,7 +133,7 @@ def test_output_that_depends_on_more_than_its_input_is_rejected() -> None:
     result = identify(displacement(other, drive))
     assert "do not use it" in result.rejection
     assert result.model.fit is not None
-    assert "the fit is done" not in result.model.fit.left_over
+    assert "the fit is complete" not in result.model.fit.left_over
 
 
 def test_single_spike_is_named_with_its_place() -> None:
@@ -144,4 +144,4 @@ def test_single_spike_is_named_with_its_place() -> None:
     fit = identify(displacement(output, drive)).model.fit
     assert fit is not None
     assert "sample 334" in fit.left_over
-    assert "the fit is done" not in fit.left_over
+    assert "the fit is complete" not in fit.left_over

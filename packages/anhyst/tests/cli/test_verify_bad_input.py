@@ -1,4 +1,4 @@
-"""What ``verify`` says to a folder, a target or a machine that will not do."""
+"""``verify`` rejects an unsuitable folder, target or machine."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Commands in processes of their own that need not import anything first.
+"""Run commands in child processes that need not import the package first.
 
-Run as a script: it loads the package once; for each line ``{"arguments": [...], "cwd": "...", ...}``
-on its standard input it forks, and the child becomes the command, with its own standard streams, end
-and exit code. What it answers is a line with the code and what was written to both streams.
+As a script, this module imports the package once. For each line ``{"arguments": [...], "cwd":
+"...", ...}`` on its standard input, it forks. The child becomes the command, with its own standard
+streams and exit code. The answer is a line with the exit code and the content of both streams.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def serve() -> None:
 
 
 def load() -> None:
-    """Import what the verbs import, and keep the children from looking through all of it."""
+    """Import the modules of the commands, and exclude them from garbage collection."""
     names = [
         *("anhyst.cli.app", "anhyst.data.inspection", "anhyst.model.diff", "anhyst.identification"),
         *("anhyst.reports.page", "anhyst.model.predict_file", "anhyst.compilation"),
@@ -48,7 +48,7 @@ def load() -> None:
 
 
 def run(request: dict[str, Any]) -> tuple[int, str, str]:
-    """Run one command to its end; return its code and what it printed and said."""
+    """Run one command; return its exit code and the content of both streams."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = os.fork()
         if child == 0:
@@ -63,7 +63,7 @@ def run(request: dict[str, Any]) -> tuple[int, str, str]:
 
 
 def limit(request: dict[str, Any]) -> None:
-    """Take from this process what the request says that it has not, and time without end."""
+    """Apply the limits of a request to this process."""
     signal.alarm(request["patience"])
     if request["file_size"] is not None:
         import resource
@@ -75,7 +75,7 @@ def limit(request: dict[str, Any]) -> None:
 
 
 def as_ordinary_user() -> Callable[[], None] | None:
-    """Return what makes a child obey permissions: root otherwise writes and reads everything."""
+    """Return a function that drops root's right to ignore permissions; None if not run as root."""
     if sys.platform != "linux" or os.geteuid() != 0:
         return None
     libc = ctypes.CDLL(None)
@@ -84,7 +84,7 @@ def as_ordinary_user() -> Callable[[], None] | None:
         header, held = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
         libc.capget(header, held)
         for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
-            libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP, for what it executes
+            libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP, for executed programs
             for place in (0, 1):  # effective, permitted
                 held[place] &= ~(1 << capability)
         libc.capset(header, held)
@@ -104,7 +104,7 @@ def become(arguments: list[str], cwd: str, out: IO[bytes], err: IO[bytes]) -> No
     code = main()
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
-    os._exit(code)  # taking apart all that was imported takes longer than most commands
+    os._exit(code)  # without the slow clean-up of all imported modules
 
 
 if __name__ == "__main__":

@@ -147,4 +147,4 @@ def test_the_command_shows_both_accuracies(
     assert main(["compile", *given]) == 0
     shown = capsys.readouterr().out
     assert "map with one play" in shown
-    assert "without memory" in shown
+    assert "single-valued curve" in shown

@@ -1,7 +1,7 @@
-"""Files as loggers and oscilloscopes export them, made from a record whose values are known.
+"""Files in the layouts of loggers and oscilloscopes, made from a record with known values.
 
-Each function writes one layout: times in s, and two channels. The layouts follow the manuals and
-public sample files of the makers; the values are invented.
+Each function writes one layout with times in s and two channels. The layouts follow the manuals and
+public sample files of the manufacturers; the values are synthetic.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ START, STEP = TIMES[0], 1e-3
 
 @dataclass(frozen=True)
 class Export:
-    """A file: its name, text, and the option that says which channel is what."""
+    """A file: its name, its text, and the option that maps its channels."""
 
     name: str
     text: str
@@ -32,7 +32,7 @@ class Export:
 
     @property
     def reading(self) -> dict[str, Any]:
-        """Return what a user must say: the channels, and that their volts are our units."""
+        """Return the options of a user: the mapping of the channels, and scales from volts."""
         scale = {name: 1.0 for name, target in self.columns.items() if target}
         return {"columns": self.columns, "scale": scale}
 
@@ -81,7 +81,7 @@ def rigol_old() -> Export:
 
 
 def tektronix_beside() -> Export:
-    """TDS2000: settings in the first columns, a block for each channel."""
+    """TDS2000: settings in the first columns, one block for each channel."""
     settings = ["Record Length,{n},Points", "Sample Interval,1e-3,s", "Trigger Point,100,Samples", ",,",
                 "Source,{name},", "Vertical Units,V,", "Vertical Scale,1.0,", "Horizontal Units,s,",
                 "Model Number,TDS2024,"]  # fmt: skip
@@ -125,7 +125,7 @@ def rohde_schwarz() -> Export:
 
 
 def picoscope() -> Export:
-    """PicoScope: units in brackets, a blank line."""
+    """PicoScope: units in brackets, then a blank line."""
     body = "".join(
         f"{1e3 * t:.8f},{i:.8f},{1e3 * f:.8f}\n"
         for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)
@@ -154,7 +154,7 @@ def hioki() -> Export:
 
 
 def lecroy() -> Export:
-    """WavePro with two traces in a file."""
+    """WavePro with two traces in one file."""
     head = _lines("LECROYWP725Zi,44444,Waveform", "Segments,1,SegmentSize,300", "Segment,TrigTime,TimeSinceSegment1",
                   "#1,28-Nov-2026 10:00:00,0", "Time,Ampl C1,Ampl C2")  # fmt: skip
     return Export("c1.csv", head + _rows(), {"Ampl C1": "I_A", "Ampl C2": "F_N"})
@@ -177,14 +177,14 @@ def dewesoft() -> Export:
 
 
 def famos() -> Export:
-    """The export of imc FAMOS: names, then units, tab and decimal comma."""
+    """Export of imc FAMOS: names, then units, with tab and decimal comma."""
     return Export(
         "imc.txt", "Time\tCurrent\tForce\ns\tA\tN\n" + _rows("\t", comma=True), {}, "latin-1"
     )
 
 
 def comsol() -> Export:
-    """COMSOL: comments with per cent, the last one names the columns between wide blanks."""
+    """COMSOL: comments with a percent sign; the last one contains the column names."""
     head = _lines("% Model:              actuator.mph", "% Version:            COMSOL 6.2.0.290",
                   "% Table:              Table 1 - Global Evaluation 1",
                   "% Time (s)             Current (A)               Force (N)")  # fmt: skip
@@ -240,7 +240,7 @@ def time_stamps() -> Export:
 
 
 def time_of_day() -> Export:
-    """A German logger: times of day with a decimal comma, a date apart."""
+    """A German logger: times of day with a decimal comma and a separate date."""
     lines = [f"28.11.2026;10:00:{0.001 * n:06.3f};{CURRENT[n]:.9f};{FORCE[n]:.9f}".replace(".", ",")
              for n in range(N)]  # fmt: skip
     text = _lines("Datum;Zeit;I [A];F [N]", *lines).replace("28,11,2026", "28.11.2026")
@@ -266,7 +266,7 @@ def quoted() -> Export:
 
 
 def aixacct(tables: int = 1) -> Export:
-    """AixPlorer: settings and a table of each measurement; polarisation is in uC/cm2."""
+    """AixPlorer: settings and a table for each measurement; the polarisation is in uC/cm2."""
     head = ["DynamicHysteresis", "SampleName: PZT 5A", "Area [mm2]: 0.5", "Thickness [nm]: 200", ""]
     for number in range(1, tables + 1):
         head += [f"Table {number}", f"Measurement number: {number}", "Hysteresis Frequency [Hz]: 100",
@@ -279,7 +279,7 @@ def aixacct(tables: int = 1) -> Export:
 
 
 def labview_segments(pause: float = 0.0) -> Export:
-    """LabVIEW that wrote a record in two parts, or two records with a pause between them."""
+    """LabVIEW: a record in two parts, or two records with a pause between them."""
     text, half = labview_no().text, N // 2
     lines = text.split("\n")
     begin, data = lines.index("Channels\t2"), len(lines) - 1 - N

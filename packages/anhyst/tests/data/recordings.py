@@ -1,4 +1,4 @@
-"""Files as other programs write them: Simulink, ControlDesk, MATLAB, LabVIEW, Excel."""
+"""Files in the formats of other programs: Simulink, ControlDesk, MATLAB, LabVIEW and Excel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PACKAGES = {
     ".parquet": "pyarrow",
     ".xlsx": "python_calamine",
 }
-"""What reads a format beyond SciPy."""
+"""Packages that read a format, in addition to SciPy."""
 
 
 def loop(rate: float = 1000.0, begin: float = 0.0) -> tuple[Array, Array, Array]:
@@ -41,7 +41,7 @@ def structs(rows: Sequence[Mapping[str, Any]]) -> Array:
 
 
 def control_desk(path: Path, *, slow: float = 100.0, begin: float = 0.0) -> Path:
-    """Write what ControlDesk exports: rows of samples, two rasters, the model's paths."""
+    """Write an export of ControlDesk: rows of samples, two rasters, paths of the model."""
     from scipy.io import savemat
 
     times, current, force = loop()
@@ -76,7 +76,7 @@ def control_desk(path: Path, *, slow: float = 100.0, begin: float = 0.0) -> Path
 
 
 def with_time(path: Path) -> Path:
-    """Write a structure with time, as To Workspace and Scope blocks of Simulink do."""
+    """Write a structure with time, as the To Workspace and Scope blocks of Simulink do."""
     from scipy.io import savemat
 
     times, current, force = loop()
@@ -92,7 +92,7 @@ def with_time(path: Path) -> Path:
 
 
 def time_series(path: Path) -> Path:
-    """Write structures with the fields of a timeseries, one a channel, 1 by 1 by n samples."""
+    """Write structures with the fields of a timeseries, one for each channel, 1 by 1 by n samples."""
     from scipy.io import savemat
 
     times, current, force = loop()
@@ -161,7 +161,7 @@ def matlab_73(path: Path) -> Path:
 
 
 def object_in_v5(path: Path) -> Path:
-    """Write a MAT file of version 5 that holds a timeseries object and nothing else."""
+    """Write a MAT file of version 5 that contains only a timeseries object."""
 
     def part(kind: int, content: bytes) -> bytes:
         return struct.pack("<2I", kind, len(content)) + content + bytes(-len(content) % 8)

@@ -1,4 +1,4 @@
-"""Cleaning steps find what was put in, and leave the rest alone."""
+"""Cleaning steps remove the disturbances of test data and change nothing else."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAMPLES = 400
 
 
 def play(drive: FloatArray, half_width: float) -> FloatArray:
-    """Play operator: the simplest hysteresis there is."""
+    """Return a play operator, the simplest hysteresis."""
     answer = np.empty_like(drive)
     held = 0.0
     for place, value in enumerate(drive.tolist()):
@@ -30,7 +30,7 @@ def play(drive: FloatArray, half_width: float) -> FloatArray:
 
 
 def iron(cycles: float = 3.0, samples: int = SAMPLES) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Field, flux density and time of a soft iron, started from rest, settled since."""
+    """Return field, flux density and time of a soft iron that starts at rest and then settles."""
     time = np.arange(int(cycles * samples)) / samples
     field = 100.0 * np.sin(2.0 * np.pi * time)
     flux = sum(0.25 * np.tanh(play(field, width) / 40.0) for width in (2.0, 6.0, 12.0))
@@ -184,7 +184,7 @@ def test_thinning_keeps_reversals_and_the_path() -> None:
     assert loop.reverses
     assert loop.time is not None
     assert np.all(np.diff(loop.time) > 0.0)
-    # Points lie on the measured path: interpolated in time they differ by less than a bin.
+    # The samples are on the measured path: interpolated in time, they differ by less than a bin.
     assert np.max(np.abs(np.interp(loop.time, time, flux) - loop.output)) < 2e-3
 
 

@@ -1,4 +1,4 @@
-"""Damaged and hostile recordings end in one clear line, in bounded memory."""
+"""Damaged and malicious recordings cause an error of one line, with bounded memory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.property.test_bad_input import holds_or_is_refused
 from tests.refusals import refused
 
 KEPT = Path(__file__).parent / "damaged"
-"""Files that crash, hang or fill the libraries that read them, found by tools/fuzz_files.py."""
+"""Files that crash or hang libraries or fill the memory, found by tools/fuzz_files.py."""
 
 TIMES, CURRENT, FORCE = loop(50.0)
 
@@ -39,7 +39,7 @@ def test_what_crashes_a_library_is_refused_in_one_line(path: Path) -> None:
     if path.suffix in PACKAGES:
         pytest.importorskip(PACKAGES[path.suffix])
     result = quick("inspect", path, cwd=KEPT)
-    # Another version of the library may cope.
+    # Another version of the library may read the file.
     assert result.returncode in {0, 2}
     if result.returncode == 2:
         assert result.stderr.startswith("anhyst: error: ")
@@ -64,7 +64,7 @@ def test_a_file_that_is_cut_off_is_refused_with_its_name(suffix: str, tmp_path: 
 
 
 def damaged(content: bytes, seed: int) -> bytes:
-    """Change bits, bytes and sizes of a good file, cut it or repeat some of it."""
+    """Change bits, bytes and sizes of a valid file, cut it or repeat parts of it."""
     chance, data = random.Random(seed), bytearray(content)
     for _ in range(chance.choice((1, 1, 2, 4, 8))):
         place = chance.randrange(len(data)) if data else 0

@@ -1,4 +1,4 @@
-"""Resonances and lags are told from hysteresis, at many frequencies, drives and noise levels."""
+"""Resonances and lags are distinguished from hysteresis for many frequencies and noise levels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DRIVES = ("multisine", "chirp", "random", "triangle", "steps")
 
 
 def drive_of(kind: str, time: FloatArray, hz: float, rng: np.random.Generator) -> FloatArray:
-    """Input of unit size that excites frequencies around one."""
+    """Return an input of unit amplitude that excites frequencies around one."""
     span, step = float(time[-1]), float(time[1])
     if kind == "chirp":
         low, high = 0.05 * hz, 2.5 * hz
@@ -100,7 +100,7 @@ def test_resonance_gives_no_verdict() -> None:
 
 
 def coil(seed: int, *, lag: float, hysteresis: float) -> tuple[Loops, float]:
-    """Force of a coil over its voltage, and the lag, s; both in parts of the cycle or the range."""
+    """Return the force of a coil over its voltage, and the lag, relative to cycle and range."""
     rng = np.random.default_rng(seed)
     hz, samples = float(np.exp(rng.uniform(np.log(0.1), np.log(20.0)))), int(rng.integers(150, 900))
     time = np.arange(0.0, 5.0, 1.0 / samples) / hz

@@ -1,4 +1,4 @@
-"""Recordings of other programs are read for what they are, and written so that nothing is lost."""
+"""Recordings of other programs are read correctly, and written without losses."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def opened(path: Path) -> ChannelTable:
 
 
 def read_back(path: Path) -> dict[str, tuple[str, Array]]:
-    """Unit and samples of every channel and clock by its full name."""
+    """Return unit and samples of every channel and clock by its full name."""
     found = {}
     for part in read_groups(opened(path).file):
         before = f"{part.group}/" if part.group else ""
@@ -63,7 +63,7 @@ def test_a_recording_of_matlab_and_its_kin_is_the_loop_that_was_recorded(
     assert np.array_equal(measured.output, FORCE[:rows])
     assert measured.time is not None
     assert np.array_equal(measured.time, TIMES[:rows])
-    if columns:  # the slow raster ends 9 samples of the fast one before it
+    if columns:  # the slow raster ends 9 samples before the fast one
         assert rows == 1991
         assert measured.schedule_value == pytest.approx(0.4e-3, rel=1e-12)
         assert any("Gap: interpolated linearly onto the times of" in note for note in found.notes)
@@ -192,7 +192,7 @@ def test_groups_and_clocks_survive_every_format_that_has_them(tmp_path: Path) ->
             assert found[name][0] == unit
             assert np.array_equal(found[name][1], values)
     done = convert(path, tmp_path / "run.csv")
-    assert any("CSV holds no groups: bench, oven" in note for note in done.notes)
+    assert any("CSV cannot store groups: bench, oven" in note for note in done.notes)
     assert any(
         "oven/T: interpolated linearly onto the times of bench/I" in note for note in done.notes
     )

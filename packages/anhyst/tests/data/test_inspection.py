@@ -23,7 +23,7 @@ from tests.refusals import refused
 def magnet(
     gap: float = 3e-4, width: float = 0.06, noise: float = 0.0, *, bipolar: bool = False
 ) -> Loop:
-    """Force-current loop of a magnet: a square law over a play operator, settled."""
+    """Return a settled force-current loop of a magnet: a square law over a play operator."""
     angle = np.linspace(0.0, 6.0 * np.pi, 1500)
     current = 2.0 * np.sin(angle) if bipolar else 1.0 - np.cos(angle)
     held, flux = 0.0, np.empty_like(current)
@@ -31,7 +31,7 @@ def magnet(
         held = min(max(held, value - width), value + width)
         flux[place] = 0.5 * (held + value)
     force = (3e-3 / gap) * flux**2 + noise * np.random.default_rng(1).normal(size=flux.size)
-    start = 500  # the first cycle runs in
+    start = 500  # the first cycle is a transient
     schedule = np.full(1000, gap)
     return Loop("1", current[start:], force[start:], schedule, None, History("settled"))
 
@@ -97,7 +97,7 @@ def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:
 
 def test_one_gap_only_is_reported() -> None:
     found = inspect(loopset(magnet()))
-    assert "one gap only: nothing can be learned about others" in found.warnings
+    assert "only one gap: the dependence on it cannot be identified" in found.warnings
 
 
 def test_a_loop_whose_gap_moves_is_judged_like_others() -> None:
@@ -124,7 +124,7 @@ def test_swapped_current_and_force_are_refused(*, bipolar: bool) -> None:
 def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(
     seed: int, offset: float
 ) -> None:
-    """What remains of the flux, an offset and noise outweigh there what the current adds."""
+    """In a small loop, remanence, offset and noise can exceed the effect of the current."""
     whole = magnet(noise=0.1)
     small = 0.1 * np.abs(np.sin(np.linspace(0.0, 4.0 * np.pi, 80)))
     force = 10.0 * (0.5 * small + 0.08) ** 2
@@ -164,7 +164,7 @@ def test_flux_that_falls_with_its_field_is_refused() -> None:
 def test_loop_that_would_win_energy_is_warned_of() -> None:
     loop = magnet()
     found = inspect(changed(loop, loop.input[::-1], loop.output[::-1]))
-    assert any("the wrong way round" in text for text in found.warnings)
+    assert any("the wrong direction" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -175,7 +175,7 @@ def test_noise_of_a_loop_without_width_wins_no_energy(seed: int) -> None:
         "1", loop.input[::15], loop.output[::15] + noise, np.full(67, 3e-4), None, loop.history
     )
     found = inspect(loopset(few))
-    assert not any("the wrong way round" in text for text in found.warnings)
+    assert not any("the wrong direction" in text for text in found.warnings)
 
 
 def test_offset_of_a_small_loop_to_both_sides_wins_no_energy() -> None:
@@ -183,7 +183,7 @@ def test_offset_of_a_small_loop_to_both_sides_wins_no_energy() -> None:
     force = 100.0 * current**2
     small = Loop("2", current + -0.01, force, np.full(400, 3e-4), None, History("settled"))
     found = inspect(loopset(magnet(bipolar=True), small))
-    assert not any("the wrong way round" in text for text in found.warnings)
+    assert not any("the wrong direction" in text for text in found.warnings)
 
 
 def test_record_that_never_reverses_is_warned_of() -> None:
@@ -240,11 +240,11 @@ def test_clipped_output_is_named(limit: float, is_clipped: bool) -> None:
     force = np.minimum(12.0 * current**2, limit)
     loop = Loop("1", current, force, None, None, History("settled"))
     warnings = inspect(Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])).warnings
-    assert any("the force stays at 60 N" in text for text in warnings) == is_clipped
+    assert any("the force is constant at 60 N" in text for text in warnings) == is_clipped
 
 
 def test_record_without_hysteresis_is_judged(tmp_path: Path) -> None:
-    """Repeated cycles without noise or loop have no scatter to divide by."""
+    """Repeated cycles without noise and without a loop have no scatter."""
     path = tmp_path / "line.csv"
     ramp = np.r_[np.linspace(0, 3, 60), np.linspace(3, 0, 60)[1:]]
     current = np.r_[ramp, ramp[1:]]

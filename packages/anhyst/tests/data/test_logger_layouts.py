@@ -1,4 +1,4 @@
-"""The layouts of loggers and oscilloscopes are read right, or refused with what was seen."""
+"""Layouts of loggers and oscilloscopes are read correctly, or refused with the reason."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_tables_and_segments_of_one_file_are_loops(tmp_path: Path) -> None:
         (labview_no(), "Delta_X", "Delta", "no-time-step: One"),
         (labview_multi(), "-0.100000000\t0.4", "-0.100000001\t0.4", "different-times: line 23"),
         (yokogawa(), "1.0000000e-03,1.0", "1.0000000e-03,2.0", "different-steps"),
-        (tektronix_beside(), ",,,,,-9.0", ",,,,,-9.1", "different-times: beside the data"),
+        (tektronix_beside(), ",,,,,-9.0", ",,,,,-9.1", "different-times: next to the data"),
     ],
 )
 def test_channels_on_different_clocks_are_refused(

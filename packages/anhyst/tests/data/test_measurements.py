@@ -1,4 +1,4 @@
-"""Real measurements of others are read unedited."""
+"""Real measurements of other authors are read without changes."""
 
 from __future__ import annotations
 

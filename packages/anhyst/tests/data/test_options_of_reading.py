@@ -1,4 +1,4 @@
-"""Options and names that say what a file does not: scales, signs, invalid samples, gaps."""
+"""Options and file names complete a file: scales, signs, invalid samples and gaps."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_invalid_samples_are_left_out_and_counted(tmp_path: Path, mark: str) -> 
         (["luchtspleet 10mil", "luchtspleet 20mil"], [0.254, 0.508]),
         (["gap_0.5mm", "gap_0.5mm_b"], [0.5, 0.5]),
         (["Luftspalt 0,8mm"], [0.8]),
-        (["run_0.5mm"], []),  # no word, and nothing to compare with
+        (["run_0.5mm"], []),  # no word for a gap, and no second name
         (["cable_500mm", "cable_1000mm"], []),
         (["EM12mm_20C", "EM15mm_20C"], []),
         (["0.5mm_coil", "0.8mm_magnet"], []),

@@ -1,4 +1,4 @@
-"""Which samples of a record a search looks at."""
+"""Selection of the samples of a record for a search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options that messages propose: pasted, they give a correct reading or a better question."""
+"""Proposed options lead to a correct reading or to a more precise question."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ FORCES = {  # header: value of 1 N
 
 @dataclass(frozen=True)
 class Bench:
-    """A record, the headers it is written under, and what a user would know about its sensors."""
+    """A record, its headers, and the user's knowledge about the sensors."""
 
-    headers: tuple[str, str, str]  # of time, current and force
-    order: tuple[int, ...]  # in which they are written
-    values: tuple[np.ndarray, np.ndarray, np.ndarray]  # in SI
+    headers: tuple[str, str, str]  # names of time, current and force
+    order: tuple[int, ...]  # units in the file
+    values: tuple[np.ndarray, np.ndarray, np.ndarray]  # values in SI units
 
     def write(self, path: Path) -> Path:
         """Write the record in the units of its headers."""
@@ -60,7 +60,7 @@ class Bench:
         return path
 
     def complete(self, scales: str) -> str:
-        """Put the numbers of the data sheets in place of the words that a message asks for."""
+        """Replace the placeholders of a message by the values of the data sheets."""
         known = {name: 1.0 / table[name] for table, name in zip(TABLES, self.headers, strict=True)}
         return ",".join(
             PLACEHOLDER.sub(repr(known[pair.rpartition("=")[0].strip('"')]), pair)
@@ -72,10 +72,10 @@ TABLES = (TIMES, CURRENTS, FORCES)
 
 
 def bench_of(seed: int) -> Bench:
-    """Draw headers, an order of the columns, and a record."""
+    """Return a bench with random headers and a random order of the columns."""
     draw = np.random.default_rng(seed)
     headers = tuple(str(draw.choice(list(table))) for table in TABLES)
-    # Channels without words are meant in the order input, output.
+    # Channels without words are in the order input, output.
     order = tuple(draw.permutation(3).tolist()) if draw.random() < 0.3 else (0, 1, 2)
     if order.index(2) < order.index(1):
         order = (0, 1, 2)
@@ -86,7 +86,7 @@ def bench_of(seed: int) -> Bench:
 
 
 def options_in(text: str) -> dict[str, str]:
-    """Return the first of each option that a message proposes, as a shell splits them."""
+    """Return the first of each option that a message proposes, split as in a shell."""
     found: dict[str, str] = {}
     for match in re.finditer(r"--(columns|scale|flip|drop|loop|schedule) ", text):
         words = shlex.split(text[match.start() :].replace("; ", " "))
@@ -95,7 +95,7 @@ def options_in(text: str) -> dict[str, str]:
 
 
 def follow(bench: Bench, path: Path) -> Loops | None:
-    """Paste proposals until the record is read; ``None`` where a question is left without one."""
+    """Apply proposals until the record is read; ``None`` if a question has no proposal."""
     given: dict[str, str] = {}
     asked: list[str] = []
     for _ in range(MAX_QUESTIONS):
@@ -110,7 +110,7 @@ def follow(bench: Bench, path: Path) -> Loops | None:
             return None
         unknown = given | proposed
         if PLACEHOLDER.search(proposed.get("scale", "")):
-            with pytest.raises(InputError) as again:  # pasted as it is, it is a question
+            with pytest.raises(InputError) as again:  # without a number, it causes another question
                 ReadOptions.from_text(**unknown, clean="none").read([path])
             assert again.value.code == "bad-scale", again.value
             proposed["scale"] = bench.complete(proposed["scale"])
@@ -151,7 +151,7 @@ def test_two_words_for_a_quantity_are_a_choice(tmp_path: Path) -> None:
 
 
 def test_word_of_another_unit_is_doubted(tmp_path: Path) -> None:
-    """A displacement is not taken for the output if a force is there, in volts of its sensor."""
+    """A displacement is not the output if the file has a force in volts of its sensor."""
     path = tmp_path / "a.csv"
     path.write_text("Strom [A],Kraft [V],Weg [mm]\n" + "0,1,2\n1,2,3\n" * 20)
     with pytest.raises(InputError) as caught:

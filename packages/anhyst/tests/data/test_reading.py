@@ -1,4 +1,4 @@
-"""From files to loops."""
+"""Reading of loops from files."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_files_of_the_same_name_are_distinguished_by_their_folders(tmp_path: Pat
 
 
 def test_one_label_with_other_data_and_no_gap_is_refused(tmp_path: Path) -> None:
-    """It may be another temperature that no column names."""
+    """The temperature can differ without a column for it."""
     for name, slope in (("cold.csv", 10), ("warm.csv", 11)):
         rows = [f"major,{row}" for row in rows_of(slope)]
         file_of(tmp_path, name, "loop,H_A_per_m,B_T", rows)

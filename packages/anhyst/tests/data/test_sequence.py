@@ -1,4 +1,4 @@
-"""Settled loops that were run one after the other go on from what the iron keeps of the earlier."""
+"""Settled loops of one run depend on the larger loops before them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOISE = 2e-3
 def loops(
     *, remembered: bool, law: str = "play-cells", gap: float | None = None, clock: float = 0.0
 ) -> list[Loop]:
-    """One larger loop and two within it, in an iron that keeps the larger one or has lost it."""
+    """Return a larger loop and two loops within it, in an iron with or without return-point memory."""
     model = Model("iron", QUANTITIES["current"], QUANTITIES["force"], NUMBERS | CIRCUIT, law=law)
     found: list[Loop] = []
     before: list[float] = []

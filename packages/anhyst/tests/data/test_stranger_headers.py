@@ -1,4 +1,4 @@
-"""Headers as strangers write them: read right, or refused with a remedy that leads on."""
+"""Headers of other users are read correctly, or refused with a useful remedy."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def write(path: Path, header: str, *columns: FloatArray) -> Path:
 
 
 def table(path: Path, header: str) -> Path:
-    """Write a table of any width: each column is a multiple of the loop's input or output."""
+    """Write a table of any width; each column is a multiple of the loop's input or output."""
     drive, answer = loop()
     width = header.count(";") + 1
     return write(path, header, *[(k + 1) * (drive if k % 2 == 0 else answer) for k in range(width)])
@@ -126,12 +126,12 @@ def test_bilingual_and_longer_names_are_still_read(header: str) -> None:
 
 def test_capital_t_in_ms_is_a_time() -> None:
     assert parse_header("T [us]").is_clock
-    assert parse_header("T [MS]").is_clock  # and its unit is the question
+    assert parse_header("T [MS]").is_clock  # its unit is missing
     assert not parse_header("T [K]").is_clock
 
 
 def steps(*gaps: float, ramp: int = 0, scatter: float = 0.0) -> list[FloatArray]:
-    """Return time, input, output and gap of loops at gaps one after the other, mm."""
+    """Return time, input, output and gap (mm) of loops at successive gaps."""
     parts = []
     for number, gap in enumerate(gaps):
         if number and ramp:
@@ -170,7 +170,7 @@ def test_gap_that_returns_is_a_loop_of_its_own(tmp_path: Path) -> None:
 )
 def test_hidden_gap_is_a_question(tmp_path: Path, name: str, scatter: float) -> None:
     path = write(tmp_path / "a.csv", f"t_s;I_A;F_N;{name}", *steps(0.4, 0.6, scatter=scatter))
-    with refused(f"label-or-schedule {name}: is it the gap; {name}=gap_mm"):
+    with refused(f"label-or-schedule {name}: if it is the gap, map it; {name}=gap_mm"):
         read_loops(path)
     assert len(read_loops(path, columns={name: "gap_mm"}).schedule_values) == 2
 

@@ -1,4 +1,4 @@
-"""Layouts that strangers brought: each is read right, or refused with the reason."""
+"""Layouts of other users are read correctly, or refused with the reason."""
 
 from __future__ import annotations
 

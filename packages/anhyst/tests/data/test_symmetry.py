@@ -69,9 +69,9 @@ def test_bias_of_a_magnet_is_found_and_the_loop_is_judged_around_it(bias: float)
     measured = record(drive, force, ("current", "force"))
     assert find_bias(measured) == pytest.approx(bias, abs=0.08)
     found = inspect(measured)
-    assert any(f"least at {find_bias(measured):.3g} A" in note for note in found.notes)
-    assert not any("wrong way round" in text for text in found.warnings)
-    # Around its bias it is the loop of a magnet without one.
+    assert any(f"has its minimum at {find_bias(measured):.3g} A" in note for note in found.notes)
+    assert not any("wrong direction" in text for text in found.warnings)
+    # Relative to its bias, it is the loop of a magnet without a bias.
     assert found.verdict.width == pytest.approx(0.09, abs=0.03)
     assert found.verdict.single_mean_relative < 0.02
 
@@ -82,7 +82,7 @@ def test_force_beyond_its_bias_follows_the_sign_of_the_current() -> None:
     assert find_bias(measured) == 0.0
     assert any("follows the sign of the current" in note for note in inspect(measured).notes)
     falling = measured.with_loops(replace(loop, input=-loop.input) for loop in measured.loops)
-    assert not any("wrong way" in text for text in inspect(falling).warnings)
+    assert not any("wrong direction" in text for text in inspect(falling).warnings)
 
 
 def test_centred_force_has_no_bias() -> None:

@@ -1,4 +1,4 @@
-"""Text tables: every layout that is read, every fault that is named."""
+"""Text tables: supported layouts are read, and faults are named."""
 
 from __future__ import annotations
 
@@ -209,7 +209,8 @@ def test_values_are_read_only(tmp_path: Path) -> None:
 
 
 def long_table(folder: Path, rows: int, *, fault: int | None = None) -> Path:
-    """Write a table of several chunks, with text, an unused column and perhaps one bad field."""
+    """Write a table of several chunks, with texts, an unused column and optionally an invalid
+    field."""
     lines = [f"{k * 1e-5:.6f},run {k % 3},{k / 7:.7f},x{k},{-k / 3:.6e}" for k in range(rows)]
     if fault is not None:
         lines[fault] = lines[fault].replace(",run", ",run").rsplit(",", 1)[0] + ",oops"

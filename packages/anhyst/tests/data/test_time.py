@@ -1,4 +1,4 @@
-"""Delay, missing stretches, ripple and noise of the input: found where they are, and nowhere else."""
+"""Delay, missing stretches, ripple and input noise are found where they exist, and only there."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.data.test_clean import play
 
 
 def triangles(rate_Hz: float, period_s: float, delay_s: float, seed: int) -> Loop:
-    """Four bipolar triangles of growing size, the output late by a delay, 0.1 % of noise."""
+    """Return four bipolar triangles of growing size, with a delayed output and 0.1 % of noise."""
     margin = 0.1 * period_s
     time = np.arange(-margin, 4.0 * period_s + margin, 1.0 / rate_Hz)
     phase = time / period_s
@@ -60,7 +60,7 @@ def test_delay_is_removed_and_stated_in_seconds() -> None:
 
 
 def forces(noise_A: float, ripple_A: float, seed: int = 0) -> Loops:
-    """Two unipolar cycles of 2 A in 4 s at 2 kHz, with noise or a ripple of 200 Hz."""
+    """Return two unipolar cycles of 2 A in 4 s at 2 kHz, with noise or a ripple of 200 Hz."""
     time = np.arange(16000) / 2000.0
     phase = time / 4.0
     drive = 1.0 - np.cos(2.0 * np.pi * phase)
@@ -78,8 +78,8 @@ def test_ripple_is_named_and_removed() -> None:
     assert "200 Hz" in cleaned.repairs[-1]
     assert "0.038 A" in cleaned.repairs[-1]
     assert cleaned.loops[0].reversals == 3
-    # The force ripples too: play operators of a half-width r act like those of r - 0.04 A over the
-    # mean current, and the edge of the ripple gives the loop of the iron back.
+    # The force ripples too. Play operators with threshold r act like operators with r - 0.04 A over
+    # the mean current. The edge of the ripple restores the loop of the iron.
     assert "the force ripples too" in cleaned.repairs[-1]
     width, _ = loop_width_and_height(cleaned.loops[0], even=True)
     assert width == pytest.approx(0.24, abs=0.015)
@@ -100,7 +100,7 @@ def test_minor_loops_staircases_and_dither_that_fades_are_no_ripple() -> None:
     time = np.arange(8000) / 1000.0
     slow = 1.0 - np.cos(2.0 * np.pi * time / 4.0)
     drives: list[FloatArray] = [
-        slow + 0.1 * np.sin(2.0 * np.pi * 5.0 * time),  # ten minor loops a branch
+        slow + 0.1 * np.sin(2.0 * np.pi * 5.0 * time),  # ten minor loops for each branch
         np.floor(slow * 100.0) / 100.0,
         slow + 0.2 * np.exp(-time) * np.sin(2.0 * np.pi * 100.0 * time),
     ]
@@ -174,7 +174,7 @@ def test_record_is_cut_at_a_missing_stretch() -> None:
     assert "are missing after sample 5000" in cut.repairs[-1]
     later = cut.loops[1]
     assert later.time is not None
-    assert later.time[0] == pytest.approx(4.0, abs=0.15)  # the smallest input wipes out the rest
+    assert later.time[0] == pytest.approx(4.0, abs=0.15)  # wipes out the remaining history
     assert str(later.history).startswith("conditioned:0.0,2.0")
 
 

@@ -1,4 +1,4 @@
-"""A hundred drawn measurement files are read right, or refused; none is read wrong."""
+"""A hundred random measurement files are read correctly or refused; none is read wrongly."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def read(path: Path, options: dict[str, str]) -> Loops:
 
 
 def outcome(variation: Variation, folder: Path) -> tuple[Outcome, str]:
-    """Read one variation as a user does, who pastes what an error proposes."""
+    """Read one variation as a user does who applies the proposals of errors."""
     path, truth = write(variation, folder)
     options: dict[str, str] = {}
     said = ""
@@ -68,7 +68,7 @@ def outcome(variation: Variation, folder: Path) -> tuple[Outcome, str]:
 
 
 def difference(loops: Loops, truth: Truth, variation: Variation) -> str:
-    """Say how loops differ from the truth; empty if they do not."""
+    """Return how loops differ from the truth; empty if they do not."""
     gaps = [round(1e3 * value, 2) for value in loops.schedule_values]
     if loops.schedule is None or sorted(set(gaps)) != sorted(truth.current):
         return f"gaps {gaps} instead of {sorted(truth.current)}"
@@ -88,7 +88,7 @@ def difference(loops: Loops, truth: Truth, variation: Variation) -> str:
 
 
 def deviation(mine: FloatArray, theirs: FloatArray, *, are_some_invalid: bool) -> str:
-    """Say how a signal differs from the true one; empty if it does not."""
+    """Return how a signal differs from the true one; empty if it does not."""
     if are_some_invalid:
         if not 0.9 * theirs.size < mine.size < theirs.size + 1:
             return f"{mine.size} of {theirs.size} samples"

@@ -1,8 +1,8 @@
-"""Draw measurement files as users export them, each with the loops that it holds.
+"""Create random measurement files as users export them, with the true loops of each.
 
-A variation combines a way to write a table (separator, decimal sign, encoding, header style),
-a language, units, a layout of the air gaps and one trouble of a real bench. The truth is kept
-in SI units, so that a reader can be judged without knowing how the file was written.
+A variation combines a way to write a table (separator, decimal sign, encoding, header style), a
+language, units, a layout of the air gaps and one fault of a real test bench. The truth is in SI
+units, so a reader can be tested without knowledge of the file's layout.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ QUANTITIES = ("time", "current", "force", "gap")
 
 @dataclass(frozen=True)
 class Trouble:
-    """One trouble of a bench, and the word that `inspect` must say about it."""
+    """A fault of a test bench, and the word that `inspect` must report for it."""
 
     name: str
     word: str = ""
@@ -65,7 +65,7 @@ TROUBLES = (
 
 @dataclass(frozen=True)
 class Variation:
-    """Settings of one drawn measurement."""
+    """Settings of one random measurement."""
 
     seed: int
     language: str
@@ -92,7 +92,7 @@ class Truth:
 
 
 def draw(seed: int) -> Variation:
-    """Draw the settings of one measurement; the same seed gives the same settings."""
+    """Return random settings of one measurement; equal seeds give equal settings."""
     rng = np.random.default_rng([47, seed])
 
     def pick(choices: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The foreign magnets identified with nothing but defaults, once a run of the tests."""
+"""Models of the independent test magnets, identified with default options once for each test run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.once import made_once
 
 
 def identified_once(factory: pytest.TempPathFactory, name: str) -> Path:
-    """Return the folder of one magnet: ``loops.csv``, ``model.toml``, ``said.json``; to be read."""
+    """Return the read-only folder of one magnet: ``loops.csv``, ``model.toml``, ``said.json``."""
 
     def make(folder: Path) -> None:
         MAGNETS[name].write_loops(folder / "loops.csv")

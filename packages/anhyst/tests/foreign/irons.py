@@ -1,7 +1,7 @@
-"""Irons of two families that are no law of the package: a Preisach iron, and friction in the flux.
+"""Irons of two families that no law of the package describes: Preisach, and friction in the flux.
 
-Both give the field that a flux density needs, or the other way round, exactly for a path of any
-length without a turn; nothing here is shared with the package.
+Both relate field and flux density exactly along monotonic paths of any length, in either direction.
+They share no code with the package.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ Floats = FloatArray
 
 
 class Iron(Protocol):
-    """Iron with a memory, in series with something that asks for ampere-turns of its own."""
+    """Iron with hysteresis, in series with a part that needs ampere-turns of its own."""
 
     def move(self, excitation: float, length: float, outside: float) -> float:
-        """Solve ``length*H + outside*B = excitation``, go there, and return B, T."""
+        """Solve ``length*H + outside*B = excitation``, change the state and return B, T."""
 
 
 @dataclass(frozen=True)
 class PreisachSteel:
     """Density of switching fields: pinning ``c`` and bias ``u`` of a relay, and not separable.
 
-    A relay turns up at ``u + c`` and down at ``u - c``. Relays of one pinning share a play
-    ``p <- clip(p, H - c, H + c)``; those with ``u < p`` stand up. The biases of a pinning have a
-    logistic distribution, wider where the pinning is stronger, so that ``M = sum_c w_c *
+    A relay switches up at ``u + c`` and down at ``u - c``. Relays with equal pinning share a play
+    operator ``p <- clip(p, H - c, H + c)``; relays with ``u < p`` are up. The biases for a pinning
+    have a logistic distribution that is wider for stronger pinning, so that ``M = sum_c w_c *
     tanh(p_c/s_c)``.
     """
 
     saturation: float  # T
-    pinning: float  # A/m, median of the relays
-    pinning_spread: float  # of the logarithm
-    bias: float  # A/m, of relays without pinning
+    pinning: float  # A/m, median pinning of the relays
+    pinning_spread: float  # standard deviation of its logarithm
+    bias: float  # A/m, width of the biases without pinning
     bias_by_pinning: float  # A/m of bias for each A/m of pinning
     reversible_fraction: float
     relays: int = 60
 
 
 class PreisachIron:
-    """A piece of such steel; starts demagnetised."""
+    """A sample of such steel; starts demagnetised."""
 
     def __init__(self, steel: PreisachSteel) -> None:
         rank = (np.arange(steel.relays) + 0.5) / steel.relays
@@ -71,9 +71,9 @@ class PreisachIron:
         def excess(field: float) -> float:
             return excitation - length * field - outside * self._flux_density(field)
 
-        # B never falls as H rises: the field cannot move further than this.
+        # B never falls as H rises, so the field cannot change by more than this.
         end = self._field + excess(self._field) / length
-        if abs(end - self._field) > 1e-9:  # below it stands rounding, with either sign
+        if abs(end - self._field) > 1e-9:  # smaller values are rounding errors of either sign
             self._field = float(brentq(excess, self._field, end, xtol=1e-10))
         flux_density = self._flux_density(self._field)
         self._plays = self._moved(self._field)
@@ -82,19 +82,19 @@ class PreisachIron:
 
 @dataclass(frozen=True)
 class FrictionSteel:
-    """A magnetisation curve ``H = H_0*(b + b**9)``, ``b = B/B_0``, and dry friction beside it.
+    """Magnetisation curve ``H = H_0*(b + b**9)``, ``b = B/B_0``, plus dry friction.
 
-    The friction is Dahl's: ``dz/dB = (sign(dB) - z)/B_f``, and needs a field ``H_c*z``.
+    The friction is Dahl's model ``dz/dB = (sign(dB) - z)/B_f``, and needs a field ``H_c*z``.
     """
 
     knee_field: float  # H_0, A/m
     knee_flux: float  # B_0, T
     coercivity: float  # H_c, A/m
-    friction_flux: float  # B_f, T: the way on which the friction turns round
+    friction_flux: float  # B_f, T: travel in which the friction reverses
 
 
 class FrictionIron:
-    """A piece of such steel; starts demagnetised."""
+    """A sample of such steel; starts demagnetised."""
 
     def __init__(self, steel: FrictionSteel) -> None:
         self._steel = steel
@@ -115,7 +115,7 @@ class FrictionIron:
         def excess(flux_density: float) -> float:
             return excitation - length * self._field(flux_density) - outside * flux_density
 
-        # The curve alone needs outside*B at least: friction asks for no more than H_c on top.
+        # The curve alone needs at least outside*B, and friction adds at most H_c.
         slack = length * self._steel.coercivity * 2.0 + 1e-12
         here = self._flux_density
         reach = (abs(excitation) + slack) / outside + abs(here)

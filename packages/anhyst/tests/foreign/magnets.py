@@ -1,19 +1,19 @@
-"""Virtual magnets that nobody fitted anything to while the package was written.
+"""Virtual magnets that are independent of the development of the package.
 
-Their numbers were fixed before the first fit. Each magnet is another size, another family of iron,
-another way to record, so that what holds for all of them is not a habit of the bundled examples.
+Their parameters were fixed before the first fit. The magnets differ in size, family of iron and way
+of recording. A result that holds for all of them is therefore not specific to the bundled examples.
 
 ==========  ==========================  ===========================================================
 magnet      iron                        loops
 ==========  ==========================  ===========================================================
 ``u``       Preisach                    four gaps, 0 to 5 A, 0.78 kN, every record starts
                                         demagnetised, noise 0.03 %, no offsets
-``hard``    Preisach, wide open         five gaps, driven to twice the knee, settled cycles that
+``hard``    Preisach, wide loop         five gaps, driven to twice the knee, settled cycles that
                                         start anywhere, offsets of both sensors
 ``soft``    friction, loop below 0.5 %  three gaps, 9 N, in mA and mm, with a bias loop
 ==========  ==========================  ===========================================================
 
-``python -m foreign.magnets NAME FILE`` writes the loops of one of them.
+``python -m foreign.magnets NAME FILE`` writes the loops of one magnet.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ class Geometry:
     """Winding, core and the two air gaps of a U-shaped magnet in front of a flat armature."""
 
     turns: int
-    width: float  # of a pole, m
+    width: float  # width of a pole, m
     depth: float  # m
     iron_length: float  # m
     leakage: float  # H, between the legs
-    parasitic_gap: float  # m, of the joints of the core
+    parasitic_gap: float  # m, gap of the joints of the core
 
     def permeances(self, gap: float) -> tuple[float, float]:
-        """Return those of the working gaps, and of what the iron's flux passes, H."""
+        """Return the permeances of the working gaps, and of the total path outside the iron, H."""
         area = (self.width + gap) * (self.depth + gap)
         gaps = MU_0 * area / (2.0 * gap)
         joints = MU_0 * self.width * self.depth / self.parasitic_gap
@@ -52,7 +52,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What the readings add; noise in rms, SI."""
+    """Errors of the sensors; noise in rms, SI units."""
 
     current_noise: float
     force_noise: float
@@ -62,21 +62,21 @@ class Sensors:
 
 @dataclass(frozen=True)
 class ForeignMagnet:
-    """A magnet, how its loops were driven, and how they are written."""
+    """A magnet, the drive of its loops, and their file layout."""
 
     name: str
     make_iron: Callable[[], Iron]
     geometry: Geometry
     sensors: Sensors
-    gaps: tuple[float, ...]  # m, where it was measured
-    unseen: tuple[float, ...]  # m, where a model must predict
-    ranges: tuple[tuple[float, float], ...]  # A, of the loops
-    demagnetised: bool  # records start there; otherwise settled, and anywhere in the cycle
+    gaps: tuple[float, ...]  # m, measured gaps
+    unseen: tuple[float, ...]  # m, gaps for predictions
+    ranges: tuple[tuple[float, float], ...]  # A, amplitudes of the loops
+    demagnetised: bool  # records start demagnetised; otherwise settled, anywhere in the cycle
     units: dict[str, tuple[str, float]] = field(
         default_factory=lambda: {"I": ("A", 1.0), "F": ("N", 1.0), "gap": ("m", 1.0)}
     )
-    samples: int = 200  # of one sweep over the whole range
-    sweep: float = 1.0  # s, of one such sweep
+    samples: int = 200  # number of samples of a sweep over the whole range
+    sweep: float = 1.0  # s, duration of such a sweep
 
     @property
     def top(self) -> float:
@@ -86,7 +86,7 @@ class ForeignMagnet:
     def force(
         self, current: FloatArray, gap: FloatArray | float, iron: Iron | None = None
     ) -> FloatArray:
-        """Return the true force, N, of a fresh (or a given) magnet along a drive."""
+        """Return the true force, N, of a new (or a given) magnet along a drive."""
         iron = iron or self.make_iron()
         gaps = np.broadcast_to(np.asarray(gap, dtype=np.float64), current.shape)
         return np.array([self._pull(iron, i, g) for i, g in zip(current, gaps, strict=True)])
@@ -96,14 +96,14 @@ class ForeignMagnet:
         area = shape.width * shape.depth
         working, all_gaps = shape.permeances(gap)
         flux_density = iron.move(shape.turns * current, shape.iron_length, area / all_gaps)
-        # Of the iron's flux the working gaps carry what leakage does not take.
+        # The working gaps carry the flux of the iron without the leakage.
         flux = flux_density * area * working / (working + shape.leakage)
         rim = (shape.width + gap) * (shape.depth + gap)
         fringes = 1.0 - gap * (shape.width + shape.depth + 2.0 * gap) / rim
         return flux * flux / (MU_0 * rim) * fringes
 
     def sweep_between(self, *ends: float) -> FloatArray:
-        """Return straight lines of current from end to end, A, evenly sampled."""
+        """Return linear ramps of current between some ends, A, evenly sampled."""
         step = self.top / self.samples
         parts = [np.array(ends[:1])]
         for start, end in pairwise(ends):
@@ -126,7 +126,7 @@ class ForeignMagnet:
                 yield number, gap, drive, self.force(drive, gap, iron)
 
     def write_loops(self, path: Path) -> Path:
-        """Write the loops as the sensors read them; the same bytes each time."""
+        """Write the loops with the errors of the sensors; repeated calls write equal bytes."""
         noise = np.random.default_rng(20261122)
         sensors = self.sensors
         header = [f"{name}_{unit}" for name, (unit, _) in self.units.items()]

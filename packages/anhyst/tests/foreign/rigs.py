@@ -1,4 +1,4 @@
-"""Small rigs for foreign magnets: a bearing and a force control, iron from the loops alone."""
+"""Small rigs for the test magnets: a bearing and a force control, with iron from loops only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FROM_LOOPS = 'iron = "from loops"'
 
 
 def reach(magnet: ForeignMagnet, gap: float) -> float:
-    """Return the force of the largest current, N."""
+    """Return the force at the largest current, N."""
     return float(magnet.force(np.linspace(0.0, magnet.top, 20), gap)[-1])
 
 

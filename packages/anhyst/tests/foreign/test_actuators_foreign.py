@@ -1,4 +1,4 @@
-"""Actuators that are no magnets and are like no example: other scale, unit, offset, sign, law."""
+"""Actuators that are not magnets and differ from all examples in scale, unit, offset, sign and law."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def stack(drive: FloatArray) -> FloatArray:
-    """Return the displacement of a stack of relays, no law of the package, over kilovolts; m."""
+    """Return the displacement of a stack of relays over kilovolts, m; no law of the package."""
     random = np.random.default_rng(3)
     up = random.gamma(2.0, 0.25, RELAYS)
     down = up - random.gamma(1.5, 0.12, RELAYS)
@@ -42,7 +42,7 @@ def stack(drive: FloatArray) -> FloatArray:
 
 
 def path(points: list[float]) -> FloatArray:
-    """Return straight ways between points, kV."""
+    """Return linear ramps between points, kV."""
     pieces = [
         np.linspace(one, two, max(2, int(abs(two - one) / 0.01)), endpoint=False)
         for one, two in pairwise(points)
@@ -77,7 +77,7 @@ def identify_stack(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
-    """File of the stack's model, and what was printed as JSON."""
+    """Return the model file of the stack, and the printed JSON."""
     folder = made_once(tmp_path_factory, "identified-stack", identify_stack)
     return folder / "stack.toml", json.loads((folder / "said.json").read_text(encoding="utf-8"))
 

@@ -1,4 +1,4 @@
-"""What is identified by default compiles, also where the coupling outweighs the gap."""
+"""Models that are identified with default options can be compiled, even with a strong coupling."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 
 RING_FIELD = 4000.0
-"""A/m: about four times the coercivity of the iron of the magnet ``hard``."""
+"""Largest field, A/m, about four times the coercivity of the iron of the magnet ``hard``."""
 
 
 def ring_loops() -> str:
-    """Nested B-H loops of a closed ring of the iron of the magnet ``hard``."""
+    """Return nested B-H loops of a closed ring of the iron of the magnet ``hard``."""
     lines = ["loop,H_A_per_m,B_T"]
     for number, part in enumerate((1.0, 0.6, 0.35), start=1):
         iron = MAGNETS["hard"].make_iron()
@@ -34,7 +34,7 @@ def ring_loops() -> str:
 
 @pytest.fixture(scope="module")
 def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the identified ring, ``ring.toml``."""
+    """Return the folder with the identified ring, ``ring.toml``."""
     folder = tmp_path_factory.mktemp("ring")
     (folder / "ring.csv").write_text(ring_loops())
     # A dead band would make the law so steep after a reversal that the flux arm is not negative.
@@ -52,7 +52,7 @@ def _one_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def check_bits(folder: Path, targets: str = "host,cortex-m4") -> None:
-    """Hold a compiled core on this machine, under sanitizers, and on a Cortex-M4 to the same bits."""
+    """Compare a compiled core on this machine, under sanitizers and on a Cortex-M4, bit for bit."""
     found = verify(folder, targets, host_steps=50_000, target_steps=5_000)
     assert found.passed, found.first_failure()
     assert len(found.results) == 2 * len(targets.split(","))
@@ -102,12 +102,11 @@ MEASURED: dict[str, tuple[str, tuple[str, ...], float]] = {
     ),
     "gadolinium": ("gadolinium_temperature/gd_T-025C.csv", (), 0.1),
 }
-"""File, options of identify, and how many per cent the compiled law may be off: the nearer to a
-jump, the more."""
+"""File, options of identify, and allowed error of the compiled law, %; larger close to a jump."""
 
 
 REPEATS = {"MnZn ferrite, 4 loops", "MnZn ferrite, hp", "M130", "M130, symmetrised"}
-"""The same material once more, or one like it."""
+"""The same material again, or a similar one."""
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Loops of foreign magnets become models whose claims hold, with nothing but defaults."""
+"""With default options, loops of the test magnets become models with correct claims."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[Model, Any]:
-    """Identify a magnet's loops by the command line; the model, and what was printed as JSON."""
+    """Identify a magnet's loops on the command line; return the model and the printed JSON."""
     loops = magnet.write_loops(place / f"{magnet.name}.csv")
     out = place / f"{magnet.name}.toml"
     done = quick("identify", loops, "--out", out, "--json", *options, cwd=place)
@@ -37,7 +37,7 @@ def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[Model
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
-    """Give the model of a magnet by its name, and what was printed as JSON."""
+    """Return a function that gives the model of a magnet by its name, and the printed JSON."""
 
     def give(name: str) -> tuple[Model, Any]:
         folder = identified_once(tmp_path_factory, name)
@@ -48,12 +48,12 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
 
 @pytest.fixture(scope="module")
 def hard(place: Path) -> tuple[Model, Any]:
-    """The hard magnet, its law given."""
+    """Return the model of the magnet ``hard`` with a given law."""
     return identified(place, MAGNETS["hard"], "--law", "effective-field")
 
 
 def missed(model: Model, magnet: ForeignMagnet) -> list[float]:
-    """Mean deviation from the noise-free truth at each unseen gap, of the largest force."""
+    """Return the mean error at each withheld gap, relative to the largest force, without noise."""
     assert model.fit is not None
     history = "demagnetised" if magnet.demagnetised else "settled"
     errors = []
@@ -82,7 +82,7 @@ def test_the_default_can_be_compiled_and_passes_its_acceptance_test(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["u", pytest.param("soft", marks=pytest.mark.slow)])
 def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> None:
-    """Of the current none above 0.02 % of its range: so much an iron may take from a law."""
+    """No offset of the current is above 0.02 % of its range; an iron may cause this much."""
     model, reported = found(name)
     assert np.all(np.abs(model.parameters["in_0"]) < 1e-3)
     assert not np.any(model.parameters["out_0"])
@@ -128,16 +128,17 @@ def test_what_is_promised_between_the_gaps_is_kept(found: Found, name: str) -> N
     assert reported["fit"]["cross_validation"]["error"] == promised.error
     low, high = promised.interval
     for error in missed(model, MAGNETS[name]):
-        # For the promise the law is chosen again from fewer gaps, so it may be a simpler one.
+        # For the expected error, the law is selected again from fewer gaps, so it may be a simpler
+        # one.
         assert 0.1 * low < error < high
-    assert high < 5.0 * promised.error  # an interval that holds everything says nothing
+    assert high < 5.0 * promised.error  # an interval that contains everything has no meaning
 
 
 @pytest.mark.slow
 def test_a_record_from_the_demagnetised_state_is_used_from_its_first_sample(
     place: Path, found: Found
 ) -> None:
-    """The virgin rise is predicted as well as the rest, and the fit is no worse for it."""
+    """The initial curve is predicted as well as the other samples, and the fit is not worse."""
     model, _ = found("u")
     assert str(model.history) == "demagnetised"
     same = ("--law", model.law, "--gap-map", model.gap_map)
@@ -156,7 +157,7 @@ def test_a_record_from_the_demagnetised_state_is_used_from_its_first_sample(
 def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(
     place: Path, found: Found
 ) -> None:
-    """The offset that was once fitted where there is none: 3.4 % of the range."""
+    """An earlier version fitted an offset of 3.4 % of the range where there is none."""
     model, _ = found("u")
     shifted = dict(model.parameters) | {"in_0": 0.17, "out_0": 2.75}
     failing = replace(model, parameters=shifted).acceptance()
@@ -173,14 +174,16 @@ def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Mo
     text = (place / "hard.html").read_text(encoding="utf-8")
     assert "Expected at a gap between those measured" in text
     assert "input offset (A)" in text
-    assert "nowhere falls as the drive rises from rest" in text.replace("\n", " ")
+    assert "never falls as the drive rises from rest" in text.replace("\n", " ")
 
 
 @pytest.mark.slow
 def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     loops = MAGNETS["soft"].write_loops(place / "again.csv")
     done = quick("identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place)
-    assert "offsets of input and output: none, the loops demand none" in unwrapped(done.stdout)
+    assert "offsets of input and output: none, because the loops do not require any" in unwrapped(
+        done.stdout
+    )
     assert "expected between the measured values" in unwrapped(done.stdout)
 
 

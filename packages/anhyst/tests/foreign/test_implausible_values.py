@@ -1,4 +1,4 @@
-"""Values in the wrong unit are warned of once, with the unit that they likely are in."""
+"""Values in the wrong unit cause one warning with the likely unit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def known(tmp_path: Path) -> Model:
 
 
 def warned(folder: Path, content: str, verb: str = "predict") -> list[str]:
-    """Warnings of a verb of use, one a line."""
+    """Return the warnings of a command that uses a model, one for each line."""
     (folder / "model.toml").write_text(model())
     (folder / "in.csv").write_text(content)
     result = quick(verb, "model.toml", "in.csv", "--out", "out.csv", cwd=folder)
@@ -31,7 +31,7 @@ def warned(folder: Path, content: str, verb: str = "predict") -> list[str]:
 
 
 def inspected(folder: Path, header: str, factors: tuple[float, float, float]) -> list[str]:
-    """Warnings about loops whose current, force and gap were multiplied."""
+    """Return warnings about loops whose current, force and gap are multiplied by factors."""
     body = [
         [row[0], *(f"{float(text) * by:.9g}" for text, by in zip(row[1:], factors, strict=True))]
         for row in rows()
@@ -46,7 +46,7 @@ def test_metres_for_millimetres_warn_once_with_the_likely_unit(known: Model) -> 
     with pytest.warns(ImplausibleWarning) as caught:
         known.predict([0.0, 1.0, 2.0], 0.3)
     assert [str(one.message) for one in caught] == [
-        "gap 0.3 m is 500 times the largest gap the model knows; given in mm?"
+        "gap 0.3 m is 500 times the largest gap of the model; given in mm?"
     ]
     assert caught[0].filename == __file__
     with pytest.warns(ImplausibleWarning, match="given in mm"):
@@ -95,7 +95,7 @@ def test_a_demand_in_the_wrong_unit_warns_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "factors", "words"),
     [
-        ("t_s,I_A,F_N,gap_mm", (1.0, 1.0, 1.0), "finer than surfaces are flat"),
+        ("t_s,I_A,F_N,gap_mm", (1.0, 1.0, 1.0), "smaller than the flatness of surfaces"),
         ("t_s,I_A,F_kN,gap_m", (1.0, 1.0, 1.0), "the largest force is"),
         ("t_s,I_A,F_N,gap_m", (1e3, 1.0, 1.0), "the largest current is 2000 A"),
         ("t_s,I_A,F_N,gap_m", (1.0, 1.0, 1e3), "very wide for an electromagnet"),

@@ -1,4 +1,4 @@
-"""The map with one play on irons that it was never tried on: never worse than without memory."""
+"""The map with one play operator is not worse than a single-valued map on the test magnets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from anhyst.support.numeric import FloatArray, rms
 from tests.foreign.magnets import MAGNETS
 
 WHOLE = {"u": 0.25, "hard": 0.6, "soft": 1.0}
-"""Error over the whole loop, of that without memory; ``soft`` has hardly a loop."""
+"""Error over the whole loop relative to the single-valued map; ``soft`` has almost no loop."""
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Loops of foreign magnets are read for what they are: start, drift, labels and columns."""
+"""Loops of the test magnets are read correctly: start, drift, labels and columns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Loops = list[tuple[str, float, FloatArray, FloatArray]]
 
 @cache
 def record(name: str, gap: float, ends: tuple[float, ...], before: tuple[float, ...] = ()) -> Any:
-    """Current and true force of a magnet swept from end to end, after another sweep."""
+    """Return current and true force of a magnet that is swept between ends, after another sweep."""
     magnet = MAGNETS[name]
     iron = magnet.make_iron()
     if before:
@@ -42,7 +42,7 @@ def records(
     noise: float = 3e-4,
     drift: float = 0.0,
 ) -> Loops:
-    """Loops at two gaps and of two sizes; noise and drift in parts of the largest force."""
+    """Return loops at two gaps and of two sizes; noise and drift are relative to the largest force."""
     magnet, random = MAGNETS[name], np.random.default_rng(7)
     largest = float(np.max(record(name, magnet.gaps[0], ends(magnet.top), before(magnet.top))[1]))
     found = []
@@ -193,7 +193,7 @@ def test_a_drift_that_cannot_be_judged_is_left_and_said_so(tmp_path: Path) -> No
     path = write(tmp_path / "once.csv", records("hard", once, drift=0.02))
     found = inspected(path, "--clean", "drift", "--history", "demagnetised")
     assert found["repairs"] == []
-    assert any("cannot be judged" in text for text in found["notes"])
+    assert any("cannot be determined" in text for text in found["notes"])
 
 
 @pytest.mark.slow
@@ -220,7 +220,7 @@ def test_a_constant_column_reports_loops_apart(tmp_path: Path) -> None:
     found = inspected(tmp_path / "loops.csv")
     assert sorted(loop["label"] for loop in found["loops"]) == ["4.8", "4.8", "8", "8"]
     assert found["schedule_values"] == [0.0002, 0.00065]
-    assert any("column 'I_max_A' tells the loops apart" in text for text in found["notes"])
+    assert any("column 'I_max_A' distinguishes the loops" in text for text in found["notes"])
 
 
 def test_a_column_that_says_what_the_gap_says_is_no_label(tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_loops_of_real_files_are_reported_apart_by_themselves(
 
 
 def pasted(complaint: str) -> list[str]:
-    """Options that a message advises, as a shell takes them."""
+    """Return the options that a message advises, split as in a shell."""
     advice = complaint[complaint.index("--columns") :]
     return shlex.split(advice)[:2] if '"' in advice or "'" in advice else advice.split()[:2]
 
@@ -369,7 +369,7 @@ Channel 1: current
 
 
 def logged(header: str, *, sign: str = ";", factor: float = 1.0, preamble: str = PREAMBLE) -> str:
-    """Return what a logger writes; ``factor`` multiplies the force."""
+    """Return the text of a logger; ``factor`` multiplies the force."""
     current, force = record("hard", 2e-4, (0.0, 8.0, 0.0), (0.0, 8.0, 0.0))
     rows = zip(current.tolist(), force.tolist(), strict=True)
     lines = [f"{i:.9g};{factor * f:.9g};0.2" for i, f in rows]

@@ -1,4 +1,4 @@
-"""Cells that no sample of the loops shows to be pinned count as free."""
+"""Cells whose pinning no sample of the loops resolves count as free."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def model() -> Model:
 
 
 def loops(step: float, noise: float = 0.0) -> Loops:
-    """Field up and down in steps of so many A/m, and noise of the flux density, T."""
+    """Return an ascending and descending field with steps of `step` A/m, with noise of the flux
+    density, T."""
     turns = [0.0, 600.0, -600.0, 300.0, -300.0, 600.0]
     parts = [np.arange(a, b, np.sign(b - a) * step) for a, b in itertools.pairwise(turns)]
     field = np.concatenate(parts)
@@ -54,7 +55,8 @@ def test_thresholds_finer_than_the_samples_and_lost_in_noise_are_taken_as_free(
 
 
 def test_what_the_width_of_a_loop_shows_stays_pinned() -> None:
-    """With samples 30 A/m apart the cell of 4 A/m is lost in this noise, that of 12 A/m is not."""
+    """With samples 30 A/m apart and this noise, the cell of 4 A/m is not resolved, that of 12 A/m
+    is."""
     found = cell_weights(free_unresolved_cells(model(), loops(30.0, noise=0.05)))
     assert found.thresholds.tolist() == [0.0, 12.0, 60.0]
     exact = loops(30.0)
@@ -67,7 +69,7 @@ def test_where_all_is_resolved_the_model_is_the_very_same() -> None:
 
 
 def test_something_pinned_always_stays() -> None:
-    """With steps wider than every cell nothing is known of any; then the fit is left alone."""
+    """With steps wider than every cell, no cell is resolved; then the fit is not changed."""
     own = model()
     assert free_unresolved_cells(own, loops(150.0)) is own
 

@@ -1,4 +1,5 @@
-"""Play cells are fitted to loops of their own, a drifting sensor's too, and chosen where they gain."""
+"""Play cells are fitted to their own loops, also with sensor drift, and selected if they are
+better."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ NOISE = 2e-3
 
 
 def cells_magnet() -> Model:
-    """The magnet of the other tests with an iron of play cells."""
+    """Return the magnet of the other tests with iron of play cells."""
     around = magnet("reluctance", in_0=0.0, out_0=0.0)
     kept = {name: around.parameters[name] for name in ("rho", "c_H", "c_out")}
     scale = around.parameters["a"]
@@ -42,7 +43,8 @@ def cells_magnet() -> Model:
 
 
 def one_after_another(loopset: Loops, drift: float = 0.0) -> Loops:
-    """Give the loops a clock that runs on, and the output a drift over each gap, of its largest."""
+    """Give the loops increasing times, and add a drift over each gap, relative to its largest
+    output."""
     top = max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
     found, clock, gap, begun = [], 0.0, -1.0, 0.0
     for loop in loopset.loops:
@@ -57,7 +59,7 @@ def one_after_another(loopset: Loops, drift: float = 0.0) -> Loops:
 
 
 def predicted(model: Model, loopset: Loops) -> FloatArray:
-    """Output along all loops."""
+    """Return the modelled output of all loops."""
     return np.concatenate(
         [
             model.predict(one.input, one.schedule, one.time, one.history).output
@@ -67,14 +69,14 @@ def predicted(model: Model, loopset: Loops) -> FloatArray:
 
 
 def error(model: Model, loopset: Loops) -> FloatArray:
-    """Deviations, in parts of the largest output."""
+    """Return the residuals relative to the largest output."""
     measured: FloatArray = np.concatenate([loop.output for loop in loopset.loops])
     off: FloatArray = predicted(model, loopset) - measured
     return off / float(np.max(np.abs(measured)))
 
 
 def somewhere(loops: Loops, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
-    """Give a space of two populations, and a place in it."""
+    """Return a space of two populations, and coordinates in it."""
     form = replace(make_response_form(loops.input, loops.output, "effective-field"),
                    cells=CellKernel(shape, 2))  # fmt: skip
     space = CoordinateSpace("reluctance", make_fit_records(loops), form)
@@ -82,7 +84,7 @@ def somewhere(loops: Loops, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
         space.to_coordinate(name, space.fit_parameters[name].prior_mean or space.unit(name))
         for name, _ in space.entries
     ]
-    # No two pinnings alike: the least one sets the thresholds.
+    # Different pinnings, because the smallest one sets the thresholds.
     return space, np.array(usual) + 0.02 * np.arange(len(usual))
 
 
@@ -186,7 +188,7 @@ def test_a_law_of_jiles_and_atherton_is_kept_for_its_own_loops() -> None:
 
 
 def test_the_bundled_magnet_is_met_at_gaps_that_were_not_measured() -> None:
-    """The reach of the example: no law of the package is its iron, and its force sensor drifts."""
+    """Its iron is no law of the package, and its force sensor drifts."""
     model = kept("electromagnet")
     truth = read_loops(FOLDER / "unseen_truth.csv")
     off = np.abs(error(model, truth))

@@ -1,4 +1,4 @@
-"""Which gap map is chosen, what is said about it, and what is refused."""
+"""Selection of the gap map, its explanation, and rejected requests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from anhyst.data import Loop, Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, candidates, cell_search, identify, model_selection
-from anhyst.identification.candidates import Comparison, Fits, ModelCandidate, make_titles
+from anhyst.identification.candidates import CandidateComparison, Fits, ModelCandidate, make_titles
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Refit, WithheldError, WithheldKind
 from anhyst.identification.default_search import FoundModel, search_each_gap, search_one_gap
@@ -99,7 +99,7 @@ def test_one_gap_makes_a_model_of_that_gap_and_a_warning() -> None:
     result = identify(loops)
     assert result.model.gap_map == "none"
     assert result.model.nodes == GAPS[1:2]
-    assert "loops at one gap only: the model holds there and nowhere else" in result.warnings
+    assert "loops at only one gap: the model is valid only there" in result.warnings
     assert fit_of(result).left_out == {}
     assert fit_of(result).rms == pytest.approx(NOISE * largest(loops), rel=0.15)
 
@@ -139,13 +139,13 @@ def test_unknown_settings_are_refused(settings: dict[str, str], said: str) -> No
 def test_a_single_loop_is_warned_of() -> None:
     loops = loops_of(core())
     alone = loops.with_loops(loops.loops[:1])
-    assert any("one loop only" in text for text in identify(alone).warnings)
-    assert not any("one loop only" in text for text in identify(loops).warnings)
+    assert any("only one loop" in text for text in identify(alone).warnings)
+    assert not any("only one loop" in text for text in identify(loops).warnings)
 
 
 def test_too_few_samples_are_warned_of() -> None:
     result = identify(loops_of(core(), samples=8))
-    assert any("samples for 7 quantities to find" in text for text in result.warnings)
+    assert any("samples for 7 parameters" in text for text in result.warnings)
 
 
 def test_a_moving_gap_is_refused() -> None:
@@ -184,7 +184,7 @@ def test_a_reluctance_truth_passes_the_acceptance_test(output: str) -> None:
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
 @pytest.mark.parametrize("in_0", [-0.03, 0.005, 0.03])
 def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: float) -> None:
-    """Below its offset the true current is negative, and the gap order of what remains turns."""
+    """Below its offset, the true current is negative, and remanence reverses the order of the gaps."""
     loops = loops_of(magnet(gap_map, gaps=GAPS[::3], in_0=in_0), noise=NOISE, samples=60)
     assert fit_of(identify(loops, gap_map=gap_map)).monotone is True
 
@@ -194,7 +194,7 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
 def test_a_map_that_bends_between_the_gaps_is_not_taken(
     output: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It meets every measured gap, so those left out alone would take it."""
+    """It fits every measured gap, so withheld gaps alone would select it."""
     loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
 
     def bent(found: FoundModel, loopset: Loops) -> Model:
@@ -205,7 +205,7 @@ def test_a_map_that_bends_between_the_gaps_is_not_taken(
         return replace(model, parameters={**model.parameters, "rho": tuple(rho.tolist())})
 
     monkeypatch.setattr(model_selection, "make_model", bent)
-    monkeypatch.setattr(candidates, "is_better", lambda *_: True)  # luck at the gaps left out
+    monkeypatch.setattr(candidates, "is_better", lambda *_: True)  # chance at the withheld gaps
     assert identify(loops, law="effective-field").model.gap_map != "circuit"
     monkeypatch.setattr(model_selection, "make_model", make_model)
     assert identify(loops, law="effective-field").model.gap_map == "circuit"
@@ -226,7 +226,7 @@ def test_no_fitted_reluctance_is_negative_down_to_the_closed_gap() -> None:
 
 
 def smooth_truth() -> Model:
-    """Everything runs over the gap a little, smoothly: no map but free can follow."""
+    """Return a magnet with all parameters smoothly dependent on the gap: only ``free`` can fit it."""
     x = np.linspace(-1.0, 1.0, len(GAPS))
     return replace(
         magnet("scaling"),
@@ -244,9 +244,9 @@ def smooth_truth() -> Model:
 def test_the_free_map_predicts_a_smooth_truth_between_gaps() -> None:
     loops = loops_of(smooth_truth(), samples=60)
     law = "effective-field"
-    assert identify(loops, law=law).model.gap_map != "free"  # with it no gap may move
+    assert identify(loops, law=law).model.gap_map != "free"  # it would require a fixed gap
     clean = identify(loops, law=law, gap_map="free")
-    assert worst(loops, clean.fitted) < 2e-4  # the ties take a little
+    assert worst(loops, clean.fitted) < 2e-4  # the smoothness penalty causes a small residual
     assert fit_of(clean).left_out["free"] < 1e-3
     rough = identify(noisy(loops, NOISE, 1), law=law, gap_map="free")
     assert fit_of(rough).left_out["free"] < 2.0 * NOISE
@@ -257,7 +257,8 @@ def roughness(coordinates: FloatArray) -> float:
 
 
 def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
-    """A noisy loop a gap, far from saturation, tells little; ties cost the fit next to nothing."""
+    """One noisy loop per gap, far from saturation, determines little; the penalty costs almost
+    nothing."""
     truth = magnet("scaling")
     loops = []
     for gap in GAPS:
@@ -308,7 +309,7 @@ def test_provenance_reports_the_settings(tmp_path: Path) -> None:
 
 
 def bent_loops() -> Loops:
-    """Loops that no law follows exactly."""
+    """Return loops that no law can fit exactly."""
     loops = loops_of(core(), samples=40)
     bent = [replace(one, output=0.4 * np.tanh(one.output / 0.2)) for one in loops.loops]
     return loops.with_loops(bent)
@@ -365,8 +366,8 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
         identify(loops)
 
 
-def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> Comparison:
-    """Make a contest of candidates, each with its rms and its errors at withheld places."""
+def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> CandidateComparison:
+    """Return a comparison of candidates with given rms residuals and errors at withheld places."""
     entrants = [ModelCandidate("none", frozenset(), rank=rank) for rank in range(len(fits))]
     places = range(len(fits[0][1]))
     refits = {
@@ -380,16 +381,16 @@ def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> Comp
     for entrant, (rms, _) in zip(entrants, fits, strict=True):
         fit: Any = SimpleNamespace(cost=rms**2)
         found[entrant] = Fits(fit, fit)
-    return Comparison(entrants, found, refits, places, by)
+    return CandidateComparison(entrants, found, refits, places, by)
 
 
 @pytest.mark.parametrize(
     ("by", "fits", "chosen"),
     [
-        # a place where all extrapolate hides that the second law predicts better elsewhere
+        # a place with extrapolation hides that the second law predicts better elsewhere
         ("block", [(0.1, (0.02, 0.2, 0.02)), (0.005, (0.01, 0.21, 0.01))], 1),
         ("gap", [(0.01, (0.006,)), (0.001, (0.007,))], 1),
-        ("gap", [(0.01, (0.002,)), (0.001, (0.02,))], 0),  # it fits well and predicts badly
+        ("gap", [(0.01, (0.002,)), (0.001, (0.02,))], 0),  # a good fit with bad predictions
         ("block", [(0.01, (0.01, 0.01, 0.01)), (0.009, (0.01, 0.01, 0.01))], 0),
     ],
 )
@@ -398,7 +399,7 @@ def test_winner_fits_no_several_times_worse_than_one_that_predicts_as_well(
 ) -> None:
     contest = contest_of(by, *fits)
     assert contest.select_best() == contest.eligible[chosen]
-    contest.noise = fits[chosen][0] ** 2  # the fit of the one chosen is all noise
+    contest.noise = fits[chosen][0] ** 2  # the residual of the selected fit is only noise
     assert contest.select_best() == contest.eligible[chosen]
 
 
@@ -419,7 +420,7 @@ def test_no_two_candidates_carry_the_same_name() -> None:
 
 
 def loops_of_two_temperatures(output: str, **changes: tuple[float, float]) -> Loops:
-    """Loops of a magnet or a core whose iron changes with the temperature."""
+    """Return loops of a magnet or a core whose iron changes with the temperature."""
     truth = core() if output == "flux_density" else magnet("scaling", output, gaps=GAPS[:2])
     warm = replace(
         truth,

@@ -1,4 +1,4 @@
-"""The gap map ``circuit``: one iron, and a gap whose force follows no plain reluctance."""
+"""The gap map ``circuit``: one iron, and a gap that is not a simple reluctance."""
 
 from __future__ import annotations
 

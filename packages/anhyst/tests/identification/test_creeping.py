@@ -1,4 +1,4 @@
-"""A real piezo stack: what a fit of one half of its record says of the other."""
+"""A fit of one half of the record of a real piezo stack predicts the other half."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AUTHORS = 0.58e-6
 
 @cache
 def halves(folder: Path) -> tuple[Model, Loop, int]:
-    """Model of the first half, the whole record, and where the second begins."""
+    """Return the model of the first half, the whole record, and the start of the second half."""
     loops = read_loops(
         folder / "piezo_flexure" / "model_run.csv",
         columns={"V_in": "u_V", "y_um": "x_um"},

@@ -1,4 +1,4 @@
-"""The dead band that keeps a model's memory: given by default, as wide as the loops allow."""
+"""The dead band that protects a model's memory: used by default, as wide as the loops allow."""
 
 from __future__ import annotations
 
@@ -56,8 +56,10 @@ def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
     reported = str(given.model.provenance.settings["dead_band"])
     assert reported.startswith(f"r_d = {part_of_pinning(given):g}*k")
     change = 100.0 * (rms(given) / rms(without) - 1.0)
-    assert float(reported.split()[-2]) == pytest.approx(change, abs=4.0)  # loops weigh alike there
-    assert "not wanted" in str(without.model.provenance.settings["dead_band"])
+    assert float(reported.split()[-2]) == pytest.approx(
+        change, abs=4.0
+    )  # equal weights of the loops
+    assert "not requested" in str(without.model.provenance.settings["dead_band"])
     for result in (given, without):
         assert result.model.uncertainty is not None
         assert result.model.uncertainty.names[0] == "k/a"
@@ -67,12 +69,12 @@ def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
 def test_loops_of_a_law_without_dead_band_allow_none(law: str) -> None:
     result = identify(loops_of(core(law), "demagnetised", samples=48), law=law)
     assert result.model.parameters["r_d"] == 0.0
-    assert "costs more than 3%" in str(result.model.provenance.settings["dead_band"])
+    assert "by more than 3%" in str(result.model.provenance.settings["dead_band"])
 
 
 @pytest.mark.parametrize("history", ["settled", "demagnetised"])
 def test_a_dead_band_that_is_there_is_fitted_to_the_end(history: str) -> None:
-    """Loops of a law with the widest one that is tried lead to its very parameters."""
+    """Loops of a law with the widest tried dead band give its exact parameters."""
     plain = magnet(in_0=0.0, out_0=0.0)
     pinning = plain.parameters["k"]
     assert isinstance(pinning, float)

@@ -1,4 +1,4 @@
-"""The evolution strategy, and the simplex that finishes its work."""
+"""The evolution strategy, and the simplex search that follows it."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_asking_twice_gives_the_same_generation() -> None:
 
 
 def step_sizes(evolved: EvolutionStrategy) -> FloatArray:
-    """Geometric mean step size of the children, in parts of the range."""
+    """Return the geometric mean step size of the children, relative to the range."""
     relative = evolved._sigma / (evolved._high - evolved._low)
     return np.asarray(np.exp(np.log(relative).mean(axis=0)))
 

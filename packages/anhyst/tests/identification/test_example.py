@@ -1,4 +1,4 @@
-"""The bundled example: iron that is no Jiles-Atherton material, judged at gaps never seen."""
+"""The bundled example, whose iron is not a Jiles-Atherton material, tested at unmeasured gaps."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def mean_error(model: Model, truth: Loops) -> float:
 
 
 def best_single_valued(truth: Loops) -> float:
-    """Give the error of a smooth curve through both branches, even fitted to the truth itself."""
+    """Return the error of a smooth single-valued curve, even if it is fitted to the truth."""
     off: list[FloatArray] = []
     for gap in truth.schedule_values:
         drive = np.concatenate([loop.input for loop in truth.at(gap).loops])

@@ -1,4 +1,4 @@
-"""What a model says of the first rise, of which settled loops show nothing."""
+"""The initial magnetisation curve of a model, which steady-state loops do not determine."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_loop_that_begins_demagnetised_shows_it(kind: HistoryKind, guessed: bo
 
 
 def test_a_law_of_jiles_and_atherton_that_hardly_moves_fails_like_any_other() -> None:
-    """Pinned a thousand times as strongly as its curve is wide, it keeps all that it once took up."""
+    """With a pinning of a thousand curve widths, the law keeps its whole initial magnetisation."""
     quantities = QUANTITIES["current"], QUANTITIES["force"]
     numbers = {"M_s": 1e6, "a": 1000.0, "c": 0.5, "alpha": 0.0, "c_H": 4000.0, "c_out": 200.0}
     usual, stuck = (Model("magnet", *quantities, numbers | {"k": k}) for k in (500.0, 5e5))

@@ -1,4 +1,4 @@
-"""Claims about real measurements of others; skipped where they are absent."""
+"""Claims about published measurements; skipped if the files are missing."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from anhyst.model.schema import FitFigures
 from tests.identification.truths import predicted
 
 pytestmark = pytest.mark.slow  # the measurements are not in the package
-AGAIN = pytest.mark.campaign  # the same material once more
+AGAIN = pytest.mark.campaign  # repeats another test with the same material
 
 OPTIMUM = 0.021936834
-"""Least sum of squares of the law without dead band over mnzn_hp_ferrite_4loops, T^2."""
+"""Smallest sum of squares of the law without dead band for mnzn_hp_ferrite_4loops, T^2."""
 
 
 def fit_of(result: IdentifyResult) -> FitFigures:
@@ -62,7 +62,7 @@ def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: i
 
 
 def test_no_law_fits_the_ferrite_worse_with_offsets(ferrite: Loops) -> None:
-    """Only offsets that the loops demand are kept, which may cost a little."""
+    """Only required offsets are fitted, which may cost a little."""
     held, found = (
         {one.law: one.rms for one in fit_of(identify(ferrite, offsets=offsets)).candidates}
         for offsets in (False, True)
@@ -100,7 +100,7 @@ def test_auto_takes_a_gap_in_series_for_the_gapped_core(gapped_core: Loops) -> N
 def test_two_gaps_of_the_core_predict_the_third_in_its_place(
     gapped_core: Loops, place: int
 ) -> None:
-    """The loop at the third gap lies between its neighbours, or beyond the outer one."""
+    """The loop at the third gap is between its neighbours, or beyond the outer one."""
     gaps = gapped_core.schedule_values
     model = identify(gapped_core.without(gaps[place]), gap_map="reluctance").model
     third = gapped_core.at(gaps[place]).loops[0]

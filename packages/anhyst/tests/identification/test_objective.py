@@ -1,4 +1,4 @@
-"""Deviations, their derivatives and their weights."""
+"""Residuals, their derivatives and their weights."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def space_of(truth: Model, gap_map: str, loops: Loops, weights: str = "loops") -
 
 
 def near(space: CoordinateSpace, truth: Model, seed: int) -> FloatArray:
-    """Coordinates some way off the truth, each in its own direction."""
+    """Return coordinates at some distance from the truth, each in its own direction."""
     rng = np.random.default_rng(seed)
     theta = space.pack(gauge_free(truth))
     return np.clip(theta + 0.03 * rng.uniform(-1.0, 1.0, theta.size), *space.bounds)
@@ -101,7 +101,7 @@ def test_settled_cycles_close_alike_with_and_without_derivatives(
     for seed in range(8):
         theta = near(space, truth, seed)
         fresh, warm = Objective(space), Objective(space)
-        for other in range(3):  # begin where other parameters have ended
+        for other in range(3):  # start from the end of other parameters
             warm.normal_equations(near(space, truth, 100 * seed + other))
         expected = fresh.deviations(theta)
         assert np.abs(warm.normal_equations(theta)[0] - expected).max() < 1e-8
@@ -155,7 +155,7 @@ def test_each_map_shares_what_it_says(gap_map: GapMap) -> None:
 
 
 def pair(factor: float) -> Loops:
-    """Two loops of one core, a large short one and a small long one, that cannot both be fitted."""
+    """Return two loops of one core, a large short and a small long one, that cannot both be fitted."""
     truth = core(in_0=0.0, out_0=0.0)
     loops = []
     for label, top, samples, size in (("large", 120.0, 60, 1.0), ("small", 20.0, 600, factor)):
@@ -166,7 +166,7 @@ def pair(factor: float) -> Loops:
 
 
 def criterion(loops: Loops, outputs: tuple[FloatArray, ...], weights: str) -> float:
-    """Sum of squares that a weighting stands for, spelt out."""
+    """Return the sum of squares that a weighting defines, computed directly."""
     squares = [
         float(np.mean((output - loop.output) ** 2))
         for loop, output in zip(loops.loops, outputs, strict=True)
@@ -221,7 +221,7 @@ def test_a_silent_loop_cannot_be_weighed_by_itself() -> None:
 
 
 def test_thinning_keeps_the_fit() -> None:
-    """The search may look at fewer samples: reversals stay, and weights make up for the rest."""
+    """Thinning keeps the reversals, and the weights replace the removed samples."""
     truth = magnet("reluctance", gaps=TWO)
     loops = loops_of(truth, "demagnetised", samples=2000, noise=2e-3)
     space = space_of(truth, "reluctance", loops)

@@ -1,4 +1,4 @@
-"""A rig file takes the options of ``anhyst identify``."""
+"""A rig file accepts the options of ``anhyst identify``."""
 
 from __future__ import annotations
 

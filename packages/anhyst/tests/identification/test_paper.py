@@ -43,7 +43,7 @@ pytestmark = pytest.mark.slow
 
 SHORT = SearchEffort(generations=30, final=40, trial=8)
 LEAST = SearchEffort(generations=5, final=5, trial=2)
-"""For what does not hang on how well anything is found."""
+"""Effort for tests that do not depend on the accuracy of the search."""
 
 NO_OFFSETS = frozenset({"in_0", "out_0"})
 THREE = GAPS[:3]
@@ -76,7 +76,8 @@ def stopper(after: int) -> Callable[[int, int], None]:
 
 @pytest.fixture(scope="module")
 def truth() -> Model:
-    """Only c_H runs over the gap, as in the paper; the slope of its air core is that of iron."""
+    """Return a magnet in which only c_H depends on the gap, as in the paper, with the air slope of
+    iron."""
     c_h = tuple(0.01 / (1.5e-5 + 0.19 * gap) for gap in GAPS)
     iron: dict[str, Any] = {"a": 10.0, "k": 7.0, "alpha": -4e-5, "in_0": 0.0, "out_0": 0.0}
     return magnet("scaling", gaps=THREE, c_H=c_h, **iron)
@@ -123,7 +124,7 @@ def test_free_sets_reproduce_the_loops_of_every_gap(free: SearchState) -> None:
 
 
 def test_free_sets_scatter_along_the_redundancy(free: SearchState) -> None:
-    """What Fig. 1 shows: the same iron at every gap, yet k is found anywhere."""
+    """As in Fig. 1: the iron is the same at every gap, but k scatters."""
     k = [one["k"] for one in free.sets]
     assert max(k) > 1.5 * min(k)
 

@@ -1,4 +1,4 @@
-"""Loops at several speeds: how late solid iron answers is found, and is not invented."""
+"""Identification of the rate dependence of solid iron from loops at several speeds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ AROUND: dict[str, Parameter] = {"c_H": 1250.0, "rho": (2.7e-3, 4.4e-3), "c_out":
 
 
 def truth(gamma: float = 5.0) -> Model:
-    """Return a magnet of solid iron, or with gamma = 0 of sheets."""
+    """Return a magnet of solid iron or, with gamma = 0, of sheets."""
     return Model(
         name="magnet",
         input=QUANTITIES["current"],
@@ -56,7 +56,7 @@ def triangle(samples: int) -> FloatArray:
 
 @cache
 def measured(gamma: float = 5.0, noise: float = 3e-4) -> Loops:
-    """Return settled triangles at every speed and gap."""
+    """Return steady-state triangles at every speed and gap."""
     rng, model, loops = np.random.default_rng(3), truth(gamma), []
     for gap in GAPS:
         for rate in SPEEDS:
@@ -72,7 +72,7 @@ def found(loops: Loops, *, rate: bool = True) -> IdentifyResult:
 
 
 def missed(model: Model, rate: float, gap: float) -> float:
-    """Return the largest deviation from the truth over a triangle, in parts of the largest force."""
+    """Return the largest error over a triangle, relative to the largest force."""
     drive, time = triangle(400), np.arange(400) / (400 * rate)
     force = [one.predict(drive, gap, time, "settled").output for one in (truth(), model)]
     return float(np.abs(force[0] - force[1]).max() / force[0].max())
@@ -102,7 +102,7 @@ CARRIED = History.parse("conditioned:4,0")
 
 @cache
 def session(rate: float) -> Loops:
-    """Return three cycles from rest at every gap, slow ones and then fast ones, not demagnetised."""
+    """Return three cycles from rest at every gap, slow then fast, not demagnetised."""
     rng, loops = np.random.default_rng(3), []
     model = replace(truth(2.0), parameters=dict(truth(2.0).parameters) | {"k_1": 300.0})
     for gap, speed in product(GAPS, (0.5, rate)):
@@ -171,7 +171,8 @@ def test_carried_history_halves_the_error_of_fast_loops(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("digits", [4, 3])
 def test_a_clock_of_few_digits_will_do(digits: int) -> None:
-    """Of a cycle of 20 ms a tick of 1 ms leaves twenty times for two hundred samples."""
+    """With a resolution of 1 ms, a cycle of 20 ms has twenty different times for two hundred
+    samples."""
     coarse = measured().with_loops(
         replace(one, time=np.floor(one.time * 10.0**digits) / 10.0**digits)
         for one in measured().loops

@@ -1,4 +1,4 @@
-"""Loops made by a known model give that model back."""
+"""Loops of a known model lead back to that model."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_the_law_of_1986_is_found_too(truth: Model, history: str) -> None:
     assert apart(result.model, truth, loops) < 1e-9
     assert result.model.law == "jiles-atherton-1986"
     other = identify(loops, law="effective-field", gap_map=wanted_map(truth))
-    assert worst(loops, other.fitted) > 1e-4  # the laws really differ
+    assert worst(loops, other.fitted) > 1e-4  # the laws differ
 
 
 @pytest.mark.slow
@@ -132,7 +132,7 @@ def test_both_laws_find_the_same_where_nothing_is_reversible(gap_map: GapMap) ->
 def test_cores_of_every_kind_are_found(
     kappa: float, c: float, omega: float, reach: float, history: str
 ) -> None:
-    """Thin and fat loops, sheared and steep, driven to the knee and far beyond."""
+    """Narrow and wide loops, sheared and steep ones, driven to the knee and far beyond."""
     drawn = reach + omega * (1.0 / np.tanh(reach) - 1.0 / reach)
     a = 120.0 / max(drawn, 0.2 * reach)
     truth = core(M_s=1e6, a=a, k=kappa * a, c=c, alpha=-omega * a / 1e6, in_0=0.0, out_0=0.0)
@@ -148,7 +148,9 @@ def test_cores_of_every_kind_are_found(
 def test_noise_is_what_remains(name: str) -> None:
     truth = TRUTHS[name]
     loops = loops_of(truth, noise=NOISE, seed=3)
-    result = identify(loops, gap_map=wanted_map(truth), dead_band=False)  # nor has the truth any
+    result = identify(
+        loops, gap_map=wanted_map(truth), dead_band=False
+    )  # the truth has none either
     assert result.model.fit is not None
     assert result.model.fit.rms == pytest.approx(NOISE * largest(result.loops), rel=0.1)
     clean = loops_of(truth)
@@ -166,7 +168,7 @@ def truths_in_order(truth: Model) -> list[float]:
 
 @cache
 def scores(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Deviations from the truth over the deviations stated; a row for each noise seed."""
+    """Return the errors relative to the stated standard deviations; one row per noise seed."""
     truth = TRUTHS[name]
     clean = loops_of(truth)
     rows = []
@@ -213,7 +215,7 @@ def test_uncertainty_grows_with_the_noise_and_shrinks_with_samples() -> None:
 
 def test_what_loops_leave_open_is_said() -> None:
     reported = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
-    assert any("determined only together" in text for text in reported.statements)
+    assert any("not separable" in text for text in reported.statements)
     assert any("air core" in text for text in reported.statements)
     assert any("alpha and an offset of rho" in text for text in reported.statements)
     size = len(reported.names)
@@ -250,7 +252,7 @@ def test_offsets_are_zero_where_they_are_not_wanted() -> None:
 
 
 def test_the_slope_of_the_air_core_hardly_matters_for_a_force() -> None:
-    """Identification sets it; a truth with another one is still fitted below any noise."""
+    """Identification chooses it; a truth with another slope is still fitted far below any noise."""
     truth = magnet("none", a=500.0, k=350.0, c_H=2e3, rho=0.003)
     loops = loops_of(truth)
     assert worst(loops, identify(loops).fitted) < 2e-4
@@ -272,7 +274,7 @@ def test_figures_of_the_fit_are_those_of_the_fitted_loops() -> None:
 
 
 def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
-    """Search under one map, with nothing chosen or left out."""
+    """Search under one map, without selection and withheld data."""
     form, records = (
         make_response_form(loops.input, loops.output, "effective-field"),
         make_fit_records(loops),
@@ -289,7 +291,7 @@ def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
 @pytest.mark.parametrize("history", HISTORIES)
 @pytest.mark.parametrize("gap_map", ["none", "scaling", "reluctance", "free"])
 def test_the_model_predicts_what_was_fitted(gap_map: GapMap, history: str) -> None:
-    """The fit follows equations of its own, free of gauges."""
+    """The fit uses gauge-free equations of its own."""
     source: GapMap = "reluctance" if gap_map == "free" else gap_map
     loops = loops_of(magnet(source, gaps=GAPS[:2]), history, noise=NOISE, samples=48)
     found = fit_alone(loops, gap_map)
@@ -321,7 +323,7 @@ def test_fitted_loops_keep_the_order_of_the_set(history: str) -> None:
 
 
 def test_a_creeping_inner_loop_is_settled_in_the_figures_too() -> None:
-    """Steep, wide loops take hundreds of plain repetitions to close."""
+    """Steep, wide loops need hundreds of simple repetitions to close."""
     truth = core(M_s=1e6, a=157.0, k=509.0, c=0.15, alpha=3.3e-4, in_0=0.0, out_0=0.0)
     loops = loops_of(truth)
     again = loops_of(truth, "settled", samples=160)
@@ -333,7 +335,7 @@ def test_a_creeping_inner_loop_is_settled_in_the_figures_too() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 1e-3])
 def test_a_coordinate_at_its_bound_does_not_end_the_search(offset: float) -> None:
-    """With nothing reversible the search runs along c = 0 for most of its way."""
+    """Without a reversible part, most of the search is at c = 0."""
     truth = core(M_s=1e6, a=4.1, k=1.29, c=offset, alpha=-3.78e-4, in_0=0.0, out_0=0.0)
     loops = loops_of(truth)
     for seed in range(2):

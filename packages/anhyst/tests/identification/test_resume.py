@@ -1,4 +1,4 @@
-"""Runs that repeat exactly, that are killed and go on, and that are stopped by ctrl-C."""
+"""Reproducible runs, runs that continue after being killed, and interruption by ctrl-C."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.identification.truths import GAPS, core, largest, loops_of, magnet, n
 
 NOISE = 2e-3
 STAGES = {"scaling": 5, "reluctance": 5, "auto": 7}
-"""At four gaps: one gap, every map joined, the inner gaps left out, the dead band, the last steps."""
+"""Number of stages at four gaps: one gap, every map, inner gaps withheld, dead band, last steps."""
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def run_of(loops: Loops, checkpoint: Path, **settings: Any) -> SearchRun:
 
 
 def is_resumed(loops: Loops, checkpoint: Path, **settings: Any) -> bool:
-    """Whether a run finds the stage that another left behind."""
+    """Whether a run finds the stage that an earlier run stored."""
     run = run_of(loops, checkpoint, **settings)
     run.stage("one", lambda: 1)
     return run.resumed_stages == 1
@@ -164,9 +164,9 @@ def test_ctrl_c_leaves_the_best_so_far(samples: int) -> None:
     loops = loops_of(magnet(), noise=NOISE, samples=samples)
     early = identify(loops, progress=Killer(3))
     assert early.interrupted
-    assert early.model.gap_map == "scaling"  # the only one joined by then
+    assert early.model.gap_map == "scaling"  # the only map that was fitted by then
     assert early.model.provenance.settings["gap_map_reason"] == (
-        "the search was interrupted: this is the best so far"
+        "the search was interrupted: this is the best model so far"
     )
     late = identify(loops, progress=Killer(6))
     assert late.interrupted

@@ -1,4 +1,4 @@
-"""Displacements with loops of any form: never worse than a plain Preisach operator."""
+"""Displacements with loops of any form: never worse than a simple Preisach operator."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ def reversal_curves(low: float, high: float) -> list[float]:
 
 
 def decaying(low: float, high: float) -> list[float]:
-    """Return reversals of an amplitude that decays around the middle."""
+    """Return reversals with an amplitude that decays around the middle."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     return [low, *(middle + sign * half * part for part in np.linspace(1.0, 0.15, 8)
                    for sign in (1.0, -1.0))]  # fmt: skip
 
 
 def wandering(low: float, high: float) -> list[float]:
-    """Return reversals at random places."""
+    """Return random reversals."""
     return [low, high, *np.random.default_rng(5).uniform(low, high, 18).tolist()]
 
 
 def path(reversals: list[float], samples: int) -> FloatArray:
-    """Return a drive that goes at constant speed from reversal to reversal."""
+    """Return a drive at constant speed between reversals."""
     travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(reversals)))])
     return np.interp(np.linspace(0.0, travel[-1], samples), travel, reversals)
 
 
 @dataclass(frozen=True)
 class Actuator:
-    """Relays with a density over the levels of switching, in parts of the range."""
+    """Relays with a density over their switching levels, relative to the range."""
 
     low: float
     density: Callable[[FloatArray, FloatArray], FloatArray]
-    backlash: float = 0.0  # of a tendon in front of a spring, in parts of the range
+    backlash: float = 0.0  # backlash of a tendon before a spring, relative to the range
 
     def displacement(self, drive: FloatArray) -> FloatArray:
         """Return the displacement from the low end of the range, m."""
@@ -74,14 +74,14 @@ class Actuator:
 
 
 def clustered(up: FloatArray, down: FloatArray) -> FloatArray:
-    """Relays of much the same kind: steep, wide loops that saturate."""
+    """Return similar relays: steep, wide loops that saturate."""
     density: FloatArray = 1.0 / (1.0 + ((up - 0.75) / 0.08) ** 2)
     density /= 1.0 + ((down - 0.35) / 0.08) ** 2
     return density
 
 
 def uneven(up: FloatArray, down: FloatArray) -> FloatArray:
-    """Loops that are wider at the top."""
+    """Return relays with loops that are wider at the top."""
     middle, width = (up + down - 1.3) / 0.3, (up - down - 0.2) / 0.12
     density: FloatArray = np.exp(-0.5 * (middle**2 + width**2))
     return density
@@ -96,11 +96,11 @@ ACTUATORS = {
 
 @dataclass(frozen=True)
 class Trial:
-    """What a fit and a plain Preisach operator leave, in parts of the stroke."""
+    """Errors of a fit and of a simple Preisach operator, relative to the stroke."""
 
     result: IdentifyResult
     loop: Loop
-    own: tuple[float, float]  # in the record that was fitted, and in another one
+    own: tuple[float, float]  # in the fitted record, and in another one
     plain: tuple[float, float]
 
 
@@ -200,7 +200,7 @@ def test_weights_on_the_grid_are_rising_curves() -> None:
 
 
 def test_noise_alone_does_not_call_for_a_grid() -> None:
-    """Loops of few curves that white noise explains are not searched further."""
+    """If white noise explains the residual of few curves, no grid is tried."""
     drive = path(decaying(0.0, TOP), 1500)
     rng = np.random.default_rng(4)
     output = STROKE * np.tanh(drive / TOP) + 2e-3 * STROKE * rng.standard_normal(drive.size)

@@ -1,4 +1,4 @@
-"""What is reported of a fit is what the written model gives, and what is written can be read."""
+"""Reported figures belong to the saved model, and every saved model can be read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from anhyst.data.formats.text import write_csv
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import IdentifyResult, candidates, identify
-from anhyst.identification.candidates import Comparison, Fits, ModelCandidate
+from anhyst.identification.candidates import CandidateComparison, Fits, ModelCandidate
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Refit, WithheldError
 from anhyst.identification.default_search import FoundModel
@@ -48,7 +48,7 @@ def fit_of(model: Model) -> FitFigures:
 
 
 def written(result: IdentifyResult, place: Path) -> Model:
-    """Save a result and read it: every figure reported of it is that of the file on its loops."""
+    """Save and read a result, and check that every reported figure is that of the file."""
     model = read_model(result.save(place / "model.toml"))
     outputs = predicted(model, result.loops)
     off = [one - loop.output for one, loop in zip(outputs, result.loops.loops, strict=True)]
@@ -76,7 +76,7 @@ CASES += [("jiles-atherton-1986", "none", history) for history in HISTORIES]
 def test_every_figure_is_that_of_the_written_model(
     law: str, gap_map: str, history: str, tmp_path: Path
 ) -> None:
-    """Of loops that no model fits exactly: their iron is another one and the force sensor noisy."""
+    """No model fits these loops exactly: their iron differs and the force sensor is noisy."""
     kind: GapMap = "none" if gap_map == "none" else "reluctance"
     truth = magnet(kind, gaps=GAPS[:2], c=0.6)
     loops = loops_of(truth, history, samples=40, noise=2e-3)
@@ -94,7 +94,7 @@ def accelerator_magnet() -> Model:
 
 
 def accelerator() -> Loops:
-    """One unipolar loop of a magnet that was cycled before: 63 samples, coarse against its iron."""
+    """Return one unipolar loop of a magnet after other cycles: 63 samples, coarse for its iron."""
     truth = accelerator_magnet()
     before = "conditioned:0,165,0,165,0,165,8"
     drive = path([8.0, 165.0, 8.0], 63)
@@ -108,7 +108,7 @@ def accelerator() -> Loops:
 @pytest.fixture(scope="module")
 def dipole() -> IdentifyResult:
     with pytest.MonkeyPatch.context() as patch:
-        # One loop alone is given the simplest cells; further ones would be fitted for nothing.
+        # With one loop, one population is enough for this test, and faster.
         patch.setattr(candidates, "MAX_POPULATIONS", 1)
         return identify(accelerator())
 
@@ -131,7 +131,7 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
 
 @pytest.mark.slow
 def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: IdentifyResult) -> None:
-    """Never the simplest where another leaves a third; the loop is followed to its end."""
+    """The simplest law is not selected if another has a third of its residual; descents are long."""
     loops, truth = accelerator(), accelerator_magnet()
     model = dipole.model
     assert model.law == "play-cells"
@@ -139,7 +139,7 @@ def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: Identify
     assert left["effective-field"] is not None
     assert min(one for one in left.values() if one is not None) < left["effective-field"] / 3.0
     before, largest = str(loops.loops[0].history), largest_output(loops)
-    assert fit_of(model).rms < 0.001 * largest  # on the flat before it: 0.0026
+    assert fit_of(model).rms < 0.001 * largest  # 0.0026 in the flat valley before it
     for turns in ([8.0, 165.0, 80.0, 165.0, 8.0], [8.0, 120.0, 8.0], [8.0, 60.0, 8.0, 165.0]):
         drive = path(turns, 120)
         off = (model.predict(drive, history=before).output
@@ -150,7 +150,7 @@ def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: Identify
 
 @pytest.mark.slow
 def test_how_much_one_loop_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a ring pinned as strongly as it is driven a loop says little of what happens within it."""
+    """One loop of a ring with pinning as strong as the drive barely determines inner loops."""
     monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     parameters = {"M_0": 3e4, "a_0": 150.0, "M_1": 1e6, "a_1": 150.0, "k_1": 250.0, "s_1": 2.7}
     truth = replace(accelerator_magnet(), parameters=parameters | {"c_H": 1.0, "c_out": 1.0})
@@ -184,7 +184,8 @@ CELLS += [
         gap_map,
         history,
         id=f"{law}-{gap_map}-{history}",
-        # Each law meets each map and each history once, a campaign all of them together.
+        # Each law is tested with each map and each history once, and a campaign tests all
+        # combinations.
         marks=[pytest.mark.slow] + [pytest.mark.campaign] * ((i + j + k) % len(HISTORIES) != 0),
     )
     for i, law in enumerate(("play-cells", "play-cells-langevin"))
@@ -209,7 +210,7 @@ def test_play_cells_are_reported_as_predicted(
 def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A small cycle goes on from the remanence of the large one: for the fit and for predict."""
+    """A small cycle starts from the remanence of the large one, in the fit and in predict."""
     monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     truth = replace(accelerator_magnet(), history=History.parse("demagnetised"))
     cycles = [path([8.0, top, 8.0], 60)[:-1] for top in (165.0, 90.0, 40.0)]
@@ -235,7 +236,7 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
 def test_what_could_not_be_left_out_is_absent() -> None:
     one, fold = ModelCandidate("free", frozenset()), frozenset({1})
     nothing = Refit(np.inf, {1: WithheldError(np.inf, (np.inf,))})
-    contest = Comparison([one], {}, {fold: {one: nothing}}, [1])
+    contest = CandidateComparison([one], {}, {fold: {one: nothing}}, [1])
     assert contest.finite_withheld_error(one) is None
 
 
@@ -243,7 +244,7 @@ def test_what_could_not_be_left_out_is_absent() -> None:
 def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
     fitted: float, populations: int
 ) -> None:
-    """A block that gains most makes the error of the difference large."""
+    """One block with a large gain makes the standard error of the difference large."""
     one, other = (
         ModelCandidate("none", frozenset(), rank=count, cells=CellKernel("tanh", count))
         for count in (1, 2)
@@ -257,10 +258,10 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
         for place in range(6)
     }
     costs = {one: 1.0, other: fitted}
-    nowhere: Any = None  # no space is looked at
+    nowhere: Any = None  # no space is needed
     found = {each: FoundModel(nowhere, np.zeros(1), cost, 0) for each, cost in costs.items()}
     fits = {each: Fits(end, end) for each, end in found.items()}
-    chosen = Comparison([one, other], fits, refits, range(6), "block").select_best()
+    chosen = CandidateComparison([one, other], fits, refits, range(6), "block").select_best()
     assert chosen.cells is not None
     assert chosen.cells.population_count == populations
 
@@ -292,11 +293,11 @@ SETS: Mapping[str, Mapping[str, object]] = {
 
 
 def ways(loops: Loops) -> Iterator[dict[str, str]]:
-    """Name every law, and every gap map, that may be asked for of some loops."""
+    """Return every possible law and gap map for some loops."""
     yield {}
     scheduled = len(loops.schedule_values) > 1
     for law in LAWS:
-        # Fitted by differences it takes minutes over many temperatures, or of a piezo actuator.
+        # Its numerical derivatives take minutes for many temperatures or for a piezo actuator.
         if law != "jiles-atherton-1986" or (loops.input.name == "field" and not scheduled):
             yield {"law": law}
     for gap_map in MAPS[1:] if scheduled else ():
@@ -310,7 +311,7 @@ REPEATS = {
     "steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv",
     "steel_team32/loops.csv",
 }
-"""One more ferrite or steel, or the same once more."""
+"""Further ferrites and steels, or the same material again."""
 
 
 @pytest.mark.slow
@@ -320,9 +321,9 @@ REPEATS = {
 def test_every_model_of_real_measurements_can_be_read(
     name: str, measurements: Path, tmp_path: Path
 ) -> None:
-    """All laws, and all maps, of every set of loops; a law or map that does not go is refused."""
+    """Every law and map is tried on every set of loops; an impossible combination is rejected."""
     files = sorted(measurements.glob(name))
-    files = files[:: max(1, len(files) // 3)]  # of many temperatures every other one
+    files = files[:: max(1, len(files) // 3)]  # every other file of many temperatures
     loops = clean(read_loops(files, **SETS[name]))  # type: ignore[arg-type]
     few = loops.with_loops(
         replace(loop, input=loop.input[::step], output=loop.output[::step],

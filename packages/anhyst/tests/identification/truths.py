@@ -1,4 +1,4 @@
-"""Virtual actuators of known parameters, and loops measured on them."""
+"""Virtual actuators with known parameters, and loops measured on them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MAGNET: Mapping[str, Parameter] = {
     "in_0": 0.015,
     "out_0": -0.4,
 }
-"""A magnet in the gauge that identification chooses too: ``a = AIR_CORE*M_s*(1 - alpha)``."""
+"""A magnet in the gauge of identification: ``a = DEFAULT_AIR_CORE_SLOPE*M_s*(1 - alpha)``."""
 
 AROUND: Mapping[GapMap, Mapping[str, Parameter]] = {
     "none": {"alpha": 0.0, "c_H": 12e3, "rho": 0.006},
@@ -40,7 +40,8 @@ AROUND: Mapping[GapMap, Mapping[str, Parameter]] = {
     },
     "reluctance": {"c_H": 12e3, "rho": tuple(2e-4 + 11.5 * gap for gap in GAPS)},
 }
-"""What runs over the gap is straight where the gap map interpolates it."""
+"""Circuit parameters of each gap map; gap-dependent ones are linear where the map interpolates
+them."""
 
 CORE: Mapping[str, Parameter] = {
     "M_s": 4e5,
@@ -62,7 +63,7 @@ def magnet(
     law: str = "effective-field",
     **changes: Parameter,
 ) -> Model:
-    """Build an electromagnet driven by a current; a map other than 'none' has nodes at the gaps."""
+    """Return a current-driven electromagnet; a map other than 'none' has nodes at the gaps."""
     parameters = {**MAGNET, **AROUND[gap_map], **changes}
     places = [GAPS.index(gap) for gap in gaps]
     chosen = {
@@ -83,19 +84,19 @@ def magnet(
 
 
 def core(law: str = "effective-field", **changes: Parameter) -> Model:
-    """Build a closed core driven by a field, seen by its flux density."""
+    """Return a closed core driven by a field, with measured flux density."""
     parameters = {**CORE, **changes}
     return Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], parameters, law=law)
 
 
 def path(points: Sequence[float], samples: int) -> FloatArray:
-    """Straight from point to point, about as many samples in all."""
+    """Return straight lines from point to point with about `samples` samples in total."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))])
     return np.interp(np.linspace(0.0, way[-1], samples), way, points)
 
 
 def history_of(model: Model, kind: str) -> str:
-    """Spell a history out: the conditioning drive is two large cycles from rest."""
+    """Return the history in full: the conditioning drive is two large cycles from rest."""
     if kind != "conditioned":
         return kind
     points = "120,-120,120,-60,0" if model.input.name == "field" else "0,2,0,2,0"
@@ -103,7 +104,7 @@ def history_of(model: Model, kind: str) -> str:
 
 
 def drives_of(model: Model, history: str, samples: int) -> dict[str, FloatArray]:
-    """Nested loops: cycles of their own if settled, else one record that goes through them."""
+    """Return nested loops: separate steady-state cycles, or one record that runs through them."""
     top = H_MAX if model.input.name == "field" else I_MAX
     low = -1.0 if model.input.name == "field" else 0.0
     if history == "settled":
@@ -125,7 +126,7 @@ def loops_of(
     noise: float = 0.0,
     seed: int = 0,
 ) -> Loops:
-    """Measure nested loops at every node; noise is relative to the largest output."""
+    """Return nested loops at every node; noise is relative to the largest output."""
     history = history_of(model, history)
     loops = []
     for node in model.nodes or (None,):
@@ -148,12 +149,12 @@ def noisy(loopset: Loops, noise: float, seed: int) -> Loops:
 
 
 def largest(loopset: Loops) -> float:
-    """Largest absolute output of all loops."""
+    """Return the largest absolute output of all loops."""
     return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
 
 
 def worst(loopset: Loops, outputs: Sequence[FloatArray]) -> float:
-    """Worst deviation of outputs from those of the loops, relative to the largest."""
+    """Return the largest error of outputs, relative to the largest measured output."""
     deviations = [
         np.abs(output - loop.output).max()
         for loop, output in zip(loopset.loops, outputs, strict=True)
@@ -162,7 +163,7 @@ def worst(loopset: Loops, outputs: Sequence[FloatArray]) -> float:
 
 
 def predicted(model: Model, loopset: Loops) -> list[FloatArray]:
-    """Give what a model says about every loop."""
+    """Return the modelled output of every loop."""
     return [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
         for loop in loopset.loops
@@ -170,7 +171,7 @@ def predicted(model: Model, loopset: Loops) -> list[FloatArray]:
 
 
 def gauge_free(model: Model) -> list[ParameterSet]:
-    """Parameters that every gauge of a model shares, at each node, (docs/theory.md)."""
+    """Return the gauge-free parameters of a model at each node (docs/theory.md)."""
     found = []
     for node in model.nodes or (None,):
         p = model.parameters_at(node)
@@ -190,7 +191,8 @@ def gauge_free(model: Model) -> list[ParameterSet]:
 
 
 def apart(one: Model, other: Model, loopset: Loops) -> float:
-    """Largest relative difference of gauge-free parameters; offsets relative to the spans."""
+    """Return the largest relative difference of gauge-free parameters; offsets relative to the
+    spans."""
     spans = {
         "c": 1.0,
         "in_0": max(float(np.max(np.abs(loop.input))) for loop in loopset.loops),

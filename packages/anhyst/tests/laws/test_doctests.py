@@ -1,4 +1,4 @@
-"""The examples in the docstrings of the laws are true."""
+"""The examples in the docstrings of the laws are correct."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one scalar equation, its uses and what it refuses."""
+"""The scalar equation of the circuit, its uses and its rejected inputs."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_uses_have_the_weights_of_the_table() -> None:
 
 
 def eddy_error(rule: str, steps: int) -> float:
-    """Return the error after a sine of the drive, against the finest trapezoid."""
+    """Return the error after a sine of the drive, relative to the finest trapezoidal solution."""
     gamma, span = 40.0, 0.25
     dt = span / steps
     state, rate, b0 = DEMAGNETISED, 0.0, 0.0

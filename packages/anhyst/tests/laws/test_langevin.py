@@ -1,4 +1,4 @@
-"""The Langevin function against 50-digit arithmetic."""
+"""The Langevin function, compared with 50-digit arithmetic."""
 
 from __future__ import annotations
 

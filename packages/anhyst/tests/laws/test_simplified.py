@@ -1,4 +1,4 @@
-"""The simplified law and the explicit baseline: edges and refusals."""
+"""The simplified law and the explicit baseline: limits and rejected inputs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_hold_after_a_reversal_has_the_reversible_slope_alone() -> None:
     small = 1e-6
     slope = (LAW.field(0.5, LAW.advance(float(u[0]), -small)) - LAW.field(0.5, float(u[0]))) / small
     chi = LAW.c * LAW.k1
-    # H moves by the reversible part minus what the flux density brings along.
+    # H changes by the reversible part minus the contribution of the flux density.
     total = (1.0 - LAW.alpha * chi) / (1.0 + (1.0 - LAW.alpha) * chi) / MU_0
     direct = (1.0 - LAW.alpha * LAW.k1) / LAW.lam / MU_0
     assert slope == pytest.approx(direct - total, rel=1e-6)

@@ -1,4 +1,4 @@
-"""The steady ascending branch against direct quadrature of its integral."""
+"""The steady ascending branch, compared with direct quadrature of its integral."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
 def by_quadrature(x: float, kappa: float) -> float:
-    """Return the integral of ``L(x - kappa*s)*exp(-s)`` over panels short against the poles."""
+    """Return the integral of ``L(x - kappa*s)*exp(-s)`` over panels that are short relative to its
+    poles."""
     edges = np.linspace(0.0, 42.0, int(42.0 * max(0.5, min(kappa, 400.0))) + 1)
     half = 0.5 * np.diff(edges)[:, None]
     s = edges[:-1, None] + half * (1.0 + NODES)

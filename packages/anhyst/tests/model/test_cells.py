@@ -1,4 +1,4 @@
-"""The cells of a law in a model: written, read, refused with the reason, shown and compared."""
+"""The cells of a law in a model: write, read, reject with a reason, show and compare."""
 
 from __future__ import annotations
 

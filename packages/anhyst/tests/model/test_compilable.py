@@ -1,4 +1,4 @@
-"""Whether a model can be compiled: a property of the model, the same for every verb that asks."""
+"""Whether a model can be compiled; every command gets the same result."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ AT = np.linspace(GAPS[0], GAPS[-1], LOOKED_AT)
 
 
 def drive_rises(model: Model, gap: float) -> bool:
-    """Tell whether more flux always needs more drive, on rises after falls of every depth.
+    """Whether more flux always needs more drive, on rises after falls of every depth.
 
-    Which drive a flux needs is never in doubt: it is computed without any search for a root.
+    The drive for a flux is computed directly, without a root search.
     """
     rise = np.linspace(-1.0, 1.0, 3001)
     for depth in (1.0, 0.6, 0.2):
@@ -54,7 +54,7 @@ def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -
     said = find_compile_obstacle(model)
     assert said is not None
     assert "it jumps at a gap of 0.0003 to 0.000337 m" in said
-    assert "narrow the gap in the model's [valid]" in said
+    assert "limit the gap in the model's [valid]" in said
     assert model.valid is not None
     beyond = replace(model.valid, schedule=(0.00036, GAPS[-1]))
     assert find_compile_obstacle(replace(model, valid=beyond)) is None
@@ -68,7 +68,7 @@ def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -
         == find_compile_obstacle(late.at_rest)
         == find_compile_obstacle(magnet("none"))
     )
-    layered = replace(late, layers=Layers(3, 0.1))  # which the law of Jiles and Atherton has not
+    layered = replace(late, layers=Layers(3, 0.1))  # not available for a Jiles-Atherton law
     assert "at_rest" in str(find_compile_obstacle(layered))
     old = replace(magnet("none"), law="jiles-atherton-1986")
     assert "--law effective-field" in str(find_compile_obstacle(old))

@@ -1,4 +1,4 @@
-"""What two models have different, in parameters and in newtons."""
+"""Differences of two models, in parameters and in newtons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lag and creep of a model: the inverse undoes both, and says what it needs."""
+"""Lag and creep of a model: the inverse compensates both, and reports missing inputs."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_run_faster_than_what_was_seen_is_flagged() -> None:
     slow = model.predict(DRIVE, time=TIME)
     fast = model.predict(DRIVE, time=TIME / 10.0)
     assert not any("Hz" in text for text in slow.warnings)
-    assert any("seen to hold up to 0.5 Hz" in text for text in fast.warnings)
+    assert any("validated only up to 0.5 Hz" in text for text in fast.warnings)
 
 
 @pytest.mark.parametrize(

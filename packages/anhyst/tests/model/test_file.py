@@ -1,4 +1,4 @@
-"""The model file: exact, complete, editable, and strict when it is read."""
+"""The model file is exact, complete, editable, and checked strictly on reading."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
     ]
     lines = [problem.line for problem in caught.value.problems]
     assert lines == sorted(line for line in lines if line)
-    assert f"wrong as well: parameters.a_A_per_m (line {lines[1]})" in str(caught.value)
+    assert f"also wrong: parameters.a_A_per_m (line {lines[1]})" in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_a_file_cut_anywhere_is_never_a_traceback(
     except InputError as error:
         text = str(error)
     else:
-        return  # the cut fell into a comment or an optional table
+        return  # the cut is in a comment or an optional table
     assert text.startswith(str(path))
 
 

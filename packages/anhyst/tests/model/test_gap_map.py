@@ -1,4 +1,4 @@
-"""Parameters over the gap: what the interpolation may and may not do."""
+"""Parameters over the gap, and the limits of their interpolation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solid iron in a model: its file, what it needs, and what it is at rest."""
+"""Solid iron in a model: its file, its inputs, and its static behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The actuator model: both directions, every gap map, every history, and what is flagged."""
+"""The actuator model in both directions, with every gap map and history, and its flags."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def test_free_map_starts_again_where_the_gap_steps() -> None:
     both = model.predict(np.concatenate([drive, drive]), gap)
     apart = [model.predict(drive, g).output for g in (0.3e-3, 0.5e-3)]
     assert np.array_equal(both.output, np.concatenate(apart))
-    assert any("starts again" in warning for warning in both.warnings)
+    assert any("starts with the history again" in warning for warning in both.warnings)
 
 
 def test_free_map_refuses_a_gap_that_moves() -> None:
@@ -214,7 +214,7 @@ def test_computed_values_outside_the_valid_range_are_flagged() -> None:
     assert high.output.max() > 21.0
     assert np.array_equal(high.valid, high.output <= 20.4)
     back = replace(model, valid=ValidRange((0.0, 0.4), (0.0, 20.0), (0.0, 1.0)))
-    assert not back.invert([0.0, 20.0], GAPS[-1]).valid[1]  # takes 0.5 A
+    assert not back.invert([0.0, 20.0], GAPS[-1]).valid[1]  # needs 0.5 A
 
 
 def test_demand_below_what_any_drive_gives_is_flagged() -> None:
@@ -222,7 +222,7 @@ def test_demand_below_what_any_drive_gives_is_flagged() -> None:
     assert result.valid.tolist() == [True, False, True]
     assert result.flux_density[1] == 0.0
     assert result.output[1] == 0.5
-    assert "demand less than any drive can give (first: sample 1, 0.2 N)" in result.warnings[0]
+    assert "demand an output below that of any drive (first: sample 1, 0.2 N)" in result.warnings[0]
 
 
 def test_settling_an_open_record_is_said() -> None:
@@ -318,7 +318,7 @@ def test_model_whose_force_rises_as_the_gap_closes_is_accepted(gap_map: GapMap) 
 
 @pytest.mark.parametrize("law", ["effective-field", "play-cells"])
 def test_turning_points_at_another_gap_are_those_of_a_drive_that_went_there(law: str) -> None:
-    """What the iron keeps of the flux at a small gap no current reaches at a large one."""
+    """At a large gap, no current reaches the flux that the iron had at a small gap."""
     cells: dict[str, Parameter] = {"M_0": 2e5, "a_0": 400.0, "M_1": 1e6, "a_1": 400.0, "k_1": 300.0,
                                    "s_1": 2.0}  # fmt: skip
     model = magnet("reluctance", in_0=0.0)
@@ -347,7 +347,7 @@ def test_model_that_overshoots_between_the_gaps_is_refused() -> None:
 
 
 def test_offsets_of_sensors_that_differ_from_gap_to_gap_are_no_fall_of_the_force() -> None:
-    """As far as sensors have such offsets; what is called an offset beyond that is the model's."""
+    """This applies to plausible sensor offsets; larger ones are a fault of the model."""
     sensors = {"in_0": (0.01, 0.03, -0.01), "out_0": (-0.5, 0.7, 0.3)}
     plain, dirty = (magnet("circuit", **one).check_over_gap() for one in ({"in_0": 0.0}, sensors))
     assert plain is not None

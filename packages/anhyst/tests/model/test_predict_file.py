@@ -1,4 +1,4 @@
-"""A model over a file: what is repeated, what is added, where runs begin."""
+"""Prediction over a file: copied columns, added columns, and the starts of runs."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_inverse_of_a_file_gives_the_drive_back(tmp_path: Path) -> None:
     predict(MODEL, drive, tmp_path / "force.csv")
     summary = invert(MODEL, tmp_path / "force.csv", tmp_path / "current.csv", columns={"I_A": ""})
     table = read(tmp_path / "current.csv")
-    assert summary.column == "I_model_A"  # the file has an I_A already
+    assert summary.column == "I_model_A"  # the file already has an I_A
     assert np.abs(numbers(table["I_model_A"]) - CYCLE).max() < 1e-6
 
 
@@ -129,7 +129,7 @@ def test_settled_cycles_at_several_gaps_settle_by_themselves(tmp_path: Path) -> 
 def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
     tmp_path: Path, seen: bool
 ) -> None:
-    """Shown by clock and measured force; a file without these says nothing of it."""
+    """Times and measured force show the order; a file without them does not."""
     iron: dict[str, Parameter] = {"M_0": 2e5, "a_0": 400.0, "M_1": 1e6, "a_1": 400.0}
     iron |= {"k_1": 3000.0, "s_1": 2.0}
     kept = {name: MODEL.parameters[name] for name in ("c_H", "c_out", "rho")}

@@ -1,4 +1,4 @@
-"""Measurements are read for the report exactly as they were for the identification."""
+"""Measurements are read for the report in the same way as for the identification."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_measurements_come_back_as_they_were_read(tmp_path: Path) -> None:
         columns="X=I_A", constants="gap_mm=0.4", history="settled", clean="dedupe, thin"
     )
     loops = options.read([measured(tmp_path)])
-    assert loops.loops[0].n == 101  # the repeated last row is gone
+    assert loops.loops[0].n == 101  # without the repeated last row
     assert loops.schedule_values == (0.4e-3,)
     write_model(model_of(loops, options), tmp_path / "model.toml")
     again = read_sources(read_model(tmp_path / "model.toml"))

@@ -1,4 +1,4 @@
-"""Solve, then commit: what-ifs cost nothing, and what was applied is what counts."""
+"""Solve does not change the state, and commit uses the applied drive."""
 
 from __future__ import annotations
 

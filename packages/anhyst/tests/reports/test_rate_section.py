@@ -1,4 +1,4 @@
-"""The section on rate of a model's report: each speed by itself, and from where on speed shows."""
+"""The section about rate dependence: each speed, and the speed above which loops change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.identification.test_rate import measured, truth
 
 
 def known(gamma: float) -> Model:
-    """A model that says up to where it was measured, and how sure its gamma is."""
+    """A model with the range of its measurements and the uncertainty of gamma."""
     sure = Uncertainty(names=(GAMMA_NAME,), values=(gamma,), std=(0.05 * gamma,))
     return replace(truth(gamma), dynamics=Dynamics(fastest=50.0), uncertainty=sure)
 

@@ -1,4 +1,4 @@
-"""The report is one page that needs nothing else, and reports bad news loudly."""
+"""The report is one self-contained page that shows negative results clearly."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TURNS = (1500.0, 1150.0, 950.0)
 
 
 def rows_of(model: Model, at: float | None, top: float, seed: int) -> list[str]:
-    """Lines of a table: a loop of the model with noise, from 0 (a force) or about 0."""
+    """CSV lines of a loop of the model with noise, with an input from 0 (force) or around 0."""
     low = 0.0 if model.power == 2 else -top
     half = np.linspace(low, top, 60)
     drive = np.concatenate([half, half[-2::-1]])
@@ -51,7 +51,7 @@ def rows_of(model: Model, at: float | None, top: float, seed: int) -> list[str]:
 
 
 def magnet(folder: Path, **changes: object) -> Model:
-    """A model of a magnet over three gaps, its measurements in a file, all its records filled."""
+    """A model of a magnet at three gaps, with its measurements in a file and all fields set."""
     model = Model(
         "magnet",
         QUANTITIES["current"],
@@ -90,7 +90,7 @@ def measured(folder: Path, lines: list[str]) -> Loops:
 
 
 def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = None) -> Model:
-    """Give a model the provenance and the fit figures that go with its loops."""
+    """Return a model with the provenance and the fit figures of its loops."""
     sources = tuple(Source(Path(s.path).name, s.sha256, s.columns) for s in loops.sources)
     settings = {"gap_map_reason": "it predicts best", "read_history": "settled"}
     origin = Provenance("1.2.3", 7, sources, settings)
@@ -101,7 +101,7 @@ def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = 
 
 
 def iron_sample(folder: Path, schedule: Quantity | None = None) -> Model:
-    """A model from field to flux density, over a temperature or over nothing."""
+    """A model from field to flux density, over a temperature or without a scheduling variable."""
     nodes = (-20.0, 10.0) if schedule else ()
     model = Model(
         "sample",
@@ -202,7 +202,7 @@ def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
     drawn = [np.asarray(line.get_ydata()) for ax in figure.axes for line in ax.lines]
     most = max(float(np.abs(values).max()) for values in drawn)
     worst = evidence.verdict.single_worst
-    assert most < 0.3 * largest  # the curve itself is gone
+    assert most < 0.3 * largest  # without the curve itself
     assert most == pytest.approx(worst, rel=0.5)
     ax = figure.axes[0]
     dots, line = np.asarray(ax.lines[1].get_ydata()), np.asarray(ax.lines[2].get_ydata())
@@ -211,10 +211,10 @@ def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
 
 
 def test_the_head_reports_figures_verdict_and_acceptance(page: Page) -> None:
-    assert "Worth it. The model misses the measured force by" in page.text
+    assert "Worth it. The mean error of the modelled force is" in page.text
     assert "Acceptance test passed. At every drive the output rises as the gap closes" in page.text
     assert "Best single-valued curve" in page.text
-    assert "Seen to hold for current 0 to 3 A; force 0 to 150 N; gap 0.3 to 0.6 mm." in page.text
+    assert "Valid range: current 0 to 3 A; force 0 to 150 N; gap 0.3 to 0.6 mm." in page.text
     assert "mean deviation" in page.text
     assert "% of the largest force" in page.text
 
@@ -222,7 +222,7 @@ def test_the_head_reports_figures_verdict_and_acceptance(page: Page) -> None:
 def test_the_page_reports_reduction_uncertainty_and_origin(page: Page, folder: Path) -> None:
     assert "c_F 0.30 %, k 0.35 %" in page.text
     assert "0.150 ± 0.080 53 %" in page.text
-    assert "What the data leave open" in page.text
+    assert "What the data do not determine" in page.text
     assert "It predicts best." in page.text
     assert "anhyst 1.2.3" in page.text
     for source in magnet(folder).provenance.sources:
@@ -250,8 +250,8 @@ def test_a_model_without_gap_has_no_sections_about_one(tmp_path: Path) -> None:
     text, _ = report_of(iron_sample(tmp_path), tmp_path)
     page = Page(text)
     assert page.sections() == ["loops", "residuals", "parameters", "measurement", "origin"]
-    assert "does not run over a gap" in page.text
-    assert "H iron" in page.text  # not to be mixed up with the H that is applied
+    assert "does not depend on a gap" in page.text
+    assert "H iron" in page.text  # different from the applied field H
 
 
 @pytest.mark.slow
@@ -260,7 +260,7 @@ def test_another_scheduling_variable_keeps_its_name_and_unit(tmp_path: Path) -> 
     page = Page(text)
     assert "Parameters over the temperature" in page.text
     assert "temperature −20 °C" in page.text
-    assert "this model runs over the temperature" in page.text
+    assert "this model depends on the temperature" in page.text
     assert "reference gaps" not in page.text
     assert "between" in page.sections()
 
@@ -290,8 +290,8 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
         stream.write("# edited\n")
     subject = gather_subject(model, tmp_path)
     assert subject.evidence is None
-    assert "has changed since the model was identified" in subject.missing_reason
-    assert "has changed" in str(make_headline(subject).notes)
+    assert "file changed after the identification" in subject.missing_reason
+    assert "file changed" in str(make_headline(subject).notes)
 
 
 @pytest.mark.slow
@@ -344,7 +344,7 @@ def test_a_model_worse_than_a_curve_without_memory_says_so(
 
 
 @pytest.mark.parametrize(
-    ("level", "title"), [("yes", "Worth it"), ("little", "Gains little"), ("no", "Hardly worth it")]
+    ("level", "title"), [("yes", "Worth it"), ("little", "Small gain"), ("no", "Barely worth it")]
 )
 def test_the_verdict_is_that_of_the_measurement(
     subject: ModelSubject, level: Level, title: str
@@ -356,7 +356,7 @@ def test_the_verdict_is_that_of_the_measurement(
     ).notes[0]
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
-    assert "% of that error away" in reported.text.replace("\xa0", " ")
+    assert "% of the error of the curve" in reported.text.replace("\xa0", " ")
     assert (GAIN_ADVICE in reported.text) == (level != "yes")
 
 
@@ -403,7 +403,7 @@ def bare_model() -> Model:
 def test_a_bare_model_can_be_reported(tmp_path: Path) -> None:
     text, warnings = report_of(bare_model(), tmp_path)
     assert Page(text).sections() == ["parameters", "origin"]
-    assert "does not say which measurements" in warnings[0]
+    assert "does not list its measurements" in warnings[0]
 
 
 def test_left_out_errors_that_are_not_finite_are_reported_in_words(subject: ModelSubject) -> None:

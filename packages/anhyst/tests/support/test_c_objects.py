@@ -1,4 +1,4 @@
-"""Kept objects: compiled once, never stale, and what was said of them is said again."""
+"""Cached C objects: compiled once, never stale, and with their compiler warnings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.needs("gcc")
 
 @dataclass
 class Bench:
-    """Two sources and a header; counts what is compiled."""
+    """Two sources and a header, and a count of compilations."""
 
     folder: Path
     compiled: list[str] = field(default_factory=list)
@@ -27,7 +27,7 @@ class Bench:
         return subprocess.run(command, capture_output=True, text=True, check=True).stderr
 
     def answer(self, *macros: str, options: Sequence[str] = ("-O1", "-Wall")) -> tuple[int, str]:
-        """Build and run; return its exit code, and what the compiler said."""
+        """Build and run the program; return its exit code and the compiler warnings."""
         self.compiled.clear()
         search = [*(f"-D{one}" for one in macros), f"-I{self.folder}"]
         sources, out = sorted(self.folder.glob("*.c")), str(self.folder / "program")

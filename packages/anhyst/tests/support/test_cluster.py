@@ -1,4 +1,4 @@
-"""Work on a cluster of dask: a real scheduler and two workers, one of them killed."""
+"""Work on a cluster of dask: a real scheduler and two workers, one of which is killed."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
 
 class Shared:
-    """What all tasks need; counts how many have used it here."""
+    """Data that all tasks need, with a count of the tasks that used it in this process."""
 
     used = 0
 
 
 def slowly(shared: Shared, number: int) -> tuple[int, int, int]:
-    """Return a square, which process found it, and as which of its tasks."""
+    """Return a square, the process that computed it, and the number of its task in this process."""
     time.sleep(0.3)
     shared.used += 1
     return number**2, os.getpid(), shared.used
@@ -86,7 +86,7 @@ def test_a_lost_worker_loses_no_work_and_what_tasks_share_travels_once(
         number: number**2 for number in range(24)
     }
     used = [one[2] for one in seen.values() if one[1] == workers[1].pid]
-    assert max(used) >= len(used)  # more where a task was done twice
+    assert max(used) >= len(used)  # more if a task was done twice
     assert os.getpid() not in {one[1] for one in seen.values()}
     assert told[-1] == (24, 24)
 

@@ -1,4 +1,4 @@
-"""Functions that no processor changes are the functions that they stand for."""
+"""The processor-independent functions agree with the functions that they replace."""
 
 from __future__ import annotations
 

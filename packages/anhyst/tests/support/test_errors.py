@@ -1,4 +1,4 @@
-"""Errors keep what they are on their way: through another process, and under another place."""
+"""Errors keep their content when they are sent to another process or get a location."""
 
 from __future__ import annotations
 

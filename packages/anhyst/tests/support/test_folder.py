@@ -1,4 +1,4 @@
-"""A folder appears whole, or what stood there before still stands there."""
+"""A folder is written completely, or the old one is unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was computed before of equal inputs comes from the cache, and of others never."""
+"""Results come from the cache only for equal inputs and equal code."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Computed(Exception):  # noqa: N818 - nothing went wrong
-    """It is computed, and not taken from the cache."""
+    """Error that shows that a result was computed, and not taken from the cache."""
 
 
 def compute() -> str:

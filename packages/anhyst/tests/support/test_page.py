@@ -1,4 +1,4 @@
-"""Numbers in the report are short, honest and carry a unit of the right size."""
+"""Numbers in reports have few digits and a unit of suitable size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TOML as text: exact values, and the right line for every key."""
+"""TOML as text: exact values, and the right line for each key."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ last = true'''
 
 
 def test_every_key_has_its_line() -> None:
-    tomllib.loads(DOCUMENT)  # the test is about a valid document
+    tomllib.loads(DOCUMENT)  # the document must be valid
     lines = key_lines(DOCUMENT)
     rows = DOCUMENT.splitlines()
     found = {path: rows[line - 1].strip() for path, line in lines.items()}

@@ -1,4 +1,4 @@
-"""Headers and units."""
+"""Units and column headers."""
 
 from __future__ import annotations
 

@@ -2,8 +2,9 @@
 
 struct anhyst_force_controller_x;
 
-/* A method: how a force controller finds its current. The functions below say what these have to
-   do, and call them. A further method is a file with such a table and an init of its own. */
+/* The functions of a method, which finds the current of a force controller. The functions below
+   call them and state their purpose. A new method is a file with such a table and an init
+   function. */
 typedef struct {
   ANHYST_REAL (*solve)(struct anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
                        ANHYST_REAL flux);
@@ -16,32 +17,33 @@ typedef struct {
   void (*carry)(struct anhyst_force_controller_x *c, const anhyst_block_x *block);
 } anhyst_force_method_x;
 
-/* One force controller. */
+/* A force controller. */
 typedef struct anhyst_force_controller_x {
   const anhyst_force_method_x *method;
-  void *own;                        /* of a method that keeps its state elsewhere */
-  const anhyst_map_x *map;          /* of the methods map and flux, or past it */
-  const anhyst_flux_loop_x *loop;   /* of the method flux */
-  anhyst_compensator_x compensator; /* of the method compensator, or past it */
-  ANHYST_REAL low;                  /* limits of the current, where a map finds it */
+  void *own;                        /* state of a method that stores it outside this structure */
+  const anhyst_map_x *map;          /* of the methods map and flux, or of a bypass */
+  const anhyst_flux_loop_x *loop;   /* of the method flux, or of a fused compensator */
+  anhyst_compensator_x compensator; /* of the method compensator, also during a bypass */
+  ANHYST_REAL low;                  /* limits of the current, if a map or a fused loop finds it */
   ANHYST_REAL high;
-  ANHYST_REAL expected;   /* flux density that should show by now */
-  ANHYST_REAL integral;   /* of the current */
-  ANHYST_REAL demand;     /* solved for, within limits */
-  ANHYST_REAL wanted;     /* current of the solve, before its limits */
-  ANHYST_REAL current;    /* and within */
-  ANHYST_REAL correction; /* part of it that the measured flux added */
-  ANHYST_REAL error;      /* of the flux density */
-  ANHYST_REAL flux;       /* density of the force solved for */
-  uint16_t flags;         /* of the last solve, see flags.h */
+  ANHYST_REAL expected;   /* flux density that is expected at present */
+  ANHYST_REAL integral;   /* part of the current */
+  ANHYST_REAL demand;     /* of the last solve, within limits */
+  ANHYST_REAL wanted;     /* current of the last solve before its limits */
+  ANHYST_REAL current;    /* current of the last solve within its limits */
+  ANHYST_REAL correction; /* part of the current that the measured flux added */
+  ANHYST_REAL error;      /* expected minus measured flux density */
+  ANHYST_REAL flux;       /* flux density for the demanded force */
+  uint16_t flags;         /* of the last solve; see flags.h */
   uint16_t solved;        /* whether there was a solve since the last commit */
 } anhyst_force_controller_x;
 
-/* The method compensator, unless it is bypassed. */
+/* The method compensator without a bypass. */
 extern const anhyst_force_method_x anhyst_force_by_compensator_x;
 
-/* ANHYST_OK, or ANHYST_BAD_PARAMETER where parameters are out of range; nothing is changed then.
-   What is pointed to must live as long as the controller. */
+/* Initialise a force controller with the method map or flux. Return ANHYST_OK, or
+   ANHYST_BAD_PARAMETER, without a change, if parameters are out of range. The structures behind the
+   pointers must live as long as the controller. */
 anhyst_status anhyst_force_controller_init_map_x(anhyst_force_controller_x *c,
                                                  const anhyst_map_x *map, ANHYST_REAL low,
                                                  ANHYST_REAL high);
@@ -50,23 +52,23 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
                                                   const anhyst_flux_loop_x *loop, ANHYST_REAL low,
                                                   ANHYST_REAL high);
 
-/* Goes past the compensator from the next solve on: a valid map finds the current, within
-   low..high, and the compensator only commits what is applied, so that its memory stays that of the
-   iron. map 0: by the compensator again. For a force controller with a compensator, between two
-   ticks. */
+/* Bypasses the compensator from the next solve on: a valid map finds the current, within low..high.
+   The compensator only commits the applied current, so that its state stays that of the iron. map 0
+   ends the bypass. Requires a force controller with a compensator. Call between two ticks. */
 void anhyst_force_controller_bypass_x(anhyst_force_controller_x *c, const anhyst_map_x *map,
                                       ANHYST_REAL low, ANHYST_REAL high);
 
-/* Corrects a compensator by the measured flux from the next solve on, within low..high and by no
-   more than the loop says. What it adds is of no iron that the compensator knows, which commits the
-   rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where parameters are out of range; nothing is changed
-   then. For a force controller with a compensator, before its first tick. */
+/* Corrects a compensator by the measured flux from the next solve on, within low..high and by at
+   most the maximum of the loop. The compensator commits the current without this correction,
+   because the correction does not belong to its model of the iron. Returns ANHYST_OK, or
+   ANHYST_BAD_PARAMETER, without a change, if parameters are out of range. Requires a force
+   controller with a compensator. Call before its first tick. */
 anhyst_status anhyst_force_controller_fuse_x(anhyst_force_controller_x *c,
                                              const anhyst_flux_loop_x *loop, ANHYST_REAL low,
                                              ANHYST_REAL high);
 
-/* The current that gives the demanded force now, within the controller's limits. flux is looked at
-   by the method flux, and fused with it. */
+/* Returns the current for the demanded force, within the controller's limits. Only the method flux
+   and a fused compensator use flux. */
 static inline ANHYST_REAL anhyst_force_controller_solve_x(anhyst_force_controller_x *c,
                                                           ANHYST_REAL demand, ANHYST_REAL gap,
                                                           ANHYST_REAL flux)
@@ -74,24 +76,23 @@ static inline ANHYST_REAL anhyst_force_controller_solve_x(anhyst_force_controlle
   return c->method->solve(c, demand, gap, flux);
 }
 
-/* Goes on to the next tick with the current that was applied, at the gap there was; the force that
-   it is expected to give. If the current is the solved one, that is the demand itself, to the bit,
-   as far as no limit was in the way. */
+/* Advances to the next tick with the applied current at the actual gap. Returns its expected force:
+   exactly the demand, if it is the solved current and no limit applied. */
 static inline ANHYST_REAL anhyst_force_controller_commit_x(anhyst_force_controller_x *c,
                                                            ANHYST_REAL applied, ANHYST_REAL gap)
 {
   return c->method->commit(c, applied, gap);
 }
 
-/* The force that the last committed current is expected to give at a gap. Nothing changes. */
+/* Returns the expected force of the last committed current at a gap. Changes nothing. */
 static inline ANHYST_REAL anhyst_force_controller_expected_x(const anhyst_force_controller_x *c,
                                                              ANHYST_REAL applied, ANHYST_REAL gap)
 {
   return c->method->expected(c, applied, gap);
 }
 
-/* Ticks of the sequence that makes the state of the iron known, 0 where there is none; and the
-   current of its tick 0, 1, ... Apply and commit it as any other. */
+/* Return the number of ticks of the conditioning sequence (0 without one), and the current of its
+   tick 0, 1, ... Apply and commit it like any other current. */
 static inline int32_t
 anhyst_force_controller_conditioning_length_x(const anhyst_force_controller_x *c)
 {
@@ -103,14 +104,14 @@ static inline ANHYST_REAL anhyst_force_controller_conditioning_x(const anhyst_fo
   return c->method->conditioning(c, tick);
 }
 
-/* Takes the iron for demagnetised from now on. */
+/* Sets the state to that of demagnetised iron. */
 static inline void anhyst_force_controller_demagnetise_x(anhyst_force_controller_x *c)
 {
   c->method->demagnetise(c);
 }
 
-/* Goes on with another block of the compensator, between two ticks; see anhyst_compensator_swap.
-   Without a compensator nothing changes. */
+/* Switches to another block of the compensator, between two ticks; see anhyst_compensator_swap.
+   Changes nothing without a compensator. */
 static inline void anhyst_force_controller_carry_x(anhyst_force_controller_x *c,
                                                    const anhyst_block_x *block)
 {

@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* What was found; constant. */
+/* Result of a calibration; constant. */
 typedef struct {
-  ANHYST_REAL scale;   /* ampere-turns of a current over those that the method counts on */
-  ANHYST_REAL zero;    /* by which the gap is read too large */
-  ANHYST_REAL density; /* true flux density over what is read */
-  ANHYST_REAL lead;    /* current for a root of the force that rises by 1 in a tick */
+  ANHYST_REAL scale;   /* true ampere-turns divided by those that the inner controller assumes */
+  ANHYST_REAL zero;    /* offset of the gap reading (positive: it reads too large) */
+  ANHYST_REAL density; /* true flux density divided by the measured one */
+  ANHYST_REAL lead;    /* current for a rise of the square root of the force by 1 in a tick */
 } anhyst_correction_x;
 
 typedef struct {
   anhyst_correction_x correction;
   anhyst_force_controller_x *inner;
-  ANHYST_REAL root;   /* of the force solved for */
-  ANHYST_REAL before; /* the same a tick earlier */
+  ANHYST_REAL root;   /* square root of the force of the last solve */
+  ANHYST_REAL before; /* the same value one tick earlier */
 } anhyst_corrected_x;
 
-/* Makes a force controller that asks another one, which must live as long. ANHYST_OK, or
-   ANHYST_BAD_PARAMETER where a number is none, or a scale not above zero; nothing is changed then.
- */
+/* Initialises a force controller that calls another one, which must live as long. Returns
+   ANHYST_OK, or ANHYST_BAD_PARAMETER, without a change, if a number is not finite or a scale is not
+   above zero. */
 anhyst_status anhyst_force_controller_init_corrected_x(anhyst_force_controller_x *c,
                                                        anhyst_corrected_x *corrected,
                                                        const anhyst_correction_x *correction,

@@ -11,9 +11,9 @@ typedef struct {
   ANHYST_REAL delayed[2];
 } anhyst_biquad_state_x;
 
-/* ANHYST_OK, or ANHYST_BAD_PARAMETER where a coefficient is not finite. */
+/* Returns ANHYST_OK, or ANHYST_BAD_PARAMETER if a coefficient is not finite. */
 anhyst_status anhyst_biquad_check_x(const anhyst_biquad_x *filter);
 
-/* The output for this tick; the state goes on to the next. */
+/* Returns the output for this tick, and advances the state. */
 ANHYST_REAL anhyst_biquad_step_x(const anhyst_biquad_x *filter, anhyst_biquad_state_x *state,
                                  ANHYST_REAL in);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* How a position becomes a gap of a magnet: offset + factor*position. */
+/* Conversion of a position to the gap of a magnet: offset + factor*position. */
 typedef struct {
   ANHYST_REAL offset;
   ANHYST_REAL factor; /* -1, or 1 for the second magnet of a pair */
 } anhyst_gap_line_x;
 
-/* And how positions and demands become the integers of levitation.h. */
+/* Conversion of positions and demands to the integers of levitation.h. */
 typedef struct {
   anhyst_gap_line_x gap[ANHYST_POSITION_MAGNETS];
   ANHYST_REAL position; /* full scale, > 0 */

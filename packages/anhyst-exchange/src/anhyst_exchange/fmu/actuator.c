@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An identified actuator: drive (and gap) to output, flux density and field, as the model's stepper
-   commits; in double precision. Each step of the tool is one sample. */
+/* An identified actuator in double precision: from drive (and gap) to output, flux density and
+ * field, as the stepper of the model. Each step of the tool is one sample. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -12,7 +12,7 @@
 
 enum { DRIVE = 1, SCHEDULE = 2, OUTPUT = ACTUATOR_HAS_SCHEDULE ? 3 : 2, FLUX, FIELD };
 
-/* What surrounds the iron at one value of the scheduling variable. */
+/* Circuit around the iron at one value of the scheduling variable. */
 typedef struct {
   double turns; /* c_H, A/m per unit of the drive */
   double rho;
@@ -35,14 +35,14 @@ typedef struct {
 
 typedef struct {
   anhyst_memory_f64 memory[ACTUATOR_MEMORIES];
-  double flux; /* of the iron, without creep, T */
-  double slow[ACTUATOR_CREEPS + 1];
-  int begun;
+  double flux; /* flux density of the iron, without creep, T */
+  double creep_flux[ACTUATOR_CREEPS + 1];
+  int has_started;
 } state_of;
 
 #if ACTUATOR_HAS_CELLS
 
-static int build_law(tables_of *made)
+static int build_law(tables_of *built)
 {
   static const double threshold[] = ACTUATOR_THRESHOLDS;
   static const double width[] = ACTUATOR_WIDTHS;
@@ -51,15 +51,15 @@ static int build_law(tables_of *made)
   static const anhyst_cell_weights_f64 given = {ACTUATOR_CELLS, ACTUATOR_CURVES, threshold, width,
                                                 weight,         ACTUATOR_SHAPE,  centre};
   size_t pieces = 0;
-  if (anhyst_cells_lay_f64(&made->cells, &given, ANHYST_CELLS_AIM, &pieces) != ANHYST_OK) {
+  if (anhyst_cells_lay_f64(&built->cells, &given, ANHYST_CELLS_AIM, &pieces) != ANHYST_OK) {
     return -1;
   }
-  made->rows = (anhyst_cell_piece_f64 *)malloc(pieces * sizeof *made->rows);
-  if (made->rows == NULL) {
+  built->rows = (anhyst_cell_piece_f64 *)malloc(pieces * sizeof *built->rows);
+  if (built->rows == NULL) {
     return -1;
   }
-  anhyst_cells_tabulate_f64(&made->cells, &given, made->rows);
-  return anhyst_iron_of_cells_f64(&made->iron, &made->cells, ACTUATOR_INTERACTION) == ANHYST_OK
+  anhyst_cells_tabulate_f64(&built->cells, &given, built->rows);
+  return anhyst_iron_of_cells_f64(&built->iron, &built->cells, ACTUATOR_INTERACTION) == ANHYST_OK
              ? 0
              : -1;
 }
@@ -68,15 +68,15 @@ static void drop(void *tables) { free(((tables_of *)tables)->rows); }
 
 #else
 
-static int build_law(tables_of *made)
+static int build_law(tables_of *built)
 {
   if (ACTUATOR_STEP == ANHYST_STEP_EXACT &&
-      anhyst_branch_build_f64(&made->branch, ACTUATOR_PINNING / ACTUATOR_WIDTH) != ANHYST_OK) {
+      anhyst_branch_build_f64(&built->branch, ACTUATOR_PINNING / ACTUATOR_WIDTH) != ANHYST_OK) {
     return -1;
   }
-  return anhyst_iron_init_f64(&made->iron, &made->law, ACTUATOR_STEP, ACTUATOR_SATURATION,
+  return anhyst_iron_init_f64(&built->iron, &built->law, ACTUATOR_STEP, ACTUATOR_SATURATION,
                               ACTUATOR_WIDTH, ACTUATOR_PINNING, ACTUATOR_REVERSIBILITY,
-                              ACTUATOR_INTERACTION, ACTUATOR_PLAY, &made->branch) == ANHYST_OK
+                              ACTUATOR_INTERACTION, ACTUATOR_PLAY, &built->branch) == ANHYST_OK
              ? 0
              : -1;
 }
@@ -87,12 +87,12 @@ static void drop(void *tables) { (void)tables; }
 
 static int build(void *tables)
 {
-  tables_of *made = (tables_of *)tables;
-  if (build_law(made) != 0) {
+  tables_of *built = (tables_of *)tables;
+  if (build_law(built) != 0) {
     return -1;
   }
 #if ACTUATOR_MEMORIES > 1
-  return anhyst_iron_layers_f64(&made->iron, ACTUATOR_MEMORIES - 1, ACTUATOR_SURFACE,
+  return anhyst_iron_layers_f64(&built->iron, ACTUATOR_MEMORIES - 1, ACTUATOR_SURFACE,
                                 ACTUATOR_LAMINATED) == ANHYST_OK
              ? 0
              : -1;
@@ -101,7 +101,7 @@ static int build(void *tables)
 #endif
 }
 
-/* There are no pointers in its state. */
+/* The state contains no pointers. */
 static void relink(const void *tables, void *state)
 {
   (void)tables;
@@ -129,27 +129,29 @@ static const char *look_up(double at, surroundings *found)
              : "so far outside the model's nodes that a parameter is below 0";
 }
 
-static double output_of(const surroundings *around, double flux)
+static double output_from_flux(const surroundings *around, double flux)
 {
   return around->gain * (ACTUATOR_POWER == 2 ? flux * flux : flux) + around->output_zero;
 }
 
-/* What creep adds to the flux density now: each slow part has followed what was before. */
-static double creep(const state_of *state, double seconds, double *slow)
+/* Returns the present contribution of creep to the flux density. Each slow part has followed the
+ * flux density of earlier steps. */
+static double creep(const state_of *state, double seconds, double *creep_flux)
 {
   static const double times[] = ACTUATOR_TIMES;
   static const double shares[] = ACTUATOR_SHARES;
-  double added = 0.0;
+  double creep_sum = 0.0;
   int i;
   for (i = 0; i < ACTUATOR_CREEPS; i++) {
-    const double kept = anhyst_exp_f64(-seconds / times[i]);
-    slow[i] = state->begun ? state->flux + kept * (state->slow[i] - state->flux) : state->slow[i];
-    added += shares[i] * slow[i];
+    const double decay = anhyst_exp_f64(-seconds / times[i]);
+    creep_flux[i] = state->has_started ? state->flux + decay * (state->creep_flux[i] - state->flux)
+                                       : state->creep_flux[i];
+    creep_sum += shares[i] * creep_flux[i];
   }
-  return added;
+  return creep_sum;
 }
 
-static double schedule_of(const double *values)
+static double schedule_value(const double *values)
 {
   return ACTUATOR_HAS_SCHEDULE ? values[SCHEDULE] : 0.0;
 }
@@ -159,16 +161,16 @@ static int start(const void *tables, void *state, double *values)
   surroundings around;
   (void)tables;
   (void)state;
-  if (look_up(schedule_of(values), &around) != NULL) {
+  if (look_up(schedule_value(values), &around) != NULL) {
     return -1;
   }
-  values[OUTPUT] = output_of(&around, 0.0);
+  values[OUTPUT] = output_from_flux(&around, 0.0);
   values[FLUX] = 0.0;
   values[FIELD] = 0.0;
   return 0;
 }
 
-static const char *why_not(anhyst_status status)
+static const char *status_text(anhyst_status status)
 {
   switch (status) {
   case ANHYST_OUT_OF_RANGE:
@@ -182,34 +184,34 @@ static const char *why_not(anhyst_status status)
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
-  const tables_of *made = (const tables_of *)tables;
+  const tables_of *built = (const tables_of *)tables;
   state_of *now = (state_of *)state;
   surroundings around;
   anhyst_circuit_f64 circuit;
   anhyst_reaction_f64 reaction;
   anhyst_status status = ANHYST_OK;
-  double slow[ACTUATOR_CREEPS + 1];
-  double added = 0.0;
-  const char *why = look_up(schedule_of(values), &around);
+  double creep_flux[ACTUATOR_CREEPS + 1];
+  double creep_sum = 0.0;
+  const char *why = look_up(schedule_value(values), &around);
   int i;
   if (why != NULL) {
     return why;
   }
   circuit.gap_ratio = around.rho;
   circuit.eddy = around.gamma * (1.0 / seconds);
-  status = anhyst_forward_f64(&made->iron, now->memory, &circuit,
+  status = anhyst_forward_f64(&built->iron, now->memory, &circuit,
                               around.turns * (values[DRIVE] - around.drive_zero), &reaction);
   if (status != ANHYST_OK) {
-    return why_not(status);
+    return status_text(status);
   }
-  anhyst_accept_f64(&made->iron, now->memory, &reaction);
-  added = creep(now, seconds, slow);
+  anhyst_accept_f64(&built->iron, now->memory, &reaction);
+  creep_sum = creep(now, seconds, creep_flux);
   for (i = 0; i < ACTUATOR_CREEPS; i++) {
-    now->slow[i] = slow[i];
+    now->creep_flux[i] = creep_flux[i];
   }
   now->flux = reaction.flux;
-  now->begun = 1;
-  values[OUTPUT] = output_of(&around, reaction.flux + added);
+  now->has_started = 1;
+  values[OUTPUT] = output_from_flux(&around, reaction.flux + creep_sum);
   values[FLUX] = reaction.flux;
   values[FIELD] = reaction.field;
   return NULL;

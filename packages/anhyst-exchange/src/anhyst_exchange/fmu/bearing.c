@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A magnetic bearing with its position controller: the virtual plant and the controller's own fixed
-   point C in lock-step, as `anhyst simulate` runs them. */
+/* A magnetic bearing with its position controller: the virtual plant and the fixed-point C of the
+ * controller in lock-step, as `anhyst simulate` runs them. */
 #include <math.h>
 
 #include "bearing_controller.h"
 #include "controller_numbers.h"
 #include "virtual_plant.h"
 
-/* From PLANT on as show_plant has it. */
+/* From PLANT on in the order of write_plant_outputs. */
 enum { TARGET = 1, LOAD, COMMAND, GAP_READ, REFERENCE, DEMAND, STATE, FLAGS, PLANT };
 
 typedef struct {
   virtual_plant plant;
   CONTROLLER controller;
-  double command; /* of the tick before */
+  double command; /* command of the previous tick */
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -40,7 +40,7 @@ static int start(const void *tables, void *state, double *values)
   if (!start_plant(&now->plant)) {
     return -1;
   }
-  show_plant(&now->plant.plant, values + PLANT);
+  write_plant_outputs(&now->plant.plant, values + PLANT);
   return CONTROLLER_INIT(&now->controller) == ANHYST_OK ? 0 : -1;
 }
 
@@ -63,13 +63,13 @@ static const char *tick(const void *tables, void *state, double *values, double 
   }
   record = run_plant(&now->plant, controller, &events);
   now->command = asked;
-  values[REFERENCE] = *recorded(record, ANHYST_LOOP_REFERENCE);
-  values[GAP_READ] = *recorded(record, ANHYST_LOOP_GAP_READ);
-  values[DEMAND] = *recorded(record, ANHYST_LOOP_DEMAND);
-  values[STATE] = *recorded(record, ANHYST_LOOP_STATE);
-  values[FLAGS] = *recorded(record, ANHYST_LOOP_FLAGS);
-  show_commands(record, values + PLANT);
-  show_plant(&now->plant.plant, values + PLANT);
+  values[REFERENCE] = *first_value(record, ANHYST_LOOP_REFERENCE);
+  values[GAP_READ] = *first_value(record, ANHYST_LOOP_GAP_READ);
+  values[DEMAND] = *first_value(record, ANHYST_LOOP_DEMAND);
+  values[STATE] = *first_value(record, ANHYST_LOOP_STATE);
+  values[FLAGS] = *first_value(record, ANHYST_LOOP_FLAGS);
+  write_commands(record, values + PLANT);
+  write_plant_outputs(&now->plant.plant, values + PLANT);
   return isfinite(now->plant.plant.pose[0]) ? NULL : "the bearing has left all bounds; reset it";
 }
 

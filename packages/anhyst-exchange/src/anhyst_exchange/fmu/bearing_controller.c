@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Apart from the plant: both have a memory of a law, each of its own kind. */
+/* Compiled separately from the plant, because both define the state of a hysteresis law
+ * differently. */
 #include "bearing_controller.h"
 
 #include "anhyst_plant/position.h"

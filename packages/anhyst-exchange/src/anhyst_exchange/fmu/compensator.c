@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A controller's compensator: demand and gap to current, in the fixed-point C of the controller. */
+/* The compensator of a controller: from demand and gap to current, with the fixed-point C of the
+ * controller. */
 #include <math.h>
 
 #include "anhyst/compensator/compensator.h"
@@ -28,8 +29,8 @@ static int start(const void *tables, void *state, double *values)
              : -1;
 }
 
-/* A signal as a fraction in q31, to the nearest; beyond its ends the ends. */
-static int32_t code_of(double fraction)
+/* Returns the nearest q31 code of a fraction; larger values saturate. */
+static int32_t to_q31(double fraction)
 {
   const double scaled = rint(fraction * ONE_Q31);
   if (!(scaled > -ONE_Q31)) {
@@ -42,14 +43,14 @@ static int32_t gap_code(const double *values)
 {
   const double span = COMPENSATOR_GAP_HIGH - COMPENSATOR_GAP_LOW;
   const double gap = COMPENSATOR_HAS_GAP ? values[GAP] : COMPENSATOR_GAP_LOW;
-  return code_of(span > 0.0 ? (gap - COMPENSATOR_GAP_LOW) / span : 0.0);
+  return to_q31(span > 0.0 ? (gap - COMPENSATOR_GAP_LOW) / span : 0.0);
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
   anhyst_compensator *compensator = (anhyst_compensator *)state;
   const int32_t gap = gap_code(values);
-  const int32_t demand = code_of(values[DEMAND] / COMPENSATOR_FULL_SCALE_DEMAND);
+  const int32_t demand = to_q31(values[DEMAND] / COMPENSATOR_FULL_SCALE_DEMAND);
   int32_t current = 0;
   (void)tables;
   (void)seconds;

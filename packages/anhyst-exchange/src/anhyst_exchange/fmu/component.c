@@ -8,46 +8,46 @@
 #include "part.h"
 #include "part_values.h"
 
-#define ROUNDING 1e-6 /* of a tick: times are sums of steps */
+#define ROUNDING 1e-6 /* in ticks: times are sums of steps */
 #define FIRST_OUTPUT (1 + PART_INPUTS)
 
-/* Begins a row of bytes that the state of the part follows. */
+/* Head of a byte array; the state of the part follows it. */
 typedef union {
   struct {
     anhyst_phase phase;
-    double start;               /* of the ticks, s */
-    double ticks;               /* done since the start; whole */
+    double start;               /* time of the first tick, s */
+    double ticks;               /* ticks done since the start; an integer */
     double values[PART_VALUES]; /* the time, inputs, outputs, constants */
   } of;
-  long double widest; /* what follows is aligned for anything */
-} moment;
+  long double widest; /* aligns the state that follows for any type */
+} snapshot;
 
 struct anhyst_component {
   void *tables;
-  moment *now;
+  snapshot *now;
 };
 
 static const double first_values[PART_VALUES] = PART_FIRST_VALUES;
 
-static size_t size_of_moment(void) { return sizeof(moment) + anhyst_the_part.state; }
+static size_t snapshot_size(void) { return sizeof(snapshot) + anhyst_the_part.state; }
 
 const char *anhyst_component_token(void) { return PART_TOKEN; }
 
 anhyst_component *anhyst_component_new(void)
 {
-  anhyst_component *made = (anhyst_component *)calloc(1, sizeof *made);
-  if (made == NULL) {
+  anhyst_component *created = (anhyst_component *)calloc(1, sizeof *created);
+  if (created == NULL) {
     return NULL;
   }
-  made->tables = calloc(1, anhyst_the_part.tables > 0 ? anhyst_the_part.tables : 1);
-  made->now = (moment *)calloc(1, size_of_moment());
-  if (made->tables == NULL || made->now == NULL ||
-      (anhyst_the_part.build != NULL && anhyst_the_part.build(made->tables) != 0) ||
-      anhyst_component_reset(made) != NULL) {
-    anhyst_component_free(made);
+  created->tables = calloc(1, anhyst_the_part.tables > 0 ? anhyst_the_part.tables : 1);
+  created->now = (snapshot *)calloc(1, snapshot_size());
+  if (created->tables == NULL || created->now == NULL ||
+      (anhyst_the_part.build != NULL && anhyst_the_part.build(created->tables) != 0) ||
+      anhyst_component_reset(created) != NULL) {
+    anhyst_component_free(created);
     return NULL;
   }
-  return made;
+  return created;
 }
 
 void anhyst_component_free(anhyst_component *component)
@@ -63,10 +63,10 @@ void anhyst_component_free(anhyst_component *component)
   free(component);
 }
 
-/* At time 0, with the inputs as they are. */
+/* Sets the state at time 0, with the present inputs. */
 static const char *start(anhyst_component *component)
 {
-  moment *now = component->now;
+  snapshot *now = component->now;
   (void)memset(now + 1, 0, anhyst_the_part.state);
   const int bad = anhyst_the_part.start(component->tables, now + 1, now->of.values);
   return bad == 0 ? NULL : "the parameters are damaged";
@@ -74,14 +74,14 @@ static const char *start(anhyst_component *component)
 
 const char *anhyst_component_reset(anhyst_component *component)
 {
-  (void)memset(component->now, 0, size_of_moment());
+  (void)memset(component->now, 0, snapshot_size());
   (void)memcpy(component->now->of.values, first_values, sizeof first_values);
   return start(component);
 }
 
 const char *anhyst_component_begin(anhyst_component *component, double start)
 {
-  moment *now = component->now;
+  snapshot *now = component->now;
   if (now->of.phase != ANHYST_PHASE_MADE) {
     return "only an instance that is new or reset can be initialised";
   }
@@ -148,7 +148,7 @@ const char *anhyst_component_set(anhyst_component *component, const unsigned *at
 
 const char *anhyst_component_step(anhyst_component *component, double now, double step)
 {
-  moment *m = component->now;
+  snapshot *m = component->now;
   const double until = now + step;
   const double due = (until - m->of.start) * PART_RATE;
   const char *why = NULL;
@@ -177,12 +177,12 @@ const char *anhyst_component_step(anhyst_component *component, double now, doubl
 const char *anhyst_component_save(const anhyst_component *component, void **state)
 {
   if (*state == NULL) {
-    *state = malloc(size_of_moment());
+    *state = malloc(snapshot_size());
   }
   if (*state == NULL) {
     return "not enough memory for a state";
   }
-  (void)memcpy(*state, component->now, size_of_moment());
+  (void)memcpy(*state, component->now, snapshot_size());
   return NULL;
 }
 
@@ -191,7 +191,7 @@ const char *anhyst_component_restore(anhyst_component *component, const void *st
   if (state == NULL) {
     return "there is no such state";
   }
-  (void)memcpy(component->now, state, size_of_moment());
+  (void)memcpy(component->now, state, snapshot_size());
   anhyst_the_part.relink(component->tables, component->now + 1);
   return NULL;
 }
@@ -202,7 +202,7 @@ void anhyst_component_forget(void **state)
   *state = NULL;
 }
 
-size_t anhyst_component_bytes(void) { return sizeof PART_TOKEN + size_of_moment(); }
+size_t anhyst_component_bytes(void) { return sizeof PART_TOKEN + snapshot_size(); }
 
 const char *anhyst_component_write(const void *state, unsigned char *bytes, size_t n)
 {
@@ -210,7 +210,7 @@ const char *anhyst_component_write(const void *state, unsigned char *bytes, size
     return "no state, or too few bytes for it";
   }
   (void)memcpy(bytes, PART_TOKEN, sizeof PART_TOKEN);
-  (void)memcpy(bytes + sizeof PART_TOKEN, state, size_of_moment());
+  (void)memcpy(bytes + sizeof PART_TOKEN, state, snapshot_size());
   return NULL;
 }
 
@@ -220,11 +220,11 @@ const char *anhyst_component_read(const unsigned char *bytes, size_t n, void **s
     return "the bytes are no state of this component";
   }
   if (*state == NULL) {
-    *state = malloc(size_of_moment());
+    *state = malloc(snapshot_size());
   }
   if (*state == NULL) {
     return "not enough memory for a state";
   }
-  (void)memcpy(*state, bytes + sizeof PART_TOKEN, size_of_moment());
+  (void)memcpy(*state, bytes + sizeof PART_TOKEN, snapshot_size());
   return NULL;
 }

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A component that other tools step, without any of their interfaces: values by reference, a clock,
-   states. What it computes is in its part.
-
-   A part with a rate ticks at that rate, whatever the steps are: the tick of a step's beginning
-   uses the inputs as they are then, and between ticks inputs and outputs are held. A part without
-   one ticks once a step. */
+/* A component that a simulation tool steps, independent of the interface of the tool: values by
+ * reference, a clock and states. Its part defines what it computes.
+ *
+ * A part with a rate ticks at this rate, whatever the steps are. A tick at the beginning of a step
+ * uses the inputs at this time. Inputs and outputs are held between ticks. A part without a rate
+ * ticks once per step. */
 #ifndef ANHYST_COMPONENT_H
 #define ANHYST_COMPONENT_H
 
 #include <stddef.h>
 
-/* Ticks in one step, at most: a longer one is refused, it would seem to hang. */
+/* Maximum number of ticks per step. A longer step is rejected, because it would seem to hang. */
 #define ANHYST_STEP_TICKS 1e9
 
 typedef enum {
@@ -22,38 +22,38 @@ typedef enum {
 
 typedef struct anhyst_component anhyst_component;
 
-/* What tells this component from any other. */
+/* Returns the token that identifies this component. */
 const char *anhyst_component_token(void);
 
-/* All functions that return a text: null, or why it cannot be; then nothing has changed. */
+/* All functions that return a text: null, or the reason of a fault; then nothing has changed. */
 
-/* An instance at time 0, its iron demagnetised. Null where memory is short or parameters are
-   damaged. */
+/* Returns an instance at time 0 with demagnetised iron; null if there is no memory or parameters
+ * are damaged. */
 anhyst_component *anhyst_component_new(void);
 void anhyst_component_free(anhyst_component *component);
 const char *anhyst_component_reset(anhyst_component *component);
 
-/* From one phase to another. */
+/* Changes the phase. */
 const char *anhyst_component_begin(anhyst_component *component, double start);
 const char *anhyst_component_run(anhyst_component *component);
 const char *anhyst_component_end(anhyst_component *component);
 int anhyst_component_is(const anhyst_component *component, anhyst_phase phase);
 
-/* Values by reference: 0 the time, then inputs, outputs, constants. Only inputs can be set. */
+/* Values by reference: 0 is the time, then inputs, outputs, constants. Only inputs can be set. */
 const char *anhyst_component_get(const anhyst_component *component, const unsigned *at, size_t n,
                                  double *values);
 const char *anhyst_component_set(anhyst_component *component, const unsigned *at, size_t n,
                                  const double *values);
 
-/* Goes on by a step from a time, s. A step of 0 does nothing. */
+/* Advances by a step from a time, both in s. A step of 0 does nothing. */
 const char *anhyst_component_step(anhyst_component *component, double now, double step);
 
-/* States: a copy of all that changes, made by the first call where *state is null. */
+/* Copies all that changes into a state. The first call, with *state null, allocates it. */
 const char *anhyst_component_save(const anhyst_component *component, void **state);
 const char *anhyst_component_restore(anhyst_component *component, const void *state);
 void anhyst_component_forget(void **state);
 
-/* The same as bytes, which another process may read. */
+/* The same as bytes, which another process can read. */
 size_t anhyst_component_bytes(void);
 const char *anhyst_component_write(const void *state, unsigned char *bytes, size_t n);
 const char *anhyst_component_read(const unsigned char *bytes, size_t n, void **state);

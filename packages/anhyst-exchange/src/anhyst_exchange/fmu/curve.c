@@ -5,10 +5,10 @@
 
 #include "anhyst/numeric/elementary.h"
 
-#define LARGEST_LOGARITHM 700.0 /* exp overflows at 709.8 */
+#define MAX_LOGARITHM 700.0 /* exp overflows at 709.8 */
 
-/* Cubic Hermite curve; a straight line where there are but two nodes. */
-static double between(const anhyst_curve *c, double at)
+/* Cubic Hermite curve; a straight line if there are only two nodes. */
+static double interpolate(const anhyst_curve *c, double at)
 {
   int place = 0;
   double width, secant, way, bend, twist;
@@ -26,19 +26,19 @@ static double between(const anhyst_curve *c, double at)
   return c->height[place] + way * (c->slope[place] + way * (bend + way * twist));
 }
 
-static int from_straight(anhyst_coordinate coordinate, double straight, double *value)
+static int from_coordinate(anhyst_coordinate coordinate, double coordinate_value, double *value)
 {
   switch (coordinate) {
   case ANHYST_CURVE_RECIPROCAL:
-    *value = 1.0 / straight;
-    return straight > 0.0 && isfinite(*value) ? 0 : -1;
+    *value = 1.0 / coordinate_value;
+    return coordinate_value > 0.0 && isfinite(*value) ? 0 : -1;
   case ANHYST_CURVE_LOG:
-    *value = fabs(straight) <= LARGEST_LOGARITHM ? anhyst_exp_f64(straight) : 0.0;
-    return fabs(straight) <= LARGEST_LOGARITHM ? 0 : -1;
+    *value = fabs(coordinate_value) <= MAX_LOGARITHM ? anhyst_exp_f64(coordinate_value) : 0.0;
+    return fabs(coordinate_value) <= MAX_LOGARITHM ? 0 : -1;
   case ANHYST_CURVE_PLAIN:
   default:
-    *value = straight;
-    return isfinite(straight) ? 0 : -1;
+    *value = coordinate_value;
+    return isfinite(coordinate_value) ? 0 : -1;
   }
 }
 
@@ -46,22 +46,22 @@ int anhyst_curve_at(const anhyst_curve *curve, double at, double *value)
 {
   const int last = curve->nodes - 1;
   double inside = at;
-  double straight = 0.0;
+  double coordinate_value = 0.0;
   int i;
   if (curve->nodes == 1) {
     *value = curve->value[0];
     return 0;
   }
   for (i = 0; i <= last; i++) {
-    if (at == curve->node[i]) { /* through a logarithm and back costs the last digit */
+    if (at == curve->node[i]) { /* a logarithm and its inverse change the last digit */
       *value = curve->value[i];
       return 0;
     }
   }
   inside = inside < curve->node[0] ? curve->node[0] : inside;
   inside = inside > curve->node[last] ? curve->node[last] : inside;
-  straight = between(curve, inside);
-  straight += curve->slope[0] * fmin(at - curve->node[0], 0.0);
-  straight += curve->slope[last] * fmax(at - curve->node[last], 0.0);
-  return from_straight(curve->coordinate, straight, value);
+  coordinate_value = interpolate(curve, inside);
+  coordinate_value += curve->slope[0] * fmin(at - curve->node[0], 0.0);
+  coordinate_value += curve->slope[last] * fmax(at - curve->node[last], 0.0);
+  return from_coordinate(curve->coordinate, coordinate_value, value);
 }

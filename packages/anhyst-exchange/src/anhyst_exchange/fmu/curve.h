@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A parameter over the scheduling variable: a monotone cubic between the nodes, straight beyond, in
-   the coordinate in which it is nearest to straight. As anhyst.model.gap_map. */
+/* A parameter over the scheduling variable: a monotone cubic between the nodes and straight
+ * outside, in the coordinate in which it is closest to a straight line. Equals
+ * anhyst.model.gap_map. */
 #ifndef ANHYST_CURVE_H
 #define ANHYST_CURVE_H
 
 typedef enum { ANHYST_CURVE_PLAIN, ANHYST_CURVE_RECIPROCAL, ANHYST_CURVE_LOG } anhyst_coordinate;
 
 typedef struct {
-  int nodes; /* 1: the first value, wherever */
+  int nodes; /* number of nodes; 1: the first value everywhere */
   anhyst_coordinate coordinate;
-  const double *node;   /* ascending */
-  const double *value;  /* of the parameter there */
-  const double *height; /* the same in the coordinate */
-  const double *slope;  /* of the coordinate there */
+  const double *node;   /* nodes, ascending */
+  const double *value;  /* parameter at the nodes */
+  const double *height; /* coordinate at the nodes */
+  const double *slope;  /* slope of the coordinate at the nodes */
 } anhyst_curve;
 
-/* 0, or -1 so far outside that the parameter leaves its range. */
+/* Returns 0, or -1 if the parameter leaves its range far outside the nodes. */
 int anhyst_curve_at(const anhyst_curve *curve, double at, double *value);
 
 #endif

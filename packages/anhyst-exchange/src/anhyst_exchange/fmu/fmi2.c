@@ -13,17 +13,17 @@ typedef struct {
   char name[64];
 } instance;
 
-/* OK where there is nothing to say; otherwise says it. */
-static fmi2Status verdict(const void *c, const char *why)
+/* Returns OK if there is no text; otherwise logs the text and returns the status of an error. */
+static fmi2Status to_status(const void *c, const char *fault)
 {
   const instance *self = (const instance *)c;
-  if (why != NULL && self != NULL && self->log != NULL) {
-    self->log(self->environment, self->name, fmi2Error, "logStatusError", why);
+  if (fault != NULL && self != NULL && self->log != NULL) {
+    self->log(self->environment, self->name, fmi2Error, "logStatusError", fault);
   }
-  return why == NULL ? fmi2OK : fmi2Error;
+  return fault == NULL ? fmi2OK : fmi2Error;
 }
 
-static anhyst_component *of(fmi2Component c) { return ((instance *)c)->component; }
+static anhyst_component *component_of(fmi2Component c) { return ((instance *)c)->component; }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 
@@ -60,7 +60,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   }
   self->component = anhyst_component_new();
   if (self->component == NULL) {
-    (void)verdict(self, "not enough memory, or the parameters are damaged");
+    (void)to_status(self, "not enough memory, or the parameters are damaged");
     free(self);
     return NULL;
   }
@@ -70,7 +70,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 void fmi2FreeInstance(fmi2Component c)
 {
   if (c != NULL) {
-    anhyst_component_free(of(c));
+    anhyst_component_free(component_of(c));
     free(c);
   }
 }
@@ -82,51 +82,57 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean defined, fmi2Real to
   (void)tolerance;
   (void)ends;
   (void)stop;
-  return verdict(c, anhyst_component_begin(of(c), start));
+  return to_status(c, anhyst_component_begin(component_of(c), start));
 }
 
-/* The experiment need not be set up: then it begins at 0. */
+/* A tool may leave out the set-up of the experiment; then it begins at 0. */
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-  return verdict(c, anhyst_component_is(of(c), ANHYST_PHASE_INITIALISING)
-                        ? NULL
-                        : anhyst_component_begin(of(c), 0.0));
+  return to_status(c, anhyst_component_is(component_of(c), ANHYST_PHASE_INITIALISING)
+                          ? NULL
+                          : anhyst_component_begin(component_of(c), 0.0));
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 {
-  return verdict(c, anhyst_component_run(of(c)));
+  return to_status(c, anhyst_component_run(component_of(c)));
 }
 
-fmi2Status fmi2Terminate(fmi2Component c) { return verdict(c, anhyst_component_end(of(c))); }
+fmi2Status fmi2Terminate(fmi2Component c)
+{
+  return to_status(c, anhyst_component_end(component_of(c)));
+}
 
-fmi2Status fmi2Reset(fmi2Component c) { return verdict(c, anhyst_component_reset(of(c))); }
+fmi2Status fmi2Reset(fmi2Component c)
+{
+  return to_status(c, anhyst_component_reset(component_of(c)));
+}
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference at[], size_t n, fmi2Real value[])
 {
-  return verdict(c, anhyst_component_get(of(c), at, n, value));
+  return to_status(c, anhyst_component_get(component_of(c), at, n, value));
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference at[], size_t n,
                        const fmi2Real value[])
 {
-  return verdict(c, anhyst_component_set(of(c), at, n, value));
+  return to_status(c, anhyst_component_set(component_of(c), at, n, value));
 }
 
-/* There are no variables of these kinds. */
+/* The component has no variables of these types. */
 #define NO_VARIABLES(kind, type)                                                                   \
   fmi2Status fmi2Get##kind(fmi2Component c, const fmi2ValueReference at[], size_t n, type value[]) \
   {                                                                                                \
     (void)at;                                                                                      \
     (void)value;                                                                                   \
-    return verdict(c, n == 0 ? NULL : "no such variable");                                         \
+    return to_status(c, n == 0 ? NULL : "no such variable");                                       \
   }                                                                                                \
   fmi2Status fmi2Set##kind(fmi2Component c, const fmi2ValueReference at[], size_t n,               \
                            const type value[])                                                     \
   {                                                                                                \
     (void)at;                                                                                      \
     (void)value;                                                                                   \
-    return verdict(c, n == 0 ? NULL : "no such variable");                                         \
+    return to_status(c, n == 0 ? NULL : "no such variable");                                       \
   }
 
 NO_VARIABLES(Integer, fmi2Integer)
@@ -135,12 +141,12 @@ NO_VARIABLES(String, fmi2String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
-  return verdict(c, anhyst_component_save(of(c), state));
+  return to_status(c, anhyst_component_save(component_of(c), state));
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
-  return verdict(c, anhyst_component_restore(of(c), state));
+  return to_status(c, anhyst_component_restore(component_of(c), state));
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
@@ -160,13 +166,13 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
-  return verdict(c, anhyst_component_write(state, (unsigned char *)bytes, size));
+  return to_status(c, anhyst_component_write(state, (unsigned char *)bytes, size));
 }
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size,
                                    fmi2FMUstate *state)
 {
-  return verdict(c, anhyst_component_read((const unsigned char *)bytes, size, state));
+  return to_status(c, anhyst_component_read((const unsigned char *)bytes, size, state));
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[],
@@ -179,7 +185,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
   (void)knowns;
   (void)seed;
   (void)answer;
-  return verdict(c, "what is sampled has no derivative");
+  return to_status(c, "what is sampled has no derivative");
 }
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference at[], size_t n,
@@ -188,7 +194,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
   (void)at;
   (void)order;
   (void)value;
-  return verdict(c, n == 0 ? NULL : "inputs are held, not interpolated");
+  return to_status(c, n == 0 ? NULL : "inputs are held, not interpolated");
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference at[], size_t n,
@@ -197,18 +203,18 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
   (void)at;
   (void)order;
   (void)value;
-  return verdict(c, n == 0 ? NULL : "outputs are held: no derivatives");
+  return to_status(c, n == 0 ? NULL : "outputs are held: no derivatives");
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean no_return)
 {
   (void)no_return;
-  return verdict(c, anhyst_component_step(of(c), now, step));
+  return to_status(c, anhyst_component_step(component_of(c), now, step));
 }
 
-fmi2Status fmi2CancelStep(fmi2Component c) { return verdict(c, "no step is ever pending"); }
+fmi2Status fmi2CancelStep(fmi2Component c) { return to_status(c, "no step is ever pending"); }
 
-/* Steps are done when they return. */
+/* A step is complete when it returns. */
 #define NO_STATUS(kind, type)                                                                      \
   fmi2Status fmi2Get##kind(fmi2Component c, const fmi2StatusKind what, type *value)                \
   {                                                                                                \

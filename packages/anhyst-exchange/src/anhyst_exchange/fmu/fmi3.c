@@ -12,17 +12,17 @@ typedef struct {
   fmi3InstanceEnvironment environment;
 } instance;
 
-/* OK where there is nothing to say; otherwise says it. */
-static fmi3Status verdict(const void *c, const char *why)
+/* Returns OK if there is no text; otherwise logs the text and returns the status of an error. */
+static fmi3Status to_status(const void *c, const char *fault)
 {
   const instance *self = (const instance *)c;
-  if (why != NULL && self != NULL && self->log != NULL) {
-    self->log(self->environment, fmi3Error, "logStatusError", why);
+  if (fault != NULL && self != NULL && self->log != NULL) {
+    self->log(self->environment, fmi3Error, "logStatusError", fault);
   }
-  return why == NULL ? fmi3OK : fmi3Error;
+  return fault == NULL ? fmi3OK : fmi3Error;
 }
 
-static anhyst_component *of(fmi3Instance c) { return ((instance *)c)->component; }
+static anhyst_component *component_of(fmi3Instance c) { return ((instance *)c)->component; }
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
@@ -63,7 +63,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   self->environment = environment;
   self->component = anhyst_component_new();
   if (self->component == NULL) {
-    (void)verdict(self, "not enough memory, or the parameters are damaged");
+    (void)to_status(self, "not enough memory, or the parameters are damaged");
     free(self);
     return NULL;
   }
@@ -73,7 +73,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
 void fmi3FreeInstance(fmi3Instance c)
 {
   if (c != NULL) {
-    anhyst_component_free(of(c));
+    anhyst_component_free(component_of(c));
     free(c);
   }
 }
@@ -85,10 +85,10 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean defined, fmi3
   (void)tolerance;
   (void)ends;
   (void)stop;
-  return verdict(c, anhyst_component_begin(of(c), start));
+  return to_status(c, anhyst_component_begin(component_of(c), start));
 }
 
-/* Modes that this component is always ready to enter or leave. */
+/* This component can always enter and leave these modes. */
 #define NOTHING_TO_DO(name)                                                                        \
   fmi3Status name(fmi3Instance c) { return c == NULL ? fmi3Error : fmi3OK; }
 
@@ -100,32 +100,40 @@ NOTHING_TO_DO(fmi3EvaluateDiscreteStates)
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
 {
-  return verdict(c, anhyst_component_run(of(c)));
+  return to_status(c, anhyst_component_run(component_of(c)));
 }
 
-fmi3Status fmi3Terminate(fmi3Instance c) { return verdict(c, anhyst_component_end(of(c))); }
+fmi3Status fmi3Terminate(fmi3Instance c)
+{
+  return to_status(c, anhyst_component_end(component_of(c)));
+}
 
-fmi3Status fmi3Reset(fmi3Instance c) { return verdict(c, anhyst_component_reset(of(c))); }
+fmi3Status fmi3Reset(fmi3Instance c)
+{
+  return to_status(c, anhyst_component_reset(component_of(c)));
+}
 
-/* All variables are single numbers. */
+/* All variables are scalars. */
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                           fmi3Float64 value[], size_t values)
 {
-  return verdict(c, values == n ? anhyst_component_get(of(c), at, n, value) : "no array is here");
+  return to_status(c, values == n ? anhyst_component_get(component_of(c), at, n, value)
+                                  : "no array is here");
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                           const fmi3Float64 value[], size_t values)
 {
-  return verdict(c, values == n ? anhyst_component_set(of(c), at, n, value) : "no array is here");
+  return to_status(c, values == n ? anhyst_component_set(component_of(c), at, n, value)
+                                  : "no array is here");
 }
 
 static fmi3Status none(const void *c, size_t n)
 {
-  return verdict(c, n == 0 ? NULL : "no such variable");
+  return to_status(c, n == 0 ? NULL : "no such variable");
 }
 
-/* There are no variables of these kinds. */
+/* The component has no variables of these types. */
 #define NO_VARIABLES(kind)                                                                         \
   fmi3Status fmi3Get##kind(fmi3Instance c, const fmi3ValueReference at[], size_t n,                \
                            fmi3##kind value[], size_t values)                                      \
@@ -199,25 +207,25 @@ fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReferenc
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference at, size_t elements[],
-                                       fmi3ValueReference from[], size_t of[],
+                                       fmi3ValueReference from[], size_t component_of[],
                                        fmi3DependencyKind kinds[], size_t n)
 {
   (void)at;
   (void)elements;
   (void)from;
-  (void)of;
+  (void)component_of;
   (void)kinds;
   return none(c, n);
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
-  return verdict(c, anhyst_component_save(of(c), state));
+  return to_status(c, anhyst_component_save(component_of(c), state));
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 {
-  return verdict(c, anhyst_component_restore(of(c), state));
+  return to_status(c, anhyst_component_restore(component_of(c), state));
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
@@ -237,13 +245,13 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-  return verdict(c, anhyst_component_write(state, bytes, size));
+  return to_status(c, anhyst_component_write(state, bytes, size));
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size,
                                    fmi3FMUState *state)
 {
-  return verdict(c, anhyst_component_read(bytes, size, state));
+  return to_status(c, anhyst_component_read(bytes, size, state));
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknown[],
@@ -259,7 +267,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
   (void)seeds;
   (void)answer;
   (void)answers;
-  return verdict(c, "what is sampled has no derivative");
+  return to_status(c, "what is sampled has no derivative");
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknown[],
@@ -281,7 +289,7 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference at[
   return none(c, n);
 }
 
-/* There are no clocks. */
+/* The component has no clocks. */
 fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                                   fmi3Float64 value[], fmi3IntervalQualifier kind[])
 {
@@ -292,12 +300,12 @@ fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference at[],
 }
 
 fmi3Status fmi3GetIntervalFraction(fmi3Instance c, const fmi3ValueReference at[], size_t n,
-                                   fmi3UInt64 count[], fmi3UInt64 of[],
+                                   fmi3UInt64 count[], fmi3UInt64 component_of[],
                                    fmi3IntervalQualifier kind[])
 {
   (void)at;
   (void)count;
-  (void)of;
+  (void)component_of;
   (void)kind;
   return none(c, n);
 }
@@ -311,11 +319,11 @@ fmi3Status fmi3GetShiftDecimal(fmi3Instance c, const fmi3ValueReference at[], si
 }
 
 fmi3Status fmi3GetShiftFraction(fmi3Instance c, const fmi3ValueReference at[], size_t n,
-                                fmi3UInt64 count[], fmi3UInt64 of[])
+                                fmi3UInt64 count[], fmi3UInt64 component_of[])
 {
   (void)at;
   (void)count;
-  (void)of;
+  (void)component_of;
   return none(c, n);
 }
 
@@ -328,11 +336,11 @@ fmi3Status fmi3SetIntervalDecimal(fmi3Instance c, const fmi3ValueReference at[],
 }
 
 fmi3Status fmi3SetIntervalFraction(fmi3Instance c, const fmi3ValueReference at[], size_t n,
-                                   const fmi3UInt64 count[], const fmi3UInt64 of[])
+                                   const fmi3UInt64 count[], const fmi3UInt64 component_of[])
 {
   (void)at;
   (void)count;
-  (void)of;
+  (void)component_of;
   return none(c, n);
 }
 
@@ -343,9 +351,9 @@ fmi3Status fmi3SetShiftDecimal(fmi3Instance c, const fmi3ValueReference at[], si
 }
 
 fmi3Status fmi3SetShiftFraction(fmi3Instance c, const fmi3ValueReference at[], size_t n,
-                                const fmi3UInt64 count[], const fmi3UInt64 of[])
+                                const fmi3UInt64 count[], const fmi3UInt64 component_of[])
 {
-  return fmi3SetIntervalFraction(c, at, n, count, of);
+  return fmi3SetIntervalFraction(c, at, n, count, component_of);
 }
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Boolean *terminate,
@@ -365,11 +373,11 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boo
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early,
                       fmi3Float64 *reached)
 {
-  const char *why = anhyst_component_step(of(c), now, step);
+  const char *fault = anhyst_component_step(component_of(c), now, step);
   (void)no_return;
   *event = fmi3False;
   *terminate = fmi3False;
   *early = fmi3False;
-  *reached = why == NULL ? now + step : now;
-  return verdict(c, why);
+  *reached = fault == NULL ? now + step : now;
+  return to_status(c, fault);
 }

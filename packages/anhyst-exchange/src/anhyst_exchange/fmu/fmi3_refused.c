@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What FMI 3.0 wants to be exported and an FMU for co-simulation cannot do: model exchange and
-   scheduled execution. */
+/* Functions that FMI 3.0 requires and that an FMU for co-simulation does not support: model
+ * exchange and scheduled execution. */
 #include <stddef.h>
 
 #include "fmi/fmi3Functions.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An actuator whose armature is moved from outside and the compensator that controls its force: the
-   virtual plant and the controller's own fixed-point C in lock-step, as `anhyst force-control` runs
-   them from demagnetised on. The compensator is a part of its own (compensator.c): apart from the
-   plant, since both have a memory of a law, each of its own kind. */
+/* An actuator whose armature is moved from outside, and the compensator that controls its force:
+ * the virtual plant and the fixed-point C of the controller in lock-step, as `anhyst force-control`
+ * runs them, from demagnetised iron. The compensator is compiled separately (compensator.c),
+ * because it and the plant define the state of a hysteresis law differently. */
 #include "anhyst_plant/held.h"
 
 #include <math.h>
@@ -10,8 +10,8 @@
 #include "force_numbers.h"
 #include "part.h"
 
-#define ROOM 64            /* numbers that the state of the compensator has place in */
-#define CODES 1073741824.0 /* of the gap on its way to a firmware, from one end to the other */
+#define COMPENSATOR_DOUBLES 64 /* doubles that are reserved for the state of the compensator */
+#define GAP_CODES 1073741824.0 /* sensor codes of the gap over its range */
 
 enum { DEMAND = 1, GAP, NOISE, COMMAND = NOISE + ANHYST_HELD_SENSORS, CURRENT, FORCE, READ };
 
@@ -20,7 +20,7 @@ extern const anhyst_part anhyst_compensator_part;
 typedef struct {
   anhyst_plant_held_state plant;
   anhyst_plant_memory volume[FORCE_VOLUMES];
-  double compensator[ROOM];
+  double compensator[COMPENSATOR_DOUBLES];
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -41,25 +41,27 @@ static int start(const void *tables, void *state, double *values)
              : -1;
 }
 
-/* The gap as the compensator of a firmware gets it, in the codes of its sensor. */
-static double coded(double gap)
+/* Returns the gap as the compensator of a firmware gets it, rounded to the codes of its sensor. */
+static double quantise_gap(double gap)
 {
   const double share =
       anhyst_plant_bound((gap - FORCE_GAP_LOW) / (FORCE_GAP_HIGH - FORCE_GAP_LOW), 0.0, 1.0);
-  return FORCE_GAP_LOW + (FORCE_GAP_HIGH - FORCE_GAP_LOW) * (floor(share * CODES + 0.5) / CODES);
+  return FORCE_GAP_LOW +
+         (FORCE_GAP_HIGH - FORCE_GAP_LOW) * (floor(share * GAP_CODES + 0.5) / GAP_CODES);
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
   state_of *now = (state_of *)state;
   double signals[4] = {0.0, values[DEMAND]};
-  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron would not come back from it */
+  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron could not recover from such a
+                                                       * value */
     return "a gap is from 1e-9 to 1 m";
   }
   anhyst_plant_held_tick(&force_held, &now->plant, values[COMMAND], values[GAP], values + NOISE,
                          values + CURRENT);
   if (FORCE_HAS_GAP) {
-    signals[2] = coded(values[READ + ANHYST_HELD_GAP]);
+    signals[2] = quantise_gap(values[READ + ANHYST_HELD_GAP]);
   }
   (void)anhyst_compensator_part.tick(tables, now->compensator, signals, seconds);
   values[COMMAND] = signals[2 + FORCE_HAS_GAP];

@@ -1,22 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What distinguishes one kind of component from another. One is linked; the numbers of this one
-   example of it are in the header beside it, which is generated. */
+/* Functions and sizes that define one kind of component. One of them is linked. The parameters of
+ * the actual component are in a generated header. */
 #ifndef ANHYST_PART_H
 #define ANHYST_PART_H
 
 #include <stddef.h>
 
 typedef struct {
-  size_t tables;              /* bytes that are built once an instance and then only read */
-  size_t state;               /* bytes that change; pointers in them are set anew at every tick */
-  int (*build)(void *tables); /* from zeros; 0, or -1 without memory; null: nothing to build */
-  void (*drop)(void *tables); /* gives back what build took; null with it */
-  /* Sets the pointers in a state that comes from another instance. */
+  size_t tables;              /* bytes that are built once per instance and then only read */
+  size_t state;               /* bytes of the state; its pointers are set again at every tick */
+  int (*build)(void *tables); /* from zeros; 0, or -1 if there is no memory; null: nothing to build
+                               */
+  void (*drop)(void *tables); /* frees what build allocated; null with it */
+  /* Sets the pointers in a state that was copied from another instance. */
   void (*relink)(const void *tables, void *state);
-  /* The state at time 0, from zeros, and the outputs there. 0, or -1 for damaged parameters. */
+  /* Sets the state at time 0, from zeros, and its outputs. Returns 0, or -1 if parameters are
+   * damaged. */
   int (*start)(const void *tables, void *state, double *values);
-  /* One tick of so many seconds: from inputs to outputs. Null, or why there is no answer; then
-     nothing has changed. */
+  /* Computes one tick of the given duration (s), from inputs to outputs. Returns null, or the
+   * reason why there is no result; then nothing has changed. */
   const char *(*tick)(const void *tables, void *state, double *values, double seconds);
 } anhyst_part;
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A piezo stage with its controller as `anhyst simulate` runs them: the inverse of its hysteresis
-   in fixed point, the integrator behind a notch filter in double precision. */
+/* A piezo stage with its controller as `anhyst simulate` runs them: the inverse model of its
+ * hysteresis in fixed point, the integrator and a notch filter in double precision. */
 #include "anhyst_plant/piezo.h"
 
 #include <math.h>
@@ -33,12 +33,12 @@ static const int16_t words[] = PIEZO_WORDS;
 
 typedef struct {
   anhyst_piezo_state stage;
-  double command; /* V, at the next tick */
+  double command; /* command for the next tick, V */
   anhyst_force_controller_q31 inverse;
   anhyst_biquad_state_f64 filtered[PIEZO_FILTER_COUNT];
   anhyst_biquad_state_f64 integral;
   double ticks;
-  double wanted[PIEZO_LATE_TICKS]; /* reference of the last ticks, the newest first */
+  double past_references[PIEZO_LATE_TICKS]; /* reference of the last ticks, the newest first */
 } state_of;
 
 static int build(void *tables)
@@ -68,12 +68,13 @@ static int start(const void *tables, void *state, double *values)
       ANHYST_OK) {
     return -1;
   }
-  (void)anhyst_force_controller_commit_q31(&now->inverse, 0, 0); /* the stack is at 0 V for long */
+  (void)anhyst_force_controller_commit_q31(&now->inverse, 0, 0); /* after a long time at 0 V */
   return 0;
 }
 
-/* What of the reference should show by now, straight between its ticks as in the simulation. */
-static double expected(const state_of *now)
+/* Returns the reference that the sensor should show now, interpolated linearly between ticks as in
+ * the simulation. */
+static double delayed_reference(const state_of *now)
 {
   const double at = PIEZO_TICK_S * now->ticks - PIEZO_LATENESS_S;
   int age = 0;
@@ -82,18 +83,18 @@ static double expected(const state_of *now)
     age++;
   }
   begin = PIEZO_TICK_S * (now->ticks - age);
-  return (now->wanted[age - 1] - now->wanted[age]) /
+  return (now->past_references[age - 1] - now->past_references[age]) /
              (PIEZO_TICK_S * (now->ticks - (age - 1)) - begin) * (at - begin) +
-         now->wanted[age];
+         now->past_references[age];
 }
 
-static void remember(state_of *now, double reference)
+static void store_reference(state_of *now, double reference)
 {
   int i;
   for (i = PIEZO_LATE_TICKS - 1; i > 0; i--) {
-    now->wanted[i] = now->ticks > 0.0 ? now->wanted[i - 1] : reference;
+    now->past_references[i] = now->ticks > 0.0 ? now->past_references[i - 1] : reference;
   }
-  now->wanted[0] = reference;
+  now->past_references[0] = reference;
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
@@ -108,12 +109,12 @@ static const char *tick(const void *tables, void *state, double *values, double 
   int i;
   (void)seconds;
   for (i = REFERENCE; i <= NOISE; i++) {
-    if (!(fabs(values[i]) <= 1.0)) { /* the integral would not come back from it */
+    if (!(fabs(values[i]) <= 1.0)) { /* the integral could not recover from such a value */
       return "a reference, a load and a noise are at most 1 m";
     }
   }
-  remember(now, event.wanted);
-  event.expected = expected(now);
+  store_reference(now, event.wanted);
+  event.expected = delayed_reference(now);
   relink(tables, state);
   (void)anhyst_force_controller_init_coded_f64(&in_si, &coded, &codes, &now->inverse);
   anhyst_piezo_loop_tick(&loop, &event, row);

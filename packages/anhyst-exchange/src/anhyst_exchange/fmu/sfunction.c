@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A component as a level-2 S-function. mex -DS_FUNCTION_NAME=... names it.
-
-   One input port for each input and one output port for each output, in the order of part_values.h.
-   A component with a rate samples at that rate. One without gets its sample time, s, as the only
-   parameter of the block. What follows from the inputs of a sample is there at the next one, as
-   from an FMU. */
+/* A component as a level-2 S-function. mex -DS_FUNCTION_NAME=... sets its name.
+ *
+ * Each input and each output has a port, in the order of part_values.h. A component with a rate
+ * samples at this rate. The sample time (s) of a component without a rate is the only parameter of
+ * the block. As in an FMU, outputs that follow from the inputs of a sample appear at the next
+ * sample. */
 #define S_FUNCTION_LEVEL 2
 
 #include "component.h"
@@ -23,7 +23,7 @@ static void mdlInitializeSizes(SimStruct *S)
   int i;
   ssSetNumSFcnParams(S, PARAMETERS);
   if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) {
-    return; /* Simulink says so itself */
+    return; /* Simulink reports it itself */
   }
   if (PARAMETERS > 0) {
     ssSetSFcnParamTunable(S, 0, 0);

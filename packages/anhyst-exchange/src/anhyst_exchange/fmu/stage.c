@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A stage with its controller: the virtual plant and the controller in lock-step, as `anhyst
-   simulate` runs them. */
+ * simulate` runs them. */
 #include <math.h>
 #include <string.h>
 
 #include "stage_controller.h"
 #include "virtual_plant.h"
 
-/* A number a coordinate, of GAP_READ one a gap sensor; from PLANT on as show_plant has it. */
+/* One value per coordinate (GAP_READ: per gap sensor); from PLANT on in the order of
+ * write_plant_outputs. */
 enum {
   AXES = BEARING_COORDINATES,
   REFERENCE = 1,
@@ -28,8 +29,8 @@ enum {
 typedef struct {
   virtual_plant plant;
   anhyst_stage_controller controller;
-  double frame[AXES]; /* where the long stroke is, m and rad */
-  double command;     /* of the tick before */
+  double frame[AXES]; /* position of the long stroke, m and rad */
+  double command;     /* command of the previous tick */
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -38,19 +39,19 @@ static void relink(const void *tables, void *state)
   link_plant(&((state_of *)state)->plant);
 }
 
-static void show(const state_of *now, double *values)
+static void write_outputs(const state_of *now, double *values)
 {
-  show_plant(&now->plant.plant, values + PLANT);
+  write_plant_outputs(&now->plant.plant, values + PLANT);
   for (int i = 0; i < AXES; i++) {
     values[POSITION + i] = now->plant.plant.pose[bearing.coordinate[i].axis] + now->frame[i];
   }
 }
 
-/* The pose that the position heads behind the gap sensors tell. */
+/* Returns a coordinate of the pose from the position heads, which follow the gap sensors. */
 static double position_read(const double *record, int i)
 {
   static const double see[] = STAGE_SEE;
-  const double *head = recorded(record, ANHYST_LOOP_GAP_READ) + BEARING_HEADS - STAGE_HEADS;
+  const double *head = first_value(record, ANHYST_LOOP_GAP_READ) + BEARING_HEADS - STAGE_HEADS;
   double pose = 0.0;
   for (int j = 0; j < STAGE_HEADS; j++) {
     pose += see[i * STAGE_HEADS + j] * head[j];
@@ -61,7 +62,7 @@ static double position_read(const double *record, int i)
 static int start(const void *tables, void *state, double *values)
 {
   const double rest[AXES] = {0.0};
-  double middle[AXES]; /* position 0, where all magnets are in the middle of their gaps */
+  double middle[AXES]; /* position 0: all magnets in the middle of their gaps */
   state_of *now = (state_of *)state;
   relink(tables, state);
   if (!start_plant(&now->plant)) {
@@ -72,7 +73,7 @@ static int start(const void *tables, void *state, double *values)
     middle[i] = 0.0 - now->frame[i];
   }
   anhyst_plant_place(&bearing, &now->plant.plant, middle, rest);
-  show(now, values);
+  write_outputs(now, values);
   return anhyst_stage_controller_start(now->controller);
 }
 
@@ -102,15 +103,15 @@ static const char *tick(const void *tables, void *state, double *values, double 
   record = run_plant(&now->plant, controller, &events);
   for (i = 0; i < AXES; i++) {
     values[POSITION_READ + i] = position_read(record, i);
-    values[DEMAND + i] = recorded(record, ANHYST_LOOP_DEMAND)[i];
+    values[DEMAND + i] = first_value(record, ANHYST_LOOP_DEMAND)[i];
     sum += now->plant.plant.pose[bearing.coordinate[i].axis];
   }
-  values[STATE] = *recorded(record, ANHYST_LOOP_STATE);
-  values[FLAGS] = *recorded(record, ANHYST_LOOP_FLAGS);
-  memcpy(values + GAP_READ, recorded(record, ANHYST_LOOP_GAP_READ),
+  values[STATE] = *first_value(record, ANHYST_LOOP_STATE);
+  values[FLAGS] = *first_value(record, ANHYST_LOOP_FLAGS);
+  memcpy(values + GAP_READ, first_value(record, ANHYST_LOOP_GAP_READ),
          (size_t)(BEARING_HEADS - STAGE_HEADS) * sizeof *values);
-  show_commands(record, values + PLANT);
-  show(now, values);
+  write_commands(record, values + PLANT);
+  write_outputs(now, values);
   return isfinite(sum) ? NULL : "the stage has left all bounds; reset it";
 }
 

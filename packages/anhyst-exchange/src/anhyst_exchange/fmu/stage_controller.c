@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* PID, allocation and force controllers as `anhyst simulate` runs them: the first two in double
-   precision, the others in fixed point or in double precision too. Apart from the plant: both have
-   a memory of a law, each of its own kind. */
+ * precision, the others in fixed point or in double precision. They are compiled separately from
+ * the plant, because both define the state of a hysteresis law differently. */
 #include "stage_controller.h"
 
 #include <stddef.h>
@@ -11,10 +11,10 @@
 #include "anhyst/control/axes.h"
 #include "anhyst_plant/axes.h"
 
-/* What calibration found of each; nothing: {1, 0, 1, 0}. */
+/* Calibrated corrections of each magnet; without a calibration {1, 0, 1, 0}. */
 static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
 
-/* The parameter blocks of all magnets that differ, and where that of each drive is. */
+/* All different parameter blocks, and the position of the block of each drive. */
 static const STAGE_WORD words[] = STAGE_WORDS;
 static const struct {
   uint32_t first;
@@ -23,33 +23,33 @@ static const struct {
 
 #ifdef STAGE_CODES
 
-/* Compensators in fixed point, and what 1.0 of their codes is. */
+/* Compensators in fixed point, and the physical values of 1.0 of their codes. */
 static const anhyst_code_scales_f64 codes = STAGE_CODES;
 
-typedef anhyst_force_controller_q31 force_of;
+typedef anhyst_force_controller_q31 force_controller;
 
 #define INIT_FORCE anhyst_force_controller_init_compensator_q31
-#define BY_COMPENSATOR anhyst_force_by_compensator_q31
+#define COMPENSATOR_METHOD anhyst_force_by_compensator_q31
 
 #else
 
 /* Compensators in double precision. */
-typedef anhyst_force_controller_f64 force_of;
+typedef anhyst_force_controller_f64 force_controller;
 
 #define INIT_FORCE anhyst_force_controller_init_compensator_f64
-#define BY_COMPENSATOR anhyst_force_by_compensator_f64
+#define COMPENSATOR_METHOD anhyst_force_by_compensator_f64
 
 #endif
 
-static anhyst_status start_force(force_of *force, int i)
+static anhyst_status start_force(force_controller *force, int i)
 {
   return INIT_FORCE(force, &STAGE_KERNEL, words + blocks[i].first, blocks[i].count);
 }
 
-/* Finds again what a force controller points to. */
-static void relink_force(force_of *force, int i)
+/* Sets the pointers of a force controller again. */
+static void relink_force(force_controller *force, int i)
 {
-  force->method = &BY_COMPENSATOR;
+  force->method = &COMPENSATOR_METHOD;
   force->compensator.kernel = &STAGE_KERNEL;
   force->compensator.words = words + blocks[i].first;
 }
@@ -61,8 +61,8 @@ static int start_law(anhyst_axes_f64 *law)
   return anhyst_axes_init_f64(law, &settings, NULL) == ANHYST_OK;
 }
 
-/* The gap sensors of the magnets stand before the position heads, which are counted from the
-   target. */
+/* The gap sensors of the magnets come before the position heads, which are counted from the target.
+ */
 static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *drive,
                     const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
 {
@@ -90,11 +90,11 @@ static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *dr
 }
 
 typedef struct {
-  force_of force[STAGE_DRIVES];
+  force_controller force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
   anhyst_axes_f64 law;
-  /* Made again at every tick. */
-  anhyst_force_controller_f64 behind[STAGE_DRIVES];
+  /* Set again at every tick. */
+  anhyst_force_controller_f64 corrected_force[STAGE_DRIVES];
 #ifdef STAGE_CODES
   anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
@@ -135,11 +135,11 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
 #ifdef STAGE_CODES
     (void)anhyst_force_controller_init_coded_f64(&in_si[i], &now->coded[i], &codes, &now->force[i]);
 #endif
-    (void)anhyst_force_controller_init_corrected_f64(&now->behind[i], &now->corrected[i],
+    (void)anhyst_force_controller_init_corrected_f64(&now->corrected_force[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);
     now->corrected[i].root = root;
     now->corrected[i].before = before;
-    drive[i] = &now->behind[i];
+    drive[i] = &now->corrected_force[i];
   }
   run_law(&now->law, drive, sample, answer);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The virtual plant in a component, whatever controls it. Its numbers are constants. */
+/* The virtual plant in a component, with any controller. Its parameters are constants. */
 #ifndef ANHYST_VIRTUAL_PLANT_H
 #define ANHYST_VIRTUAL_PLANT_H
 
@@ -7,8 +7,8 @@
 #include "bearing_numbers.h"
 #include "part.h"
 
-/* Numbers of a row of what is recorded at most. */
-#define RECORDED (ANHYST_LOOP_SIGNALS * (BEARING_MAGNETS + BEARING_HEADS))
+/* Maximum number of values per recorded row. */
+#define MAX_RECORDED_VALUES (ANHYST_LOOP_SIGNALS * (BEARING_MAGNETS + BEARING_HEADS))
 
 typedef struct {
   anhyst_plant_state plant;
@@ -17,9 +17,10 @@ typedef struct {
   anhyst_plant_head_state head[BEARING_HEADS];
   anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
   uint64_t ticks;
-  /* Of one tick. Here, since a frame of the stack of more than a page needs a run-time library. */
-  double room[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
-  double record[RECORDED];
+  /* Working memory of one tick. It is static, because a stack frame of more than a page needs a
+   * run-time library. */
+  double workspace[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
+  double record[MAX_RECORDED_VALUES];
 } virtual_plant;
 
 static void link_plant(virtual_plant *now)
@@ -31,7 +32,7 @@ static void link_plant(virtual_plant *now)
   }
 }
 
-/* As anhyst_plant_start, which forgets where the memories of solid iron are. */
+/* As anhyst_plant_start, which does not keep the pointers to the states of solid iron. */
 static int start_plant(virtual_plant *now)
 {
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
@@ -47,26 +48,27 @@ static int start_plant(virtual_plant *now)
   return started;
 }
 
-/* One tick; its row. */
+/* Runs one tick and returns its row. */
 static const double *run_plant(virtual_plant *now, anhyst_loop_controller controller,
                                const anhyst_plant_events *events)
 {
-  anhyst_plant_loop loop = {&bearing,          &now->plant, controller,
-                            now->current_loop, now->room,   now->ticks};
+  anhyst_plant_loop loop = {&bearing,          &now->plant,    controller,
+                            now->current_loop, now->workspace, now->ticks};
   (void)anhyst_plant_loop_run(&loop, events, 1, now->record);
   now->ticks = loop.ticks;
   return now->record;
 }
 
-/* The first number of a signal in a row. */
-static const double *recorded(const double *record, anhyst_plant_signal signal)
+/* Returns the first value of a signal in a row. */
+static const double *first_value(const double *record, anhyst_plant_signal signal)
 {
   return record + anhyst_plant_signal_column(&bearing, signal);
 }
 
-/* What is true at the end of a tick: velocities, of several coordinates the wrench, the force, then
-   gap, current and flux density of each magnet, a fourth number behind them left as it is. */
-static void show_plant(const anhyst_plant_state *plant, double *values)
+/* Writes the true values at the end of a tick: velocities, the wrench if there are several
+ * coordinates, the force, then gap, current and flux density of each magnet. The fourth value of
+ * each magnet is not written. */
+static void write_plant_outputs(const anhyst_plant_state *plant, double *values)
 {
   int i;
   for (i = 0; i < bearing.coordinates; i++) {
@@ -83,12 +85,13 @@ static void show_plant(const anhyst_plant_state *plant, double *values)
   }
 }
 
-/* What was wanted of each magnet, to the numbers that were left. */
-static void show_commands(const double *record, double *values)
+/* Writes the current reference of each magnet into the values that write_plant_outputs leaves out.
+ */
+static void write_commands(const double *record, double *values)
 {
   const int before = bearing.coordinates > 1 ? 2 * bearing.coordinates + 1 : 2;
   for (int i = 0; i < BEARING_MAGNETS; i++) {
-    values[before + 4 * i + 3] = recorded(record, ANHYST_LOOP_COMMAND)[i];
+    values[before + 4 * i + 3] = first_value(record, ANHYST_LOOP_COMMAND)[i];
   }
 }
 

@@ -1,1 +1,1 @@
-"""The verb ``export``, as :mod:`anhyst.verbs` describes verbs."""
+"""The command ``export``; :mod:`anhyst.verbs` describes the form of this module."""

@@ -1,4 +1,4 @@
-"""The verb ``export``: a model or a rig for other tools."""
+"""The command ``export``: export a model or a rig for other tools."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 PLACE = 25, "Use a model"
 
 Form = Literal["fmu", "simulink", "lut"]
-"""What a model is exported as."""
+"""Forms of the export: FMU, S-function, or tables."""
 Of = Literal["compensator", "actuator"]
-"""What of a model is exported."""
+"""Part of a model that is exported."""
 Kind = Literal["full", "simplified"]
 """Kinds of compensator."""
 FmiVersion = Literal["2.0", "3.0"]
-"""Versions of the standard."""
+"""Versions of the FMI standard."""
 
 
 def export(
@@ -37,8 +37,8 @@ def export(
 ) -> Exported:
     """Export a model or a rig for other tools, as FMU, S-function or tables.
 
-    A compensator computes the same as the compiled fixed-point C on a controller, and an actuator
-    the same as the model. A rig file of any kind gives plant and controller in one FMU. An FMU
+    A compensator gives the same results as the compiled fixed-point C on a controller, and an
+    actuator the same as the model. A rig file of any kind is exported as plant and controller in one FMU. An FMU
     contains the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink,
     Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the
     script in the same folder. For C without a wrapper, use anhyst compile.
@@ -65,7 +65,7 @@ def export(
         Platforms of an FMU: x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin,
         aarch64-darwin. [default: all]
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def export(
     Raises
     ------
     InputError
-        The model cannot be read or exported so, or the place cannot be written.
+        The model cannot be read or exported in this form, or the output cannot be written.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""A bench in a browser: server, page and recorder behind ``anhyst live``."""
+"""Operate a rig in a browser: the server, the page and the recorder of ``anhyst live``."""

@@ -1,9 +1,9 @@
-"""Browsers at the server: who may talk to it and how much, and rows as a slow page gets them.
+"""Protect the server from foreign requests, and queue rows of samples for each browser.
 
-A frame is little-endian: ``u32 rows``, ``u32 columns``, ``f64 first``, ``f64 last`` (ticks that it
-covers), ``f64 ticks[rows]``, ``f32 data[columns][rows]``, ``u32 thinned``. A thinned frame holds,
-for each stretch of ticks, a row with the smallest and a row with the largest value of every
-signal: no spike is lost, but values of one row need not have been at one tick.
+A frame is little-endian: ``u32 rows``, ``u32 columns``, ``f64 first``, ``f64 last`` (first and last
+tick), ``f64 ticks[rows]``, ``f32 data[columns][rows]``, ``u32 thinned``. In a thinned frame, a run
+of ticks is replaced by two rows with the smallest and the largest value of every signal. Therefore,
+no spike is lost, but the values of one row can belong to different ticks.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What the page may load: its own files, no inline script or style, nothing from elsewhere."""
+"""The page may load only its own files, without inline scripts and styles."""
 
 _SECURITY_HEADERS = (
     (b"content-security-policy", CONTENT_SECURITY_POLICY.encode()),
@@ -40,7 +40,7 @@ _SECURITY_HEADERS = (
 
 
 def read_address(text: str, token: bool) -> tuple[str, int]:
-    """Read an address to listen on."""
+    """Return the host and the port of an address to listen on."""
     host, colon, port = text.rpartition(":")
     host = host.strip("[]") if colon else "127.0.0.1"
     try:
@@ -74,7 +74,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
 
 
 def allowed_host_names(host: str, port: int) -> frozenset[str]:
-    """Return what a browser may call the server, as in the header ``Host``."""
+    """Return the values of the header ``Host`` that the server accepts."""
     shown = f"[{host}]" if ":" in host else host
     names = {shown}
     if ipaddress.ip_address(host).is_loopback:
@@ -83,10 +83,11 @@ def allowed_host_names(host: str, port: int) -> frozenset[str]:
 
 
 class RequestGuard:
-    """Refuses requests that another site caused, and says what the page may load.
+    """Rejects requests from other sites, and adds the security headers to answers.
 
-    A name that leads to this machine by somebody else's name server is not among the names; a
-    request from another site's page carries its origin. A WebSocket without origin is refused too.
+    The header ``Host`` must be an allowed name. Therefore, DNS rebinding fails. A request from a
+    page of another site has a foreign origin and is rejected. A WebSocket without an origin is
+    rejected too.
     """
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
@@ -94,7 +95,7 @@ class RequestGuard:
         self._host_names = names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or refuse it."""
+        """Answer a request, or reject it."""
         if not self._is_allowed(scope):
             await _reject_request(scope, receive, send)
         else:
@@ -111,7 +112,7 @@ class RequestGuard:
 
 
 class MessageRateLimit:
-    """So many messages a second, and a few at once."""
+    """A limit on the message rate that allows short bursts (token bucket)."""
 
     def __init__(self, rate: float, most: int) -> None:
         self._rate_Hz = rate
@@ -120,7 +121,7 @@ class MessageRateLimit:
         self._last_time_s = time.monotonic()
 
     def try_take(self) -> bool:
-        """Use one message of the allowance; whether there was one."""
+        """Count one message; return whether it is within the limit."""
         now = time.monotonic()
         self._available = min(
             self._max_burst, self._available + self._rate_Hz * (now - self._last_time_s)
@@ -137,7 +138,7 @@ def _header(scope: Scope, name: bytes) -> list[str]:
 
 
 async def _reject_request(scope: Scope, receive: Receive, send: Send) -> None:
-    """Close a WebSocket before it opens, which is a 403 too, or answer 403."""
+    """Answer 403. For a WebSocket, closing it before it opens has the same effect."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008})
@@ -157,26 +158,27 @@ def _add_security_headers(send: Send) -> Send:
 
 
 MAX_FRAME_ROWS = 4000
-"""Rows that wait for one page; more are thinned to half of it."""
+"""Maximum number of rows in the queue of one page. If it is exceeded, rows are thinned to half of
+it."""
 
 _MAX_QUEUED_RUNS = 64
-"""Stretches without a missing tick that wait for one page; the oldest are let go."""
+"""Maximum number of runs in the queue of one page; the oldest ones are dropped."""
 
 _FRAME_HEADER = struct.Struct("<IIdd")
 _RUN_HEADER = struct.Struct("<I")
 
 
 class RowRun(NamedTuple):
-    """Rows between whose ticks none is missing."""
+    """Rows of consecutive ticks."""
 
-    first_tick: int  # ticks that they cover
+    first_tick: int  # first tick of the rows
     last_tick: int
     rows: FloatArray  # column 0 is the tick; shape (n, 1 + signals)
-    is_thinned: bool  # whether rows are the smallest and largest values of stretches
+    is_thinned: bool  # whether the rows are smallest and largest values
 
 
 def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
-    """Return the smallest and the largest of every column, stretch by stretch."""
+    """Return the smallest and the largest value of every column for each interval of rows."""
     if len(rows) <= max_rows:
         return rows
     stretch = -(-len(rows) // (max_rows // 2))
@@ -188,7 +190,7 @@ def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
 
 
 def encode_frame(run: RowRun) -> bytes:
-    """Return the frame of a run."""
+    """Return the frame of a run of rows."""
     rows = run.rows
     head = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
     ticks = rows[:, 0].astype("<f8").tobytes()
@@ -197,7 +199,7 @@ def encode_frame(run: RowRun) -> bytes:
 
 
 class RowQueue:
-    """What waits for one page: bounded, and whoever puts rows in never waits."""
+    """The rows that wait for one page. Its size is limited, and adding rows never blocks."""
 
     def __init__(self, most: int = MAX_FRAME_ROWS, every: int = 1) -> None:
         self._max_rows = most
@@ -207,11 +209,11 @@ class RowQueue:
 
     @property
     def waiting(self) -> int:
-        """Rows that wait."""
+        """Number of waiting rows."""
         return sum(len(run.rows) for run in self._runs)
 
     def put(self, rows: FloatArray) -> None:
-        """Add rows; thin what waits where it has become too much."""
+        """Add rows; thin the waiting rows if the queue is full."""
         if not len(rows):
             return
         breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
@@ -224,7 +226,7 @@ class RowQueue:
                 self._runs = deque(_thin_run(run, share) for run in kept)
 
     def take_all(self) -> list[RowRun]:
-        """Return all that waits, and forget it."""
+        """Return all waiting rows and empty the queue."""
         with self._lock:
             runs, self._runs = list(self._runs), deque()
         return runs

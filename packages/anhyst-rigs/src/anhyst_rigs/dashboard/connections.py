@@ -1,10 +1,9 @@
-"""Connections at the server of a page: each has to send its requests in time.
+"""Close connections of browsers that do not send their requests in time.
 
-A connection waits while its request is not complete: before the first byte, within the header or
-the body, and between two requests. Bytes that arrive do not extend this time. If too many
-connections wait, the server closes the oldest ones of the client that has most of them. Therefore,
-clients that open connections and send nothing do not keep others out. An open WebSocket does not
-wait.
+A connection waits while its request is incomplete: before the first byte, within the header or the
+body, and between two requests. Arriving bytes do not extend the time limit. If too many connections
+wait, the server closes the oldest ones of the client that has most of them. Therefore, clients that
+open connections and send nothing do not block others. An open WebSocket does not wait.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MAX_WAIT_S = 5.0
-"""Time in which a request must be complete, s; uvicorn's own time between two requests."""
+"""Time limit for a complete request, s; the same as uvicorn's own limit between two requests."""
 
 MIN_WAIT_S = 0.5
-"""Time for which a connection may wait in any case, s: requests of browsers are there by then."""
+"""Time for which every connection may wait, s. Requests of browsers arrive within this time."""
 
 MAX_WAITING = 32
-"""Connections that may wait for longer than that at a time; a browser opens six."""
+"""Maximum number of connections that wait longer than that. A browser opens six."""
 
 
 def make_quiet_server(app: ASGIApp, **options: Any) -> uvicorn.Server:
-    """Return a server that says nothing of itself, on the terminal or to browsers."""
+    """Return a server that logs nothing and does not name itself in its answers."""
     config = uvicorn.Config(
         app,
         http=Connection,
@@ -43,7 +42,7 @@ def make_quiet_server(app: ASGIApp, **options: Any) -> uvicorn.Server:
 
 
 class Connection(H11Protocol):
-    """A connection of a browser, which is closed if its request does not come."""
+    """A connection of a browser that closes if its request does not arrive in time."""
 
     _timer: asyncio.TimerHandle | None = None
 
@@ -53,12 +52,12 @@ class Connection(H11Protocol):
         return self.client[0] if self.client else ""
 
     def drop(self) -> None:
-        """Close it whatever its client still has to send or to read."""
+        """Close the connection immediately, without waiting for pending data."""
         self._stop_waiting()
         self.transport.abort()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for the first request."""
+        """Start waiting for the first request."""
         super().connection_made(transport)
         self._follow_request()
         self._close_oldest_waiting()
@@ -69,12 +68,12 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Go on waiting if the request is not complete."""
+        """Continue to wait if the request is incomplete."""
         super().data_received(data)
         self._follow_request()
 
     def on_response_complete(self) -> None:
-        """Begin to wait for the next request."""
+        """Start waiting for the next request."""
         super().on_response_complete()
         self._follow_request()
 
@@ -92,11 +91,11 @@ class Connection(H11Protocol):
             self._timer = None
 
     def _close_oldest_waiting(self) -> None:
-        """Close connections that have waited for long, if there are too many of them."""
+        """Close the oldest waiting connections if there are too many of them."""
         connections: set[Any] = self.connections
         latest_start = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
         waiting = {
-            connection: until  # time of the event loop at which it is closed, s
+            connection: until  # time of the event loop at which the connection is closed, s
             for connection in connections
             if isinstance(connection, Connection)
             and connection._timer is not None

@@ -1,4 +1,8 @@
-"""The signal generator, shapes that repeat and waves that end, and a bench whose target it moves."""
+"""Generate signals that are added to the target of a bench.
+
+:class:`PeriodicWave` repeats a shape. :class:`Chirp` and :class:`WaveTable` end.
+:class:`DrivenBench` adds the signal to the target of another bench every millisecond.
+"""
 
 from __future__ import annotations
 
@@ -20,21 +24,21 @@ WAVE_SHAPES: Mapping[str, Callable[[float], float]] = {
     "triangle": lambda part: 1.0 - abs(4.0 * ((part + 0.25) % 1.0) - 2.0),
     "sine": lambda part: math.sin(2.0 * math.pi * part),
 }
-"""Each over a period from 0 to 1, between -1 and 1."""
+"""Value of each shape, -1 to 1, over a period from 0 to 1."""
 
 LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
 
 
 @dataclass(frozen=True, slots=True)
 class PeriodicWave:
-    """A shape around the target."""
+    """A periodic signal around the target."""
 
-    shape: str  # one of :data:`SHAPES`
-    amplitude: float  # from the target to the peak, m or N as the target is; 0 or more
+    shape: str  # one of :data:`WAVE_SHAPES`
+    amplitude: float  # distance between target and peak, unit of the target; 0 or more
     frequency: float  # Hz, 0.01 to 50
-    begin: int  # tick at which the first period begins
+    start_tick: int  # tick at which the first period starts
 
-    lasts: ClassVar[float] = math.inf
+    duration_s: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
         if self.shape not in WAVE_SHAPES:
@@ -56,33 +60,33 @@ class PeriodicWave:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest of what it adds."""
+        """Smallest and largest value of the signal, unit of the target."""
         return -self.amplitude, self.amplitude
 
     def value_at(self, tick: int, rate: float) -> float:
-        """Return what is added to the target at a tick."""
+        """Return the value at a tick, unit of the target."""
         return self.amplitude * WAVE_SHAPES[self.shape](
-            ((tick - self.begin) * self.frequency / rate) % 1.0
+            ((tick - self.start_tick) * self.frequency / rate) % 1.0
         )
 
     def as_dict(self) -> dict[str, float | str]:
-        """Return what a page shows of it."""
+        """Return the description that a page shows."""
         return {"shape": self.shape, "amplitude": self.amplitude, "frequency": self.frequency}
 
 
-MAX_CHIRP_DURATION_S = 3600.0
+MAX_WAVE_DURATION_S = 3600.0
 _MIN_TABLE_ROWS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """A sine around the target whose frequency goes from one to another, in equal times per octave."""
+    """A sine around the target whose frequency changes at a constant number of octaves per second."""
 
-    amplitude: float  # m or N as the target is; 0 or more
-    low: float  # frequency at its begin and its end, Hz; 0.01 to 50, either may be the larger one
+    amplitude: float  # unit of the target; 0 or more
+    low: float  # frequencies at the start and at the end, Hz; 0.01 to 50, in any order
     high: float
-    lasts: float  # s, up to 3600
-    begin: int  # tick at which it begins
+    duration_s: float  # s, up to 3600
+    start_tick: int  # tick at which the chirp starts
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
@@ -96,70 +100,70 @@ class Chirp:
                     code="out-of-range",
                     key="frequency",
                 )
-        if not 1.0 / min(self.low, self.high) <= self.lasts <= MAX_CHIRP_DURATION_S:
+        if not 1.0 / min(self.low, self.high) <= self.duration_s <= MAX_WAVE_DURATION_S:
             raise InputError(
-                f"chirp: it lasts {self.lasts:g} s; choose at least a period of its slowest sine, "
-                f"{1.0 / min(self.low, self.high):g} s, and at most {MAX_CHIRP_DURATION_S:g} s",
+                f"chirp: it lasts {self.duration_s:g} s; choose at least a period of its slowest sine, "
+                f"{1.0 / min(self.low, self.high):g} s, and at most {MAX_WAVE_DURATION_S:g} s",
                 code="out-of-range",
                 key="lasts",
             )
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest of what it adds."""
+        """Smallest and largest value of the signal, unit of the target."""
         return -self.amplitude, self.amplitude
 
     def value_at(self, tick: int, rate: float) -> float:
-        """Return what is added to the target at a tick."""
-        time = (tick - self.begin) / rate
-        octaves = math.log(self.high / self.low) / self.lasts
+        """Return the value at a tick, unit of the target."""
+        time = (tick - self.start_tick) / rate
+        octaves = math.log(self.high / self.low) / self.duration_s
         cycles = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
         return self.amplitude * math.sin(2.0 * math.pi * self.low * cycles)
 
     def as_dict(self) -> dict[str, float | str]:
-        """Return what a page shows of it."""
+        """Return the description that a page shows."""
         return {
             "shape": "chirp",
             "amplitude": self.amplitude,
             "low": self.low,
             "high": self.high,
-            "lasts": self.lasts,
+            "lasts": self.duration_s,
         }
 
 
 @dataclass(frozen=True, slots=True)
 class WaveTable:
-    """Values over time that are added to the target, straight between its rows."""
+    """A table of values over time that are added to the target, with linear interpolation."""
 
-    times: FloatArray  # s; from 0 on, rising; shape (n,)
-    values: FloatArray  # m or N as the target is; shape (n,)
-    begin: int  # tick at which it begins
+    times: FloatArray  # s; ascending from 0; shape (n,)
+    values: FloatArray  # unit of the target; shape (n,)
+    start_tick: int  # tick at which the table starts
 
     @property
-    def lasts(self) -> float:
+    def duration_s(self) -> float:
         """Time of the last row, s."""
         return float(self.times[-1])
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest of what it adds, m or N."""
+        """Smallest and largest value of the signal, unit of the target."""
         return float(self.values.min()), float(self.values.max())
 
     def value_at(self, tick: int, rate: float) -> float:
-        """Return what is added to the target at a tick."""
-        return float(np.interp((tick - self.begin) / rate, self.times, self.values))
+        """Return the value at a tick, unit of the target."""
+        return float(np.interp((tick - self.start_tick) / rate, self.times, self.values))
 
     def as_dict(self) -> dict[str, float | str]:
-        """Return what a page shows of it."""
-        return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.lasts}
+        """Return the description that a page shows."""
+        return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.duration_s}
 
 
 Wave = PeriodicWave | Chirp | WaveTable
-"""What is added to the target."""
+"""A signal that is added to the target."""
 
 
 def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
-    """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers."""
+    """Read a CSV of the user: a header ``t_s,gap_um`` with units, then rows of two numbers."""
     lines = [
         (number, [cell.strip() for cell in line.split(",")])
         for number, line in enumerate(text.splitlines(), 1)
@@ -185,9 +189,9 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
                 f"own CSV: line {number}: the time does not begin at 0", code="time-not-from-zero"
             )
         rows.append((time, value))
-    if len(rows) < _MIN_TABLE_ROWS or rows[-1][0] > MAX_CHIRP_DURATION_S:
+    if len(rows) < _MIN_TABLE_ROWS or rows[-1][0] > MAX_WAVE_DURATION_S:
         raise InputError(
-            f"own CSV: {len(rows)} rows; at least {_MIN_TABLE_ROWS} and at most {MAX_CHIRP_DURATION_S:g} s are needed",
+            f"own CSV: {len(rows)} rows; at least {_MIN_TABLE_ROWS} and at most {MAX_WAVE_DURATION_S:g} s are needed",
             code="rows-out-of-range",
         )
     table = np.array(rows)
@@ -232,11 +236,11 @@ def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[
 
 
 _CHUNK_S = 0.001
-"""Between two targets of a generator, s of the bench."""
+"""Time between two updates of the target by a generator, s of the bench."""
 
 
 class DrivenBench(Bench):
-    """A bench around another: generator, target and load kept."""
+    """A bench that adds a generator to another bench and remembers the target and the load."""
 
     def __init__(
         self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
@@ -253,7 +257,7 @@ class DrivenBench(Bench):
         self._on_refusal = refused
         self._on_event = happened
         self.load_N: float | None = None
-        self.generator: Wave | None = None  # added to the target
+        self.generator: Wave | None = None  # signal that is added to the target
         self._bench = bench
         self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
 
@@ -263,7 +267,7 @@ class DrivenBench(Bench):
         return self._bench.tick
 
     def advance(self, ticks: int) -> FloatArray:
-        """Go on; a generator that runs sets the target every millisecond."""
+        """Advance the bench; an active generator sets the target every millisecond."""
         chunks, end = [], self.tick + ticks
         while self.tick < end:
             remaining_ticks = end - self.tick
@@ -282,7 +286,7 @@ class DrivenBench(Bench):
 
     def _set_target(self, generator: Wave) -> None:
         try:
-            if self.tick + 1 - generator.begin > generator.lasts * self.rate:
+            if self.tick + 1 - generator.start_tick > generator.duration_s * self.rate:
                 self.generate(None)
                 self._on_refusal("it is over")
             else:
@@ -292,7 +296,7 @@ class DrivenBench(Bench):
             self._on_refusal(str(refused))
 
     def generate(self, generator: Wave | None) -> None:
-        """Start a generator around the target, or stop it and go back to the target."""
+        """Start a generator, or stop it and return to the target."""
         if generator is not None:
             self._check(self.target, generator)
         elif self.generator is None:
@@ -311,19 +315,19 @@ class DrivenBench(Bench):
             )
 
     def demand(self, value: float) -> None:
-        """Set the target, m or N; a generator goes on around it."""
+        """Set the target, m or N; an active generator continues around it."""
         if self.generator is not None:
             self._check(value, self.generator)
         self._bench.demand(value)
         self.target = value
 
     def load(self, force: float) -> None:
-        """Command a force to the load drive, N."""
+        """Set the force of the load drive, N."""
         self._bench.load(force)
         self.load_N = force
 
     def command(self, command: Command) -> None:
-        """Give a command. A stop ends the generator too, and a run of force begins at zero."""
+        """Send a command. STOP also ends the generator. RUN sets the target to 0."""
         if command is Command.STOP:
             self.generator = None
         self._bench.command(command)
@@ -331,13 +335,13 @@ class DrivenBench(Bench):
             self.target = 0.0
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed."""
+        """Return all parameters that can be changed."""
         return self._bench.parameters()
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force together; returns the first tick that uses them."""
+        """Apply parameters at the same tick; return the first tick that uses them."""
         return self._bench.apply(values)
 
     def close(self) -> None:
-        """Let go of the rig."""
+        """Close the rig."""
         self._bench.close()

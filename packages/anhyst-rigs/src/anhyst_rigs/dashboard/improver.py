@@ -1,6 +1,7 @@
-"""The model beside a bench that runs: held against its rows, measured and identified anew, swapped.
+"""Improve the model of a running bench: measure loops, identify, compile and swap.
 
-Long work is done in a process of its own, while the bench goes on: progress, an end, cancelling.
+Long computations run in a separate process while the bench continues. They report their progress
+and can be cancelled.
 """
 
 from __future__ import annotations
@@ -35,17 +36,18 @@ from anhyst_rigs.study.improve import (
 from anhyst_rigs.study.prepared_benches import Improvable, PreparedBoard
 
 Work = Callable[..., Mapping[str, Any]]
-"""Called with a :data:`anhyst.support.jobs.Progress` and what else was given; of a module."""
+"""A function of a module. It is called with a :data:`anhyst.support.jobs.Progress` and its
+arguments."""
 
 OnEnd = Callable[[Mapping[str, Any] | str], None]
-"""Called with the result, or with the reason why there is none."""
+"""Called with the result, or with the reason why there is no result."""
 
 _PROCESS_NICENESS = 10
-"""The bench goes before."""
+"""Niceness of the process: the bench has priority."""
 
 
 class ProcessJob:
-    """A piece of work under way."""
+    """A computation in a separate process."""
 
     def __init__(self, work: Work, *given: Any, ended: OnEnd) -> None:
         self.share = 0.0
@@ -61,14 +63,14 @@ class ProcessJob:
         self._thread.start()
 
     def cancel(self) -> None:
-        """End it without a result."""
+        """End the process without a result."""
         self._cancelled = True
         self._started.wait()
         self._process.kill()
         self._thread.join()
 
     def _listen(self) -> None:
-        self._process.start()  # takes a while, for which whoever asked does not wait
+        self._process.start()  # takes some time; the caller does not wait for it
         self._sender.close()
         self._started.set()
         outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
@@ -87,7 +89,7 @@ class ProcessJob:
 
 
 def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C ends the server, which ends this
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     if hasattr(os, "nice"):
         os.nice(_PROCESS_NICENESS)
 
@@ -101,21 +103,21 @@ def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) 
 
 
 _CANCEL_TIMEOUT_S = 5.0
-"""For the controller to be stopped and its settings to be put back when the session ends, s."""
+"""Maximum time to stop the controller and to restore its settings at the end of the session, s."""
 
 
 class OperatorSeat(DrivenBoard, Protocol):
-    """A place at the controller that runs."""
+    """Access to the running controller for a measurement."""
 
     def cancel(self) -> None:
-        """Let the next look at it raise, once: who measures then stops the controller."""
+        """Make the next access raise an error once. The measurement then stops the controller."""
 
     def close(self) -> None:
-        """Leave it."""
+        """Give up the access."""
 
 
 class BoardJob:
-    """A measurement under way."""
+    """A measurement on the running controller."""
 
     def __init__(
         self,
@@ -130,11 +132,11 @@ class BoardJob:
         self._thread.start()
 
     def cancel(self) -> None:
-        """Let it end without a result, once the controller is stopped."""
+        """End the measurement without a result after the controller has stopped."""
         self._seat.cancel()
 
     def wait(self) -> None:
-        """Wait until it has left the controller; not in the thread of the bench."""
+        """Wait until the measurement has ended. Must not be called in the thread of the bench."""
         self._thread.join(_CANCEL_TIMEOUT_S)
 
     def _run(self) -> None:
@@ -152,17 +154,17 @@ class BoardJob:
 
 @runtime_checkable
 class BlockHolder(Protocol):
-    """A bench beyond :class:`anhyst_rigs.rig.bench.protocol.Bench`: it holds a parameter block."""
+    """A bench with a parameter block, in addition to :class:`anhyst_rigs.rig.bench.protocol.Bench`."""
 
     def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
+        """Return the active parameter block."""
 
     def swap_block(self, words: Sequence[int]) -> int:
-        """Download another parameter block and put it in force between two ticks."""
+        """Download another parameter block and activate it between two ticks; return the tick."""
 
 
 IMPROVEMENT_STEPS = ("measure", "identify", "compile", "swap")
-"""In this order."""
+"""The steps in their order."""
 
 _REQUIRED_STEP = {
     "identify": "measure",
@@ -170,14 +172,14 @@ _REQUIRED_STEP = {
     "swap": "compile",
     "files": "measure",
 }
-"""What each needs the result of."""
+"""The step whose result each step requires."""
 
 _STEP_ORDERS = (*IMPROVEMENT_STEPS, "back", "cancel", "files", "watch")
-"""Whatever a page may ask for."""
+"""All orders of a page to the improver."""
 
 
 class Improver:
-    """What has been measured and found beside a bench, and the one job that may be under way."""
+    """The results of the steps for a bench, and at most one running job."""
 
     def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
         self.known_model = make_model_with_loops(prepared.measured_loops, prepared.model)
@@ -189,28 +191,28 @@ class Improver:
         self._step, self._error_text, self._start_time = "", "", 0.0
         self._new_block: list[int] = []
         self._active_block: list[int] = []
-        self._first_block = self.known_model
+        self._first_model = self.known_model
         self._new_model: ModelWithLoops | None = None
         self._previous: tuple[list[int], ModelWithLoops] | None = None
 
     @property
     def folder(self) -> Path:
-        """Folder of the files that the steps leave."""
+        """Folder for the files of the steps."""
         return Path(self._folder.name)
 
     def limits(self) -> Mapping[str, Any]:
-        """Return what a drive will keep to."""
+        """Return the limits that a measurement observes."""
         return excitation_limits(self._prepared)
 
     @property
     def is_driving(self) -> bool:
-        """Whether a measurement drives the controller that runs."""
+        """Whether a measurement drives the running controller."""
         return isinstance(self._job, BoardJob)
 
     def measure(
         self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]
     ) -> None:
-        """Begin to measure loops, with some limits drawn tighter."""
+        """Start measuring loops, with some limits tightened."""
         prepared, folder = self._prepared, self.folder
         tighten_limits(prepared.specimen(), tighter_limits)
         if not isinstance(prepared, PreparedBoard):
@@ -223,15 +225,15 @@ class Improver:
         self._start_job("measure", lambda ended: BoardJob(work, seat, ended))
 
     def identify(self) -> None:
-        """Begin to identify a model of the loops."""
+        """Start identifying a model from the loops."""
         self._start_process_job("identify", identify_model, self.known_model.model)
 
     def compile(self) -> None:
-        """Begin to compile the model for the running board."""
+        """Start compiling the model for the running board."""
         self._start_process_job("compile", compile_block)
 
     def swap(self) -> int:
-        """Put the new model in force; in the thread of the bench."""
+        """Activate the new model; return the tick. Must be called in the thread of the bench."""
         self._check("swap")
         assert self._new_model is not None
         tick = self._swap_block(self._new_block, self._new_model)
@@ -239,18 +241,18 @@ class Improver:
         return tick
 
     def swap_back(self) -> int:
-        """Put in force what was before the last swap; in the thread of the bench."""
+        """Activate the model before the last swap. Must be called in the thread of the bench."""
         self._check("back")
         assert self._previous is not None
         return self._swap_block(*self._previous)
 
     def model_to_monitor(self) -> ModelWithLoops:
-        """Return the model that the rows of the bench can be held against."""
+        """Return the model with which the rows of the bench can be compared."""
         self._check("watch")
         return self.known_model
 
     def cancel(self) -> None:
-        """End the job that is under way, without a result; one that drives stops the rig first."""
+        """End the running job without a result; a measurement first stops the rig."""
         if isinstance(self._job, BoardJob):
             self._job.cancel()
             return
@@ -260,13 +262,13 @@ class Improver:
             self._error_text = f"{self._step}: cancelled"
 
     def files(self) -> Mapping[str, str]:
-        """Return the text of all files that the steps left, by name."""
+        """Return the text of all files of the steps, by name."""
         names = (LOOPS_FILE, str(Path(LOOPS_FILE).with_suffix(".toml")), MODEL_FILE)
         paths = [self.folder / name for name in names]
         return {path.name: path.read_text("utf-8") for path in paths if path.exists()}
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows while a step is under way."""
+        """Return the state of the running step for a page."""
         job = self._job
         return {
             "step": self._step if job is not None else "",
@@ -279,7 +281,7 @@ class Improver:
         }
 
     def _refusal_reason(self, step: str) -> InputError | None:
-        """Return why a step cannot be done now, or None where it can."""
+        """Return why a step is not possible now, or None if it is possible."""
         needed, code, why = _REQUIRED_STEP.get(step), "step-missing", ""
         if step == "watch" and not self._prepared.has_single_magnet:
             code = "force-of-a-pair"
@@ -299,7 +301,7 @@ class Improver:
             raise why
 
     def close(self) -> None:
-        """End a job and forget the files."""
+        """End the job and delete the files."""
         job = self._job
         self.cancel()
         if isinstance(job, BoardJob):
@@ -307,10 +309,13 @@ class Improver:
         self._folder.cleanup()
 
     def check_after_reconnect(self) -> None:
-        """See whether a controller that was lost still has what was swapped in; in its thread."""
+        """Forget the swap if a returned controller has lost the swapped block.
+
+        Must be called in the thread of the bench.
+        """
         if self._previous is None or self._bench.read_block() == self._active_block:
             return
-        self.known_model = self._first_block
+        self.known_model = self._first_model
         self._previous = None
         self.results = {name: one for name, one in self.results.items() if name != "swap"}
 
@@ -335,7 +340,7 @@ class Improver:
         self._job = make(ended)
 
     def _store_result(self, step: str, result: Mapping[str, Any]) -> None:
-        """Keep what a step left; what came after it before counts no more."""
+        """Store the result of a step and discard the results of later steps."""
         shown = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
             self._new_block = list(result["words"])
@@ -345,10 +350,10 @@ class Improver:
             step: shown,
         }
 
-    def _swap_block(self, block: Sequence[int], known: ModelWithLoops) -> int:
+    def _swap_block(self, block: Sequence[int], model: ModelWithLoops) -> int:
         old_block = self._bench.read_block()
         self._active_block = set_generation(block, (old_block[GENERATION_INDEX] + 1) & 0xFFFF)
         tick = self._bench.swap_block(self._active_block)
         self._previous = old_block, self.known_model
-        self.known_model = known
+        self.known_model = model
         return tick

@@ -1,4 +1,4 @@
-"""What a page may ask for, and what each order does; run between two stretches of the bench."""
+"""Execute the orders of a page between two chunks of ticks."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from anhyst_rigs.dashboard.sets import FILE_SUFFIX, changed_values
 from anhyst_rigs.rig.bench.protocol import DemandRange, Parameter, Signal
 
 _MAX_QUEUED_CHUNKS = 1000
-"""That wait to be looked at; more than what a measurement is ever late by."""
+"""Maximum number of chunks that wait for a measurement; larger than its largest delay."""
 
 _CHUNK_TIMEOUT_S = 0.1
-"""For a chunk, before it is seen whether the controller is lost, s."""
+"""Maximum waiting time for a chunk, s. After it, the measurement checks whether the controller is
+lost."""
 
 
 class SessionSeat:
-    """The bench of a session as who measures needs it: all is done between its chunks.
+    """Access of a measurement to the bench of a session (an `OperatorSeat`).
 
-    A :class:`anhyst_rigs.dashboard.improver.Seat`.
+    All calls to the bench are executed between two chunks.
     """
 
     def __init__(self, session: LiveSession) -> None:
@@ -43,11 +44,11 @@ class SessionSeat:
 
     @property
     def loss_reason(self) -> str:
-        """Why the controller is looked for; empty while it answers."""
+        """Why the controller is lost; empty while it responds."""
         return self._session.bench.loss_reason
 
     def advance(self, ticks: int) -> FloatArray:
-        """Return what came; mostly as much as was asked for, and nothing of a lost controller."""
+        """Return the next rows: usually the requested number, and none from a lost controller."""
         parts = [np.empty((0, 1 + len(self.signals)))]
         while sum(map(len, parts)) * self.ticks_per_row < ticks:
             if self._cancelled.is_set():
@@ -65,7 +66,7 @@ class SessionSeat:
         return np.concatenate(parts)
 
     def command(self, command: Command) -> None:
-        """Give a command."""
+        """Send a command."""
 
         def act() -> None:
             self._session.bench.command(command)
@@ -74,11 +75,11 @@ class SessionSeat:
         self._session.run_between_chunks(act)
 
     def demand(self, value: float) -> None:
-        """Demand a force, N."""
+        """Set the demanded force, N."""
         self._session.run_between_chunks(lambda: self._session.bench.demand(value))
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the settings, with the values in force."""
+        """Return the settings with their active values."""
         return self._session.parameters
 
     def apply(self, values: Mapping[str, float]) -> int:
@@ -86,11 +87,11 @@ class SessionSeat:
         return self._session.run_between_chunks(lambda: self._session.apply(values))
 
     def cancel(self) -> None:
-        """Let the next look at it raise, once: who measures then stops the controller."""
+        """Make the next access raise an error once. The measurement then stops the controller."""
         self._cancelled.set()
 
     def close(self) -> None:
-        """Leave it."""
+        """Give up the access."""
         self._rows.close()
 
 
@@ -99,7 +100,7 @@ _StepAction = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
 def perform_improvement_step(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Do a step, as ``step`` of a message says."""
+    """Execute the field ``step`` of a message."""
     step = str(fields.get("step"))
     action = _STEP_ACTIONS.get(step)
     if action is None:
@@ -136,7 +137,7 @@ def _swap_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction
         session.log_change(who, text)
         session.curves = improver.known_model.curves
         if session.monitored_model is not None:
-            session.monitor(improver.model_to_monitor())  # anew: another model came into force
+            session.monitor(improver.model_to_monitor())  # restart with the new model
         return {"applied": tick}
 
     return act
@@ -169,12 +170,12 @@ _STEP_ACTIONS: Mapping[str, _StepAction] = {
 
 OrderAction = Callable[[LiveSession, str, Fields], Fields]
 
-_MAX_SWITCHES = 200
-"""Parameters in one message."""
+_MAX_STAGED_PARAMETERS = 200
+"""Maximum number of parameters in one message."""
 
 
 def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Do what a message asks for; to be called in the thread of the bench."""
+    """Execute the order of a message. Must be called in the thread of the bench."""
     action = _ORDER_ACTIONS.get(str(fields.get("do")))
     if action is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
@@ -238,7 +239,7 @@ def _wave(session: LiveSession, fields: Fields) -> Wave:
 
 def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     staged = fields.get("values")
-    if not isinstance(staged, dict) or not 1 <= len(staged) <= _MAX_SWITCHES:
+    if not isinstance(staged, dict) or not 1 <= len(staged) <= _MAX_STAGED_PARAMETERS:
         raise InputError("values: names no parameter", code="missing", key="values")
     values = {str(name): read_finite_number(staged, name) for name in staged}
     tick = session.apply(values)
@@ -296,7 +297,7 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 
 
 def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Learn from the motion on or off, or forget what was learnt."""
+    """Start or stop learning from the motion, or discard the estimates."""
     learner = session.learner
     if learner is None:
         raise InputError(
@@ -321,12 +322,12 @@ def _save_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 
 
 def _read_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    held = session.sets.read(str(fields.get("name")))
-    return {"parameters": held, "differing": changed_values(session.parameters, held)}
+    saved = session.sets.read(str(fields.get("name")))
+    return {"parameters": saved, "differing": changed_values(session.parameters, saved)}
 
 
 ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read set": _read_set}
-"""What touches the disk and not the bench, which does not wait for it."""
+"""Orders that access the disk and not the bench. The bench does not wait for them."""
 
 _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "command": _command,
@@ -342,5 +343,5 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
 
 
 def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the parameters as a page gets them."""
+    """Return the description of the parameters for a page."""
     return [parameter._asdict() for parameter in session.parameters]

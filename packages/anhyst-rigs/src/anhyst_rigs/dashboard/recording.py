@@ -1,4 +1,8 @@
-"""Recordings of a bench: what is kept of the last seconds, what is written from when until when, files."""
+"""Record the ticks of a bench to files.
+
+:class:`TickRecorder` buffers the last seconds and writes a recording from a given start to a given
+end, or from a level crossing. :class:`MdfRecorder` and :class:`CsvRecorder` write the files.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 
 _BLOCK_HEADER = struct.Struct("<4s4xQQ")
-"""Of every block: name, length, number of links."""
+"""Header of an MDF block: name, length, number of links."""
 
 _IDENTIFICATION = struct.pack("<8s8s8s4xH34x", b"MDF     ", b"4.10    ", b"anhyst  ", 410)
 _UTC_OFFSETS_VALID, _FLOAT_TYPE, _MASTER_CHANNEL, _TIME_SYNC = 2, 4, 2, 1
@@ -28,7 +32,7 @@ _MARKER_EVENT, _CAUSED_BY_USER = 6, 4
 
 
 class RecordingFile(ABC):
-    """A new file that rows and notes are written to as they come."""
+    """A new file for rows and notes, which are written when they arrive."""
 
     def __init__(self, path: Path, rate: float) -> None:
         self.path = path
@@ -39,11 +43,11 @@ class RecordingFile(ABC):
 
     @abstractmethod
     def write_rows(self, rows: FloatArray) -> None:
-        """Write rows, column 0 the tick."""
+        """Write rows; column 0 is the tick."""
 
     @abstractmethod
     def write_note(self, tick: int, text: str) -> None:
-        """Write what was changed after a tick."""
+        """Write a note about a change after a tick."""
 
     def close(self) -> None:
         """Close the file."""
@@ -51,21 +55,21 @@ class RecordingFile(ABC):
 
 
 class MdfRecorder(RecordingFile):
-    """Writes rows and notes to an MDF 4.1 file; a kill leaves a readable one.
+    """Writes rows and notes to an MDF 4.1 file that is readable even if the process is killed.
 
-    Blocks are appended first and linked then, so that a reader at any moment finds whole ones.
-    Every signal is a channel of 64-bit floats; a note is a marker at its tick.
+    Each block is written before it is linked, so that a reader always finds complete blocks. Every
+    signal is a channel of 64-bit floats. A note is a marker at its tick.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
         self._end = 0
         self._next_data = self._next_event = self._count = 0
-        self._data = (0, 0)  # place of the block of data under way, and its length
+        self._data = (0, 0)  # address and length of the current data block
         self._write_header(signals)
 
     def write_rows(self, rows: FloatArray) -> None:
-        """Write rows, column 0 the tick."""
+        """Write rows; column 0 is the tick."""
         body = np.column_stack((rows[:, 0] / self._rate, rows)).astype("<f8").tobytes()
         with self._lock:
             if not self._data[0]:
@@ -78,7 +82,7 @@ class MdfRecorder(RecordingFile):
             self._write_address(self._count, self.rows)
 
     def write_note(self, tick: int, text: str) -> None:
-        """Mark a tick, such as that after which something was changed."""
+        """Write a marker at a tick."""
         with self._lock:
             name = self._write_text(" ".join(text.split()))
             event = self._write_block(
@@ -103,7 +107,7 @@ class MdfRecorder(RecordingFile):
             self._data = (0, 0)
 
     def _write_header(self, signals: Sequence[Signal]) -> None:
-        """Write all that stands before the rows: header, history, the group and its channels."""
+        """Write everything before the rows: header, history, channel group and channels."""
         now = time.time_ns()
         self._write_bytes(_IDENTIFICATION)
         header = self._write_block(
@@ -149,7 +153,7 @@ class MdfRecorder(RecordingFile):
         return self._write_block(b"CN", links, body)
 
     def _open_data(self, before: int) -> None:
-        """Begin a block of data at the end, behind a list that the one before is linked to."""
+        """Start a new data block at the end, with a list block that the previous list links to."""
         address = self._end + _BLOCK_HEADER.size + 2 * 8 + struct.calcsize("<B3xIQ")
         listed = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
         self._data = self._write_block(b"DT", (), b""), _BLOCK_HEADER.size
@@ -160,7 +164,7 @@ class MdfRecorder(RecordingFile):
         return self._write_block(kind, (), text.encode() + b"\0")
 
     def _write_block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
-        """Append a block and return its place."""
+        """Append a block and return its address."""
         address, size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
         head = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(
             f"<{len(links)}Q", *links
@@ -182,14 +186,15 @@ class MdfRecorder(RecordingFile):
 
 
 HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
-"""Names under which a recording's columns are read as a measurement; others keep theirs."""
+"""Column names with which a recording can be read as a measurement; other signals keep their names.
+"""
 
 
 class CsvRecorder(RecordingFile):
-    """Writes rows as they come, whole lines at a time; a kill leaves a readable file.
+    """Writes complete lines to a CSV file that is readable even if the process is killed.
 
-    Every number is written so that it reads back as it was, bit for bit, and whole ones without a
-    point; what is not finite is written as ``nan``.
+    Numbers are read back bit for bit. Integers are written without a decimal point, and values that
+    are not finite as ``nan``.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
@@ -198,14 +203,14 @@ class CsvRecorder(RecordingFile):
         self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
 
     def write_rows(self, rows: FloatArray) -> None:
-        """Write rows, column 0 the tick."""
+        """Write rows; column 0 is the tick."""
         ticks = rows[:, :1]
         table = np.hstack((ticks, ticks / self._rate, rows[:, 1:]))
         self._write(_format_rows(table))
         self.rows += len(rows)
 
     def write_note(self, tick: int, text: str) -> None:
-        """Write a line between the rows; readers take it as a comment."""
+        """Write a comment line between the rows."""
         self._write(f"# after tick {tick}, {' '.join(text.split())}\n".encode())
 
     def _write(self, lines: bytes) -> None:
@@ -222,7 +227,7 @@ _RECORDERS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
 
 
 def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
-    """Begin a recording in a new file, of the kind that its name says."""
+    """Create the file of a recording; its suffix selects the format."""
     kind = _RECORDERS.get(path.suffix.lower())
     if kind is None:
         raise InputError(
@@ -240,7 +245,7 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
 
 
 def _format_rows(table: FloatArray) -> bytes:
-    """Return rows as lines; a JSON writer is ten times as fast as formatting in Python."""
+    """Return rows as lines. The JSON writer is ten times faster than formatting in Python."""
     text = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2] + b"\n"
     for old, new in ((b"],[", b"\n"), (b".0,", b","), (b".0\n", b"\n"), (b"null", b"nan")):
         text = text.replace(old, new)
@@ -248,26 +253,26 @@ def _format_rows(table: FloatArray) -> bytes:
 
 
 def column_header(signal: Signal) -> str:
-    """Return the head of the column of a signal, with its unit."""
+    """Return the column header of a signal, with its unit."""
     unit = signal.unit.replace("/", "_per_").replace("^", "")
     return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)
 
 
 BUFFER_S = 10.0
-"""Of every tick, s of the bench."""
+"""Duration of the buffer with every tick, s of the bench."""
 
 MAX_RECORDING_S = 86400.0
 
 _BUFFER_SLACK_S = 1.0
 _ROWS_PER_WRITE = 4000
-"""Rows of the past that are written between two chunks of the bench."""
+"""Maximum number of buffered rows that are written between two chunks of the bench."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
 _MAX_WRITE_DELAY_S = 0.1
 
 
 class RingBuffer:
-    """The last rows, at full rate."""
+    """The last rows, with every tick."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self.total = 0
@@ -285,40 +290,40 @@ class RingBuffer:
         self.total += len(rows)
 
     def read(self, first: int, last: int) -> FloatArray:
-        """Return the rows ``first`` to before ``last``, counted from the first that ever came."""
+        """Return the rows ``first`` to ``last - 1``, numbered from the first row of the session."""
         return self._rows[np.arange(first, last) % len(self._rows)]
 
     def find_tick(self, tick: int) -> int:
-        """Return the number of the first row that is held at or after a tick."""
+        """Return the number of the first buffered row at or after a tick."""
         oldest = max(0, self.total - len(self._rows))
         return oldest + int(np.searchsorted(self.read(oldest, self.total)[:, 0], tick))
 
 
 class LevelCrossing(NamedTuple):
-    """A signal that crosses a level."""
+    """The crossing of a level by a signal."""
 
-    column: int  # of a row
-    level: float  # SI unit of the signal
+    column: int  # column of the signal
+    level: float  # unit of the signal, SI
     is_rising: bool
 
     def find(self, values: FloatArray) -> int | None:
-        """Return the place of the first sample beyond the level, after one that was not."""
+        """Return the index of the first sample that crosses the level; None if no sample does."""
         is_beyond = values >= self.level if self.is_rising else values <= self.level
         indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
         return int(indices[0]) + 1 if len(indices) else None
 
 
 class RecordingSpan(NamedTuple):
-    """From when until when a recording lasts."""
+    """The start and the duration of a recording."""
 
-    # of what has been, s before now or before the crossing; 0 to :data:`KEPT_S`
+    # time before the start or before the crossing, s; 0 to :data:`BUFFER_S`
     pretrigger_s: float = 0.0
-    duration_s: float = math.inf  # from there on, s; infinite until it is stopped
-    crossing: LevelCrossing | None = None  # that it waits for
+    duration_s: float = math.inf  # duration after the start, s; infinite until it is stopped
+    crossing: LevelCrossing | None = None  # start condition
 
 
 class TickRecorder:
-    """Keeps the last seconds of every tick, and writes recordings into one folder."""
+    """Buffers the last seconds with every tick, and writes recordings to one folder."""
 
     def __init__(
         self,
@@ -337,12 +342,12 @@ class TickRecorder:
         self._file: RecordingFile | None = None
         self._span = RecordingSpan()
         self._next_row: int | None = (
-            None  # row to be written next; None while a crossing is waited for
+            None  # number of the next row to write; None while waiting for a crossing
         )
-        self._first_row, self._last_row = 0, math.inf  # ticks
+        self._first_tick, self._last_tick = 0, math.inf  # ticks
 
     def make_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
-        """Return the crossing of a signal."""
+        """Return the level crossing of a signal."""
         names = [one.name for one in self._signals]
         if signal not in names:
             raise InputError(
@@ -351,7 +356,7 @@ class TickRecorder:
         return LevelCrossing(1 + names.index(signal), level, rising)
 
     def start(self, name: str, span: RecordingSpan, tick: int) -> None:
-        """Begin a recording in a new file of the folder."""
+        """Start a recording in a new file of the folder."""
         if not _NAME.fullmatch(name):
             raise InputError(
                 "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
@@ -382,7 +387,7 @@ class TickRecorder:
             )
 
     def start_in_file(self, file: RecordingFile, span: RecordingSpan, tick: int) -> None:
-        """Write a recording to a file that is open."""
+        """Start a recording in an open file."""
         with self._lock:
             self.error_text = ""
             self._file, self._span, self._next_row = file, span, None
@@ -390,25 +395,25 @@ class TickRecorder:
                 self._set_limits_around(tick + 1)
 
     def stop(self, tick: int) -> None:
-        """End the recording with a tick; one that still waits leaves no file."""
+        """End the recording after a tick. If it still waits for a crossing, its file is removed."""
         with self._lock:
             if self._file is None:
                 raise InputError("record: no recording runs", code="no-recording", key="record")
             if self._next_row is None:
                 path = self._file.path
                 self._close_file("left, nothing crossed")
-                path.unlink()  # after it was closed: Windows takes away no file that is open
+                path.unlink()  # after closing: Windows cannot remove an open file
             else:
-                self._last_row = min(self._last_row, tick)
+                self._last_tick = min(self._last_tick, tick)
 
     def note(self, tick: int, text: str) -> None:
-        """Write what was changed to the recording that runs."""
+        """Write a note to the running recording."""
         with self._lock:
             if self._file is not None:
                 self._write_or_stop(lambda file: file.write_note(tick, text))
 
     def run(self, subscription: Subscription) -> None:
-        """Keep and write what comes until nothing does; the work of a thread of its own."""
+        """Buffer and write all rows of a subscription until it ends; runs in its own thread."""
         while True:
             try:
                 rows = subscription.get(0.0 if self._has_rows_to_write() else _MAX_WRITE_DELAY_S)
@@ -427,7 +432,7 @@ class TickRecorder:
                 self._close_file("written")
 
     def status(self) -> Mapping[str, Any] | None:
-        """Return what a page shows of the recording that runs."""
+        """Return the state of the running recording for a page."""
         with self._lock:
             file = self._file
             if file is None:
@@ -435,7 +440,7 @@ class TickRecorder:
             return {"file": file.path.name, "rows": file.rows, "waits": self._next_row is None}
 
     def _buffer_rows(self, rows: FloatArray) -> None:
-        """Add rows to the ring, and look for the crossing among them."""
+        """Add rows to the buffer and search them for the crossing."""
         last = self._ring.total - 1
         self._ring.append(rows)
         crossing = self._span.crossing
@@ -448,13 +453,13 @@ class TickRecorder:
             self._notify(f"{self._file.path.name}: tick {int(seen[row, 0])} crossed the level")
 
     def _set_limits_around(self, tick: int) -> None:
-        """Set the first and the last tick around one; rows before the first may still come."""
-        self._first_row = tick - round(self._span.pretrigger_s * self._rate)
-        self._last_row = tick - 1 + self._span.duration_s * self._rate
-        self._next_row = self._ring.find_tick(self._first_row)
+        """Set the first and the last tick of the recording relative to a tick."""
+        self._first_tick = tick - round(self._span.pretrigger_s * self._rate)
+        self._last_tick = tick - 1 + self._span.duration_s * self._rate
+        self._next_row = self._ring.find_tick(self._first_tick)
 
     def _has_rows_to_write(self) -> bool:
-        """Whether rows that have come are still to be written."""
+        """Whether buffered rows have not been written yet."""
         return (
             self._file is not None
             and self._next_row is not None
@@ -462,20 +467,20 @@ class TickRecorder:
         )
 
     def _write_waiting_rows(self) -> None:
-        """Write some of the rows that wait; end the recording with its last tick."""
+        """Write some of the waiting rows; close the file after its last tick."""
         if self._next_row is None or not self._ring.total:
             return
         end = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
         rows = self._ring.read(self._next_row, end)
         self._next_row = end
-        wanted = rows[(rows[:, 0] >= self._first_row) & (rows[:, 0] <= self._last_row)]
+        wanted = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
         if len(wanted):
             self._write_or_stop(lambda file: file.write_rows(wanted))
-        if self._ring.read(end - 1, end)[0, 0] >= self._last_row:
+        if self._ring.read(end - 1, end)[0, 0] >= self._last_tick:
             self._close_file("written")
 
     def _write_or_stop(self, write: Callable[[RecordingFile], None]) -> None:
-        """Write; a disk that is full ends the recording and not the bench."""
+        """Write to the file. An error of the disk ends the recording, not the bench."""
         if self._file is None:
             return
         try:
@@ -488,7 +493,7 @@ class TickRecorder:
         if self._file is not None:
             self._file.close()
             self._notify(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
-        self._file, self._next_row, self._last_row, self._span = (
+        self._file, self._next_row, self._last_tick, self._span = (
             None,
             None,
             math.inf,

@@ -1,4 +1,4 @@
-"""The server: the page, its assets, and one WebSocket."""
+"""Serve the page, its files and one WebSocket for each browser."""
 
 from __future__ import annotations
 
@@ -30,11 +30,12 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.study.improve import DrawnLoop
 
 HANDOVER_TIMEOUT_S = 10.0
-"""After so long without an answer the desk goes to whoever asked, s."""
+"""Time after which a requesting browser becomes the operator if the current operator does not
+answer, s."""
 
 
 class OperatorDesk:
-    """The one seat from which the bench is operated."""
+    """Decides which browser operates the bench; all others watch."""
 
     def __init__(self) -> None:
         self.operator = 0
@@ -42,32 +43,35 @@ class OperatorDesk:
         self._request_time = 0.0
 
     def join(self, client: int) -> None:
-        """Let a browser come; whoever finds the desk empty sits down."""
+        """Add a browser. It becomes the operator if there is none."""
         if not self.operator:
             self.operator = client
 
     def leave(self, client: int) -> None:
-        """Let a browser go; whoever asked gets its place."""
+        """Remove a browser. If it was the operator, the requesting browser takes over."""
         if self.requesting == client:
             self.requesting = 0
         if self.operator == client:
             self.operator, self.requesting = self.requesting, 0
 
     def request(self, client: int) -> None:
-        """Ask to take over; an empty desk is taken at once, and one question waits at a time."""
+        """Request control; without an operator it is granted immediately.
+
+        Only one request can wait.
+        """
         if not self.operator:
             self.operator = client
         elif client != self.operator and not self.requesting:
             self.requesting, self._request_time = client, time.monotonic()
 
     def answer(self, client: int, hand_over: bool) -> None:
-        """Let the operator hand over, or stay; nobody else can."""
+        """Grant or reject the waiting request; only the operator can do this."""
         if client == self.operator and self.requesting:
             self.operator = self.requesting if hand_over else self.operator
             self.requesting = 0
 
     def check_timeout(self) -> None:
-        """Hand over where the operator has not answered for too long."""
+        """Grant the waiting request if the operator has not answered in time."""
         if self.requesting and time.monotonic() - self._request_time >= HANDOVER_TIMEOUT_S:
             self.operator, self.requesting = self.requesting, 0
 
@@ -102,7 +106,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
 
 
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the loops to be drawn below the one that runs."""
+    """Return the loops that the page draws below the running one."""
     return [curve._asdict() for curve in session.curves]
 
 
@@ -113,10 +117,10 @@ def _enum_names(kind: type[IntEnum]) -> dict[str, str]:
 ASSETS_FOLDER = Path(__file__).with_name("assets")
 
 MAX_MESSAGE_BYTES = 16 * 1024
-"""Bytes of a message from a page."""
+"""Maximum size of a message from a page, bytes."""
 
 MAX_CLIENTS = 8
-"""Browsers at a time."""
+"""Maximum number of browsers."""
 
 _FRAME_RATE_HZ = 60.0
 _STATUS_PERIOD_S = 0.1
@@ -129,7 +133,7 @@ _Result = TypeVar("_Result")
 
 
 class Client:
-    """A browser: what waits for it, and who it is."""
+    """A connected browser and the data that wait for it."""
 
     def __init__(self, number: int, socket: WebSocket, every: int) -> None:
         self.number = number
@@ -143,15 +147,15 @@ class Client:
 
     @property
     def name(self) -> str:
-        """For the log."""
+        """Name in the log."""
         return f"browser {self.number}"
 
     def queue_message(self, message: Mapping[str, Any]) -> None:
-        """Send a message with the next frame."""
+        """Queue a message; it is sent before the next frame."""
         self._answers.append(message)
 
     async def send_waiting(self) -> None:
-        """Send all that waits; takes as long as the browser does."""
+        """Send all waiting data. A slow browser makes this call slow."""
         while self._answers:
             await self.send_message(self._answers.popleft())
         for run in self.outbox.take_all():
@@ -163,7 +167,7 @@ class Client:
 
 
 class LiveServer:
-    """Brings browsers and a session together."""
+    """Connects browsers with a session."""
 
     def __init__(
         self, session: LiveSession, title: str, names: frozenset[str], token: str = ""
@@ -190,7 +194,7 @@ class LiveServer:
             return
 
     async def _has_token(self, socket: WebSocket) -> bool:
-        """Whether a browser shows the token, where one is needed."""
+        """Whether a browser sends the token, if one is required."""
         if not self._token:
             return True
         await socket.send_text(json.dumps({"kind": "token"}))
@@ -220,7 +224,7 @@ class LiveServer:
             del self._clients[client.number]
 
     async def _send_frames(self, client: Client) -> None:
-        """Send frames as fast as the browser takes them, and the status now and then."""
+        """Send frames as fast as the browser accepts them, and the status periodically."""
         clock = asyncio.get_running_loop().time
         due = 0.0
         try:
@@ -232,7 +236,7 @@ class LiveServer:
                 await client.send_waiting()
                 await asyncio.sleep(1.0 / _FRAME_RATE_HZ)
         except (WebSocketDisconnect, RuntimeError):
-            return  # the browser went while something was on its way; the reader sees it too
+            return  # the browser left during a transmission; the receiver detects this too
 
     async def _send_status(self, client: Client) -> None:
         await client.send_message(self._make_status(client))
@@ -260,8 +264,8 @@ class LiveServer:
 
     def _make_status(self, client: Client) -> Mapping[str, Any]:
         entries = list(self.session.log)
-        new = min(self.session.logged - client.sent_log_entries, len(entries))
-        client.sent_log_entries = self.session.logged
+        new = min(self.session.log_entry_count - client.sent_log_entries, len(entries))
+        client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
         if self.desk.operator != client.number:
             status = {
@@ -288,7 +292,7 @@ class LiveServer:
             await self._handle_message(client, message)
 
     async def _handle_message(self, client: Client, message: Mapping[str, Any]) -> None:
-        """Do what a browser asks for, and answer; the emergency stop is anybody's."""
+        """Execute the order of a browser and answer it. Every browser may stop the rig."""
         number = message.get("id")
         try:
             result = await self._perform_order(client, message)
@@ -320,7 +324,7 @@ class LiveServer:
 
 
 def page_routes(name: str) -> list[BaseRoute]:
-    """Return the routes of a page and of what it loads."""
+    """Return the routes of a page and of its files."""
 
     async def page(_request: object) -> FileResponse:
         return FileResponse(ASSETS_FOLDER / name)
@@ -329,7 +333,7 @@ def page_routes(name: str) -> list[BaseRoute]:
 
 
 async def _receive_message(socket: WebSocket) -> dict[str, Any]:
-    """Return the next message; one that is no JSON object ends the connection."""
+    """Return the next message. A message that is not a JSON object ends the connection."""
     text = await socket.receive()
     if text["type"] == "websocket.disconnect":
         raise WebSocketDisconnect(text.get("code", 1005))

@@ -1,4 +1,8 @@
-"""A bench by the clock, and all that looks on: pages, a recorder, a log; what is refused now."""
+"""Run a bench in real time for its pages, its recorder and its log.
+
+The session also states which orders are possible in the current state, and the reason for the
+others.
+"""
 
 from __future__ import annotations
 
@@ -33,38 +37,38 @@ from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
 WATCH_ONLY_REASON = "another browser operates; ask to take over"
 
-_DRIVEN_REASON = ("target", "generator", "apply")
-"""What moves a controller, beside commands."""
+_MOVING_ORDERS = ("target", "generator", "apply")
+"""Orders that move a controller, in addition to its commands."""
 
-_HARMLESS_ORDERS = ("load", "pace", "record", "improve", "learn", "sets")
+_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets")
 
 
 def disturbs_measurement(order: str) -> bool:
-    """Return whether an order, or a command by its name, disturbs a measurement; a stop ends it."""
-    return order != "stop" and (order in _DRIVEN_REASON or order.upper() in Command.__members__)
+    """Whether an order or a command disturbs a running measurement. STOP does not: it ends it."""
+    return order != "stop" and (order in _MOVING_ORDERS or order.upper() in Command.__members__)
 
 
 def refuse_all(bench: Bench, why: str) -> dict[str, str]:
     """Return every order with the same reason."""
-    return dict.fromkeys((*_commands(bench), *_DRIVEN_REASON, *_HARMLESS_ORDERS), why)
+    return dict.fromkeys((*_commands(bench), *_MOVING_ORDERS, *_OTHER_ORDERS), why)
 
 
 def find_refusals(
     bench: Bench, state: ControllerStatus | None, ended: str, measured: str
 ) -> Mapping[str, str]:
-    """Return the reason of every order that would be refused."""
+    """Return the orders that are not possible now, with their reasons."""
     if ended:
         return refuse_all(bench, ended)
     if bench.loss_reason or state is None:
         return dict.fromkeys(
-            (*_commands(bench), *_DRIVEN_REASON), bench.loss_reason or "no sample has come yet"
+            (*_commands(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
         )
     reasons = {name: refusal_reason(command, state) for name, command in _commands(bench).items()}
     if bench.demand_range.unit == "N":
         reasons |= dict.fromkeys(("target", "generator"), demand_refusal(state.state))
     if measured:
         reasons |= {
-            name: measured for name in (*reasons, *_DRIVEN_REASON) if disturbs_measurement(name)
+            name: measured for name in (*reasons, *_MOVING_ORDERS) if disturbs_measurement(name)
         }
     return {name: why for name, why in reasons.items() if why}
 
@@ -73,18 +77,18 @@ def _commands(bench: Bench) -> dict[str, Command]:
     return {command.name.lower(): command for command in bench.commands}
 
 
-_MAX_LAG_S = 10_000
-"""Chunks that wait for a learner; more than it is ever late by."""
+_MAX_QUEUED_CHUNKS = 10_000
+"""Maximum number of chunks that wait for the estimator; larger than its largest delay."""
 
 _MAX_LOG_ENTRIES = 500
-"""Entries of the log that are kept."""
+"""Maximum number of entries in the log."""
 
 Listener = Callable[[FloatArray], None]
 _Result = TypeVar("_Result")
 
 
 class LogEntry(NamedTuple):
-    """What was changed."""
+    """A change by a browser or by the bench."""
 
     tick: int
     who: str
@@ -94,7 +98,7 @@ class LogEntry(NamedTuple):
 class LiveSession:
     """Runs a bench until it is closed.
 
-    Methods that touch the bench are to be called within :meth:`do`.
+    Methods that access the bench must be called within :meth:`run_between_chunks`.
     """
 
     def __init__(
@@ -115,7 +119,7 @@ class LiveSession:
         self.monitored_model: BenchMonitor | None = None
         self._stop_monitoring: Callable[[], None] = lambda: None
         self.log: deque[LogEntry] = deque(maxlen=_MAX_LOG_ENTRIES)
-        self.logged = 0
+        self.log_entry_count = 0
         self.parameters = bench.parameters()
         self.applied = 0
         self._names = [signal.name for signal in bench.signals]
@@ -130,7 +134,7 @@ class LiveSession:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
         self.pacer = PacedBench(self.bench, is_paused=True)
-        complete = self.pacer.subscribe("the recording", is_complete=True)
+        complete = self.pacer.subscribe("the recording", needs_every_tick=True)
         self._threads = [
             _start_thread("pages", self._pass_rows, self.pacer.subscribe("pages")),
             _start_thread("recorder", self.recorder.run, complete),
@@ -138,15 +142,15 @@ class LiveSession:
         if learner is not None:
             learn = partial(learner.run, run_on_bench=self.run_between_chunks)
             self._threads.append(
-                _start_thread("learner", learn, self.pacer.subscribe("learner", _MAX_LAG_S))
+                _start_thread("learner", learn, self.pacer.subscribe("learner", _MAX_QUEUED_CHUNKS))
             )
 
     def start(self) -> None:
-        """Let time go on."""
+        """Start the time of the bench."""
         self.pacer.resume()
 
     def close(self) -> None:
-        """End the bench, the recording and work beside it; once is enough."""
+        """End the bench, the recording and the running job. Further calls have no effect."""
         if self._closed:
             return
         self._closed = True
@@ -159,17 +163,17 @@ class LiveSession:
 
     @property
     def driven_reason(self) -> str:
-        """Why nothing may be moved: a measurement drives the controller; empty where none does."""
+        """Why the controller must not be moved; empty unless a measurement drives it."""
         driven = self.improver is not None and self.improver.is_driving
         return "a measurement drives the controller; wait, cancel it, or stop" if driven else ""
 
     @property
     def end_reason(self) -> str:
-        """Why the bench or the recording goes on no more; empty while they do."""
+        """Why the bench or the recording has ended; empty while they run."""
         return str(self.pacer.error or self.recorder.error_text)
 
     def subscribe(self, listener: Listener) -> Callable[[], None]:
-        """Give every row to a listener, which must not wait; returns what ends it."""
+        """Pass every row to a listener, which must not block; return a function that ends this."""
         self._listeners = (*self._listeners, listener)
 
         def leave() -> None:
@@ -178,17 +182,17 @@ class LiveSession:
         return leave
 
     def run_between_chunks(self, act: Callable[[], _Result]) -> _Result:
-        """Do something between two chunks of ticks, and return what it returned."""
+        """Call a function between two chunks of ticks and return its result."""
         return self.pacer.execute(lambda _: act())
 
     def log_change(self, who: str, text: str) -> None:
-        """Keep what was changed, in the log and in the recording."""
+        """Write a change to the log and to the recording."""
         self.log.append(LogEntry(self.bench.tick, who, text))
-        self.logged += 1
+        self.log_entry_count += 1
         self.recorder.note(self.bench.tick, f"{who}: {text}")
 
     def record(self, name: str, span: RecordingSpan) -> None:
-        """Begin a recording, with the parameters in force and what was changed of late."""
+        """Start a recording with the active parameters and the changes in its pretrigger time."""
         tick = self.bench.tick
         self.recorder.start(name, span, tick)
         self._note_parameters()
@@ -197,7 +201,7 @@ class LiveSession:
                 self.recorder.note(entry.tick, f"{entry.who}: {entry.text}")
 
     def stop(self, who: str) -> None:
-        """Stop the rig, and time does not stand over it; a refusal is kept too."""
+        """Stop the rig, even if its time is paused. The order is logged even if it is refused."""
         self.log_change(who, "emergency stop")
         try:
             self.bench.command(Command.STOP)
@@ -206,27 +210,27 @@ class LiveSession:
             self.pacer.resume()
 
     def generate(self, generator: Wave | None) -> None:
-        """Start a generator around the target, or stop it and go back to the target."""
+        """Start a generator around the target, or stop it and return to the target."""
         self.bench.generate(generator)
 
-    def monitor(self, known: ModelWithLoops | None) -> None:
-        """Hold the rows from now on against a model, or no more."""
-        watched = None
-        if known is not None:
-            watched = BenchMonitor(known.model, self.bench.signals, self.bench.rate)
+    def monitor(self, model: ModelWithLoops | None) -> None:
+        """Compare the rows from now on with a model; None ends the comparison."""
+        monitored_model = None
+        if model is not None:
+            monitored_model = BenchMonitor(model.model, self.bench.signals, self.bench.rate)
         self._stop_monitoring()
-        self.monitored_model = watched
-        if watched is not None:
-            self._stop_monitoring = self.subscribe(watched.add_rows)
+        self.monitored_model = monitored_model
+        if monitored_model is not None:
+            self._stop_monitoring = self.subscribe(monitored_model.add_rows)
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force together; returns the first tick that uses them."""
+        """Apply parameters at the same tick; return the first tick that uses them."""
         tick = self.applied = self.bench.apply(values)
         self.parameters = self.bench.parameters()
         return tick
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the signals."""
+        """Return the state that a page shows in addition to the signals."""
         pacing, generator = self.pacer.pacing(), self.bench.generator
         now = controller_status(self._values) if self._values else None
         refused = find_refusals(self.bench, now, self.end_reason, self.driven_reason)
@@ -256,7 +260,7 @@ class LiveSession:
         }
 
     def _next_step(self, now: ControllerStatus | None) -> str:
-        """Return what to do next so that it runs, in words; empty while it does."""
+        """Return the next action that is necessary to run the rig; empty while it runs."""
         if self.end_reason:
             return "start anhyst live again"
         if now is None or self.bench.loss_reason or self.driven_reason:
@@ -270,16 +274,16 @@ class LiveSession:
         self.recorder.note(self.bench.tick, f"in force: {in_force or 'no parameters'}")
 
     def _log_recorder(self, text: str) -> None:
-        """Log what the recorder did."""
+        """Log a message of the recorder."""
         self.log.append(LogEntry(self.bench.tick, "recorder", text))
-        self.logged += 1
+        self.log_entry_count += 1
 
     def _log_event(self, text: str) -> None:
-        """Log what happened to the controller; what it has in force is as it says."""
+        """Log an event of the controller, and read its active parameters again."""
         self.log_change("controller", text)
         self.parameters = self.bench.parameters()
         if self.improver is not None and not self.bench.loss_reason:
-            with suppress(InputError):  # it is lost again, and this comes again
+            with suppress(InputError):  # lost again; the next event follows
                 self.improver.check_after_reconnect()
                 self.curves = self.improver.known_model.curves
 

@@ -1,4 +1,4 @@
-"""Parameter sets: values in force, kept under a name in files of one folder."""
+"""Save the active parameters under a name in a folder, and read such parameter sets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MAX_FILE_BYTES = 1 << 20
 
 
 class ParameterSets:
-    """The sets of a folder."""
+    """The parameter sets of a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -31,7 +31,7 @@ class ParameterSets:
         self._list_names()
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Write the values in force under a new name."""
+        """Save the active values under a new name."""
         path = self._path(name)
         self._list_names()
         if name in self.names:
@@ -52,7 +52,7 @@ class ParameterSets:
         self._list_names()
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
-        """Return a set: value and unit of each parameter, by name."""
+        """Return the value and the unit of each parameter of a set, by name."""
         path = self._path(name)
         try:
             with path.open(encoding="utf-8") as file:
@@ -98,7 +98,7 @@ def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
 def changed_values(
     parameters: Sequence[Parameter], saved: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float]:
-    """Return those values of a set that differ from what is in force."""
+    """Return the values of a set that differ from the active ones."""
     current = {one.name: one for one in parameters}
     for name, one in saved.items():
         if name not in current:

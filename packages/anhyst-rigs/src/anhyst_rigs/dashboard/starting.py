@@ -1,7 +1,7 @@
-"""The page while a rig is built: what is being built, how far it is, and what went wrong.
+"""Serve a page with the progress while a rig is built, or with the reason of its failure.
 
-The build runs in the main thread, so that ctrl-C stops it. A server in a thread of its own answers
-on the same port until the rig runs. The page then reloads and is the one of the rig.
+The build runs in the main thread, so that ctrl-C stops it. A server in another thread uses the same
+port until the rig runs. The page then reloads and shows the rig.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from anhyst_rigs.dashboard.browsers import RequestGuard, allowed_host_names
 from anhyst_rigs.dashboard.connections import make_quiet_server
 from anhyst_rigs.dashboard.server import page_routes
 
-_ERROR_PAGE_S = 2.0
-"""A page that has asked within this time is open, s."""
+_OPEN_PAGE_AGE_S = 2.0
+"""A page is open if its last request is not older than this, s."""
 _REPLY_WAIT_S = 3.0
 """Maximum time for which a failed start waits until an open page has shown the reason, s."""
 
 
 class StartProgress:
-    """What is being built, and how far it is."""
+    """The name and the progress of a build."""
 
     def __init__(self, title: str, work: str) -> None:
         self.title = title
@@ -40,18 +40,18 @@ class StartProgress:
         self._is_error_delivered = Event()
 
     def update(self, done: float, total: float) -> None:
-        """Accept what is done and what there is in all."""
+        """Set the progress from the completed and the total amount of work."""
         if total > 0.0:
             self.share = max(self.share, min(done / total, 1.0))
 
     def fail(self, reason: str) -> None:
-        """Show why it failed, and wait until a page that is open has asked."""
+        """Show the reason of a failure, and wait until an open page has received it."""
         self.error = reason
-        if time.monotonic() - self._last_request_time < _ERROR_PAGE_S:
+        if time.monotonic() - self._last_request_time < _OPEN_PAGE_AGE_S:
             self._is_error_delivered.wait(_REPLY_WAIT_S)
 
     def app(self) -> Starlette:
-        """Return the page and what it asks for."""
+        """Return the application with the page and its data."""
         return Starlette(routes=[*page_routes("start.html"), Route("/start", self._reply)])
 
     async def _reply(self, _request: object) -> JSONResponse:
@@ -67,13 +67,13 @@ class StartProgress:
 def serve_start_page(
     listening_socket: socket.socket, title: str, work: str
 ) -> Iterator[StartProgress]:
-    """Serve the page of a start on a socket that listens, until the start is over."""
+    """Serve the page on a listening socket until the build has ended."""
     start = StartProgress(title, work)
     app = RequestGuard(start.app(), allowed_host_names(*listening_socket.getsockname()[:2]))
     server = make_quiet_server(app, timeout_graceful_shutdown=1)
-    # The server closes its socket in the end; the one of the rig goes on with the same port.
-    page_loop = listening_socket.dup()
-    thread = Thread(target=server.run, args=([page_loop],), name="anhyst-start", daemon=True)
+    # The server closes its own socket; the rig's server continues to use the port.
+    page_socket = listening_socket.dup()
+    thread = Thread(target=server.run, args=([page_socket],), name="anhyst-start", daemon=True)
     thread.start()
     try:
         yield start
@@ -83,4 +83,4 @@ def serve_start_page(
     finally:
         server.should_exit = True
         thread.join()
-        page_loop.close()
+        page_socket.close()

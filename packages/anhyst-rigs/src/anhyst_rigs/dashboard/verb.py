@@ -1,4 +1,4 @@
-"""The verb ``live``: a rig, or a controller that runs by itself, in a browser until ctrl-C."""
+"""Open a rig or a running controller in a browser until ctrl-C: the command ``live``."""
 
 from __future__ import annotations
 
@@ -29,18 +29,19 @@ from anhyst_rigs.study.prepared_benches import Prepared
 from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
 _MAX_CONNECTIONS = 512
-"""Connections at a time, of pages that load and of those that are open; half of the files that a
-process may open on most systems."""
+"""Maximum number of connections. It is half of the number of files that most systems allow a
+process."""
 
-_SLOW_START_S = 60.0
-"""A browser that has not read for so long has gone, s; a slow one has frames to draw before."""
+_PING_TIMEOUT_S = 60.0
+"""A browser that does not answer a ping within this time has left, s. A slow browser first draws
+frames."""
 
 _SHUTDOWN_S = 2
-"""For browsers to go when the server ends, s."""
+"""Time for browsers to disconnect when the server ends, s."""
 
 
 def listen_on(host: str, port: int) -> socket.socket:
-    """Take an address."""
+    """Return a socket that listens on an address."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening_socket = socket.socket(family, socket.SOCK_STREAM)
     listening_socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -60,24 +61,24 @@ def listen_on(host: str, port: int) -> socket.socket:
 def make_server(
     session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
-    """Return the server of a page for a session."""
+    """Return the server of a session's page."""
     return make_quiet_server(
         LiveServer(session, title, allowed_host_names(*address), token).app,
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE_BYTES,
         ws_per_message_deflate=False,
-        ws_ping_timeout=_SLOW_START_S,
+        ws_ping_timeout=_PING_TIMEOUT_S,
         limit_concurrency=_MAX_CONNECTIONS,
         timeout_graceful_shutdown=_SHUTDOWN_S,
     )
 
 
 _SWITCH_INTERVAL_S = 0.5e-3
-"""For which a thread computes on while the pacer waits; of Python's own 5 ms a chunk meets several."""
+"""Time after which a thread yields to the pacer, s. Python's default of 5 ms is several chunks."""
 
 
 def reduce_latency() -> None:
-    """Let nothing hold the pacer up: no other thread, no garbage collected through all that stays."""
+    """Reduce delays of the pacer by other threads and by the garbage collection."""
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
@@ -90,7 +91,7 @@ def serve(
     token: str = "",
     started: Callable[[str], None] | None = None,
 ) -> None:
-    """Serve a page for a session until ctrl-C; the session is ended then."""
+    """Serve the page of a session until ctrl-C, then end the session."""
     host, port = listening_socket.getsockname()[:2]
     server = make_server(session, title, (host, port), token)
     reduce_latency()
@@ -101,7 +102,7 @@ def serve(
         with raised_priority():
             server.run(sockets=[listening_socket])
     except KeyboardInterrupt:
-        pass  # the way to end it
+        pass  # the normal way to end the server
     finally:
         session.close()
         listening_socket.close()
@@ -142,13 +143,13 @@ def live(
             key="--xcp",
         )
     rig = Path(rig)
-    place = None if record is None else Path(record)
-    shown = secrets.token_urlsafe(16) if token else ""
+    recording_path = None if record is None else Path(record)
+    token_text = secrets.token_urlsafe(16) if token else ""
     name = rig.resolve().parent.name if url is None else rig.resolve().name
     title = name if url is None else f"{name} at {url}"
     work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
-    with listen_on(*read_address(listen, token)) as taken:
-        with serve_start_page(taken, title, work) as start:
+    with listen_on(*read_address(listen, token)) as listening_socket:
+        with serve_start_page(listening_socket, title, work) as start:
 
             def told(done: float, total: float) -> None:
                 start.update(done, total)
@@ -158,7 +159,9 @@ def live(
             bench, improver, learner = _open_bench(rig, controller, url, known, told)
             try:
                 recording = (
-                    None if place is None else start_recording(place, bench.signals, bench.rate)
+                    None
+                    if recording_path is None
+                    else start_recording(recording_path, bench.signals, bench.rate)
                 )
             except BaseException:
                 bench.close()
@@ -166,12 +169,18 @@ def live(
         session = LiveSession(
             bench,
             recording,
-            Path() if place is None else place.parent,
+            Path() if recording_path is None else recording_path.parent,
             improver,
             improver.known_model.curves if improver else (),
             learner,
         )
-        serve(session, title, taken, shown, started and (lambda address: started(address, shown)))
+        serve(
+            session,
+            title,
+            listening_socket,
+            token_text,
+            started and (lambda address: started(address, token_text)),
+        )
     return recording
 
 
@@ -182,17 +191,17 @@ def _open_bench(
     known: PathLike | None,
     progress: Progress | None,
 ) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
-    """Open a virtual rig, with what improves or calibrates it, or a controller that runs."""
+    """Open a virtual rig with its improver and estimator, or a running controller."""
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
         board = open_board(rig, url)
         return board, None if on_board is None else Improver(on_board, board), None
     with prepare_cached(rig, controller, progress) as prepared:
-        return open_prepared(prepared)  # a firmware runs on without the folder
+        return open_prepared(prepared)  # the firmware continues without the folder
 
 
 def open_prepared(prepared: Prepared) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
-    """Open what was prepared, with what improves or calibrates it."""
+    """Open a prepared rig with its improver and its estimator."""
     bench, learner = prepared.open_with_learner()
     if prepared.improvable is None:
         return bench, None, learner

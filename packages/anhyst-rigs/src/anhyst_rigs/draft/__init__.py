@@ -1,5 +1,5 @@
-"""Drafts: a rig of one's own from measured loops, complete and ready to run.
+"""Draft a complete rig from measured loops.
 
-What can be derived from the loops is derived; what cannot is guessed by stated rules, and every
-guess is marked as one in the files. :mod:`anhyst_rigs.draft.drafting` is where it begins.
+Values follow from the loops if possible. Others are guessed by stated rules and are marked as
+guesses in the files. :mod:`anhyst_rigs.draft.drafting` has the entry points.
 """

@@ -1,12 +1,12 @@
-"""Rig and controller file of a magnetic bearing, drafted from the loops of its magnet by design rules.
+"""Draft rig and controller of a magnetic bearing from the loops of its magnet.
 
-All rules follow from one pole. Behind a current that is held the magnet pulls the harder the smaller
-the gap is; with the mass that makes a pole on the unstable side, and whatever controls the bearing
-must be faster than it. Rates, bandwidths, holds and ramps are multiples of that; the multiples are
-those of ``examples/bearing``, so that its loops, mass, load and gap give its numbers again.
+All rules use one pole. At a constant current the magnet pulls harder as the gap becomes smaller.
+With the mass, this gives a pole on the unstable side, and the controller must be faster than it.
+Rates, bandwidths, hold times and ramps are multiples of the pole. The multiples are taken from
+``examples/bearing``, so that its loops, mass, load and gap give its numbers back.
 
-A magnet whose force hardly depends on the gap has hardly such a pole. There the load over the gap
-takes the place of the negative stiffness: so fast would the load alone carry the mass away.
+If the force barely depends on the gap, the load over the gap replaces the negative stiffness: it is
+the rate at which the load alone would move the mass.
 """
 
 from __future__ import annotations
@@ -19,55 +19,55 @@ from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet
 from anhyst_rigs.draft.text import round_down, round_nearest, round_up, step_down, step_up
 
 BANDWIDTH_PER_POLE = 1.4
-"""The controller's poles lie so many times farther out than the unstable one."""
+"""Distance of the controller's poles from the origin over that of the unstable pole."""
 
 RATE_PER_BANDWIDTH = 150.0
-"""Ticks a second for each hertz of bandwidth: one of delay costs 2 degrees of phase."""
+"""Tick rate over bandwidth: one tick of delay costs 2 degrees of phase."""
 
 MIN_RATE_PER_BANDWIDTH = 60.0
-"""With fewer, the delay of a tick makes the loop overshoot."""
+"""Smallest tick rate over bandwidth; below it the delay makes the loop overshoot."""
 
 MIN_BANDWIDTH_HZ = 2.0
-"""Bandwidth in Hz below which lifting off would take longer than anybody waits."""
+"""Smallest bandwidth, Hz; below it lift-off takes too long."""
 
 RATE_LIMITS_HZ = 1e3, 200e3
-"""Ticks a second, least and most."""
+"""Smallest and largest tick rate, Hz."""
 
 AMPLIFIER_PER_BANDWIDTH = 20.0
 """Bandwidth of the current control over that of the position control."""
 
 FULL_SWING_PER_BANDWIDTH = 5.0
-"""Up to so many times the bandwidth of the position control the supply can swing the current over
-its whole range."""
+"""Frequency at which the supply can drive the current over its whole range, over the bandwidth of
+the position control."""
 
 WINDING_TIME_CONSTANT_S = 0.02
 """Inductance over resistance of a winding, s."""
 
 SUPPLY_STEPS = (1.0, 1.2, 1.5, 2.4, 3.0, 4.8, 6.0, 10.0)
-"""Usual voltages, in any decade."""
+"""Usual supply voltages within a decade."""
 
 MAX_STEP_FORCE_RATIO = 0.9
-"""A step may need such a share of what is left of the force to either side of the load."""
+"""Largest force of a step, as a fraction of the remaining force to either side of the load."""
 
 
 @dataclass(frozen=True, slots=True)
 class BearingDesign:
-    """What the rules give; SI units."""
+    """Results of the design rules, SI units."""
 
-    pole: float  # unstable pole of the bearing at constant current, or what takes its place, Hz
+    pole: float  # unstable pole at constant current, or its replacement, Hz
     bandwidth: float  # of the position control: distance of its poles from the origin, Hz
-    rate: float  # ticks a second
-    inductance: float  # of the winding at the operating point without its leakage, H
+    rate: float  # tick rate, Hz
+    inductance: float  # of the winding at the operating point, without leakage, H
     amplifier_bandwidth: float  # Hz, V
     supply: float
-    force_high: float  # largest wanted force, N
-    heights: tuple[float, ...]  # of steps, m, rising
-    sensor_step: float  # of the position sensor, m
+    force_high: float  # largest demanded force, N
+    heights: tuple[float, ...]  # of steps, m, in ascending order
+    sensor_step: float  # resolution of the position sensor, m
     gap_step: float  # largest change of the gap in one tick, m
 
 
 def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
-    """Apply the rules."""
+    """Apply the design rules."""
     mass, load, gap = machine.mass.number, machine.load.number, machine.gap.number
     tangent = magnet.slopes(load, gap)
     stiffness = max(tangent.k_s, load / gap)
@@ -82,8 +82,8 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
         )
     if bandwidth < MIN_BANDWIDTH_HZ:
         raise InputError(
-            f"load: {load:g} N hardly moves {mass:g} kg: they would take {0.5 / bandwidth:.2g} s "
-            "for a step; give a larger load or a smaller mass",
+            f"load: {load:g} N is too small for {mass:g} kg: a step would take "
+            f"{0.5 / bandwidth:.2g} s; give a larger load or a smaller mass",
             code="load-too-small",
             key="load",
         )

@@ -1,4 +1,4 @@
-"""From measured loops to a folder that runs: ``anhyst init``."""
+"""Write a folder with a runnable rig from measured loops, as ``anhyst init`` does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
-from anhyst.data.reading import list_input_files
+from anhyst.data.input_files import list_input_files
 from anhyst.data.speeds import describe_rate
 from anhyst.support.atomic import PathLike, add_files, check_new
 from anhyst.support.errors import InputError
@@ -32,37 +32,44 @@ BEARING_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
 )
+"""Commands to run in a drafted bearing."""
 FORCE_COMMANDS = ("anhyst force-control {out}/rig.toml --out {out}/run",)
+"""Commands to run in a drafted force rig."""
 STAGE_COMMANDS = ("anhyst simulate {out}/rig.toml --out {out}/run.csv",)
+"""Commands to run in a drafted stage."""
 PIEZO_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
     "anhyst excite {out}/rig.toml --out {out}/own.csv",
 )
-"""What to run in a drafted rig of each kind."""
+"""Commands to run in a drafted piezo stage."""
 
-RIG_FILE, CONTROLLER_FILE, LOOPS_FOLDER = "rig.toml", "controller.toml", "loops"
-"""What is written; loops are copied into a folder, so that no file of theirs meets ours."""
+RIG_FILE = "rig.toml"
+"""Name of the rig file."""
+CONTROLLER_FILE = "controller.toml"
+"""Name of the controller file."""
+LOOPS_FOLDER = "loops"
+"""Folder for copies of the loops, so that their names cannot collide with other files."""
 
 
 @dataclass(frozen=True)
 class Drafted:
-    """What was written.
+    """Files of a draft.
 
     Parameters
     ----------
     out : Path
         The folder.
     files : tuple of str
-        In it.
+        In the folder.
     run : tuple of str
-        Commands to go on with.
+        Next commands.
     found : tuple of str, optional
-        What the loops say, a line each.
+        Properties of the loops, one for each line.
     guessed : mapping of str to str, optional
-        What could have been given and was not: option with its value, and from what.
+        Options that were not given: option with its value, and the source of the guess.
     guesses : mapping of str to mapping, optional
-        All that is guessed, by file: key with its value, and from what.
+        All guesses by file: key with its value, and the source of the guess.
     """
 
     out: Path
@@ -73,7 +80,7 @@ class Drafted:
     guesses: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the content of the JSON output."""
         return {
             "out": str(self.out),
             "files": list(self.files),
@@ -90,7 +97,7 @@ def init_bearing(
     options: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
-    """Write rig and controller file of a bearing, with a copy of the loops beside them."""
+    """Write rig and controller file of a bearing, and a copy of the loops."""
     check_new(out, [RIG_FILE, CONTROLLER_FILE, LOOPS_FOLDER])
     options = options or ReadOptions()
     source = _LoopSource(paths, options)
@@ -116,11 +123,11 @@ def init_bearing(
 def _init_piezo(
     loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest
 ) -> Drafted:
-    """Write the rig file of a piezo stage, with a copy of the loops that its stack is fitted to."""
+    """Write the rig file of a piezo stage, and a copy of the loops to which its stack is fitted."""
     if request != MachineRequest():
         raise InputError(
-            "--mass, --load and --gap belong to a bearing, and loops over a voltage to a piezo "
-            "stage; leave them out",
+            "--mass, --load and --gap are for magnets, but loops over a voltage belong to a piezo "
+            "stage; omit them",
             code="option-not-for-this",
             key="--mass",
         )
@@ -134,7 +141,7 @@ def _init_piezo(
     files = {RIG_FILE: draft_piezo(source.name, loops, stack)}
     found = (
         f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
-        f"the law of Bouc and Wen misses the loops by {stack.fit_text}",
+        f"residual of the Bouc-Wen model: {stack.fit_text}",
         f"creep: {stack.creep_text}",
     )
     return _write_draft(out, files, source, PIEZO_COMMANDS, found)
@@ -147,7 +154,7 @@ def init_rig(
     progress: Progress | None,
     stage: MachineRequest | None = None,
 ) -> Drafted:
-    """Write the rig file of a stage between two magnets, or of one whose force is controlled."""
+    """Write the rig file of a stage between two magnets, or of a magnet with force control."""
     check_new(out, [RIG_FILE, LOOPS_FOLDER])
     source = _LoopSource(paths, options)
     loops = options.read(paths, progress)
@@ -163,7 +170,7 @@ def init_rig(
 
 
 class _LoopSource:
-    """The loops of a draft: how they are called, and their copies."""
+    """The loops of a draft: names and copies."""
 
     def __init__(self, paths: Sequence[PathLike], options: ReadOptions) -> None:
         self.name = Path(paths[0]).resolve().name
@@ -171,14 +178,16 @@ class _LoopSource:
         self.copies: dict[str, Path] = {}
         for path in list_input_files(list(paths), options.sidecar):
             folder = path.parent.resolve()
-            for other in self.copies.values():
-                if other.stem == path.stem and other.parent.resolve() != folder:
+            for copied in self.copies.values():
+                if copied.stem == path.stem and copied.parent.resolve() != folder:
                     raise InputError(
-                        f"{path}: {other} has the same name; rename one of them", code="name-twice"
+                        f"{path}: {copied} has the same name; rename one of them", code="name-twice"
                     )
             self.copies[f"{LOOPS_FOLDER}/{path.name}"] = path
         tables = [name for name in self.copies if not name.endswith(".toml")]
-        reading = {name.removeprefix("read_"): one for name, one in options.as_settings().items()}
+        reading = {
+            name.removeprefix("read_"): value for name, value in options.as_settings().items()
+        }
         if options.sidecar is not None:
             reading["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
         files = tables[0] if len(tables) == 1 else tables
@@ -193,6 +202,7 @@ def _write_draft(
     found: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
+    """Write the files and describe the draft."""
     add_files(out, {name: draft.text for name, draft in files.items()}, source.copies)
     return Drafted(
         Path(out),
@@ -209,9 +219,9 @@ def _describe_bearing(
 ) -> tuple[str, ...]:
     return (
         _describe_magnet(magnet),
-        f"{machine.mass.number:g} kg held against {machine.load.number:g} N at "
+        f"{machine.mass.number:g} kg against {machine.load.number:g} N at "
         f"{1e3 * machine.gap.number:g} mm: unstable pole {design.pole:.3g} Hz, controller "
-        f"{design.bandwidth:g} Hz, {design.rate:g} ticks a second",
+        f"{design.bandwidth:g} Hz, {design.rate:g} ticks per second",
     )
 
 

@@ -1,4 +1,4 @@
-"""Rig file for controlling the force of a magnet open loop, drafted from its loops."""
+"""Draft the rig file of a magnet with open-loop force control from its loops."""
 
 from __future__ import annotations
 
@@ -13,35 +13,39 @@ from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_neares
 EXAMPLE_NOTE = "as in the example solenoid"
 
 DEFAULT_RATE_HZ = 1000.0
-"""Ticks a second: what a serial line carries."""
+"""Default tick rate, Hz, which a serial line can transfer."""
 
 TICKS_PER_CYCLE = 400.0
-"""In a cycle of the fastest loops, where the iron is solid: a demand then moves little in a tick."""
+"""Ticks in a cycle of the fastest loops of a solid core, so that a demand changes little in a tick.
+"""
 
 MAX_RATE_HZ = 50e3
-"""Ticks a second at most: a small controller does no more."""
+"""Largest tick rate, Hz, of a small controller."""
 
 SLOW_PERIOD_RATIO = 40.0
-"""By which the triangle at rest is slower than the fastest loops, where the iron is solid."""
+"""Period of the slow triangle over that of the fastest loops, for a solid core."""
 
 SOLID_DEPTH_M = 0.01
-"""From the surface of solid iron to its middle, m: with the conductivity it makes one number."""
+"""Depth from the surface of a solid core to its middle, m. Only its square times the conductivity
+matters."""
 
 MAX_DEMAND_RATIO = 0.95
-"""Share of the least force at the largest current, over the gaps, that is demanded at most."""
+"""Largest demand, as a fraction of the smallest force over the gaps at the largest current."""
 
 FULL_SWING_S = 0.015
-"""In which the supply drives the current over its whole range."""
+"""Time in which the supply drives the current over its whole range, s."""
 
-HELD_GAP_COUNT, SOLID_HELD_GAP_COUNT = 7, 3
-"""Where the armature is held, from the smallest measured gap to the largest; of solid iron."""
+HELD_GAP_COUNT = 7
+"""Number of gaps at which the armature is held, from the smallest to the largest measured gap."""
+SOLID_HELD_GAP_COUNT = 3
+"""Number of gaps for a solid core."""
 
 
 def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft:
-    """Write the rig file of a magnet whose force is controlled."""
+    """Draft the rig file of a magnet with force control."""
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not low > 0.0:
-        text = "a gap of 0 m is none in which an armature is held; leave its loops out"
+        text = "an armature cannot be held at a gap of 0 m; remove its loops"
         raise InputError(text, code="gap-zero")
     cycle_Hz, sweep = magnet.fastest or (0.0, 0.0)
     rate = max(DEFAULT_RATE_HZ, min(round_nearest(TICKS_PER_CYCLE * cycle_Hz), MAX_RATE_HZ))
@@ -67,14 +71,14 @@ def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft
 
 
 def _triangles(cycle_Hz: float) -> list[tuple[str, float, float, float, int, str]]:
-    """Return the slow triangles; of solid iron a fast one too, and one cycle: ticks are many."""
+    """Return slow triangles; for a solid core a slow and a fast one."""
     if not cycle_Hz:
         return [
             ("wide", 0.05, 0.95, 2.0, 2, EXAMPLE_NOTE),
             ("inner", 0.3, 0.7, 2.0, 2, EXAMPLE_NOTE),
         ]
-    slow = f"{SLOW_PERIOD_RATIO:g} times that of the fastest loops"
+    slow_guess = f"{SLOW_PERIOD_RATIO:g} times that of the fastest loops"
     return [
-        ("slow", 0.05, 0.95, round_nearest(SLOW_PERIOD_RATIO / cycle_Hz), 1, slow),
+        ("slow", 0.05, 0.95, round_nearest(SLOW_PERIOD_RATIO / cycle_Hz), 1, slow_guess),
         ("fast", 0.1, 0.5, round_nearest(1.0 / cycle_Hz), 4, "as fast as the fastest loops"),
     ]

@@ -1,4 +1,4 @@
-"""What a rig has to know of its magnet, from loops, and of what it moves, as given or guessed."""
+"""Evaluate the loops of a magnet for a draft, and complete the data of its machine by guesses."""
 
 from __future__ import annotations
 
@@ -19,39 +19,40 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import round_down, round_nearest
 
 TOP_CURRENT_RATIO = 0.95
-"""Share of the largest current from which samples say what force it makes."""
+"""Fraction of the largest current above which samples determine its force."""
 
 USABLE_FORCE_RATIO = 0.95
-"""Share of the measured force that a controller may ask for."""
+"""Fraction of the measured force that a controller may demand."""
 
 MAX_WEAKEST_FORCE_RATIO = 4.0
-"""It may ask for so many times what the loops reach at the weakest gap."""
+"""Largest demanded force over the force at the weakest gap."""
 
 MIN_LOAD_RATIO = 0.01
-"""Share of that force from which a load is distinguished from none."""
+"""Smallest load, as a fraction of that force; smaller ones are within the uncertainty of the loops.
+"""
 
 MIN_BRANCH_SAMPLES = 12
-"""Samples of one branch from which its noise can be estimated."""
+"""Smallest number of samples of a branch from which its noise can be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMagnet:
-    """A magnet as its loops show it."""
+    """A magnet as described by its loops."""
 
-    loops: Loops  # force over current, at one gap or several; slow ones
-    gaps: FloatArray  # measured ones, m, rising; shape (g,)
+    loops: Loops  # force over current at one or several gaps; slow loops only
+    gaps: FloatArray  # measured gaps, m, ascending; shape (g,)
     current_high: float  # largest current that was measured at every gap, A
     forces: FloatArray  # force at that current, N; shape (g,)
-    # cycles a second and A/s of the fastest loops; None where rate does not matter
+    # rates of the fastest loops, Hz and A/s, or None if the rate does not matter
     fastest: tuple[float, float] | None = None
 
     def usable_force(self, gap: float) -> float:
-        """Return the largest force that a controller at a gap is to ask for, N.
+        """Return the largest force that a controller may demand at a gap, N.
 
-        A little less than the loops reach there; and not much more than they reach at the weakest
-        gap, or what is fitted over all gaps would be made up there.
+        It is a little below the loops at this gap, and limited relative to the weakest gap, where
+        the fitted model would otherwise extrapolate.
         """
-        # Over the gap the reciprocal root of the force is nearly straight.
+        # The reciprocal root of the force is nearly linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
         return min(USABLE_FORCE_RATIO * force, MAX_WEAKEST_FORCE_RATIO * float(self.forces.min()))
 
@@ -61,8 +62,8 @@ class MeasuredMagnet:
         if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
-                "magnet may pull: the loops do not say enough about it; give a larger one, or "
-                "loops of smaller currents",
+                "magnet may pull, and the loops are too uncertain there; give a larger one, or "
+                "loops with smaller currents",
                 code="load-too-small",
                 key="load",
             )
@@ -73,14 +74,14 @@ class MeasuredMagnet:
         if not tangent.current_per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
-                "current; look at the loops with anhyst inspect",
+                "current; check the loops with anhyst inspect",
                 code="force-does-not-rise",
             )
         return tangent
 
     @property
     def noise(self) -> tuple[float, float]:
-        """Standard deviations of the noise of current and force between turning points, A and N."""
+        """Standard deviations of the noise of current and force between reversals, A and N."""
         noises = [
             (estimate_noise(loop.input[start:end]), estimate_noise(loop.output[start:end]))
             for loop in self.loops.loops
@@ -94,7 +95,7 @@ class MeasuredMagnet:
 
     @property
     def pace(self) -> tuple[float, float] | None:
-        """Time from row to row and sweep of the current, s and A/s; None without times."""
+        """Time between rows and rate of the current, s and A/s; None without times."""
         steps, sweeps = [], []
         for loop in self.loops.loops:
             if loop.time is None:
@@ -108,36 +109,39 @@ class MeasuredMagnet:
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
-    """Look at the loops of a magnet."""
+    """Evaluate the loops of a magnet."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     fastest, loops = _fastest_rate(loops), select_slow_loops(loops)
     groups = loops.by_schedule()
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
-    current_high = round_nearest(current_high, 3)  # what is read is restless
+    current_high = round_nearest(current_high, 3)  # readings are noisy
     if not current_high > 0.0:
-        text = "at one gap no current above 0 A was measured; turn the sign of the current"
+        text = "at one gap no current above 0 A was measured; invert the sign of the current"
         raise InputError(text, code="current-negative")
     forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
     if not forces.min() > 0.0:
-        text = "the largest current does not pull at every gap; turn the sign of the force"
+        text = "the largest current does not pull at every gap; invert the sign of the force"
         raise InputError(text, code="force-negative")
     gaps = np.array(list(groups), dtype=np.float64)
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
 
 def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
+    """Return the rates of the fastest loops, Hz and A/s, or None if the rate does not matter."""
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
     steps = [
-        np.diff(one.input) / np.diff(one.time) for one in speeds.fast[-1] if one.time is not None
+        np.diff(loop.input) / np.diff(loop.time)
+        for loop in speeds.fast[-1]
+        if loop.time is not None
     ]
     return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
 
 def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
-    """Return the force at the largest current, N: a line through the samples near it."""
+    """Return the force at the largest current, N, from a line through the samples near it."""
     current = np.concatenate([loop.input for loop in group])
     force = np.concatenate([loop.output for loop in group])
     top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
@@ -149,30 +153,30 @@ def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
 
 
 GRAVITY_M_PER_S2 = 9.81
-"""m/s^2."""
+"""Acceleration of gravity, m/s^2."""
 
 MIN_LIFT_RATIO = 1.1
-"""Loops of every gap must reach so many times the load, or the armature hardly leaves its rest."""
+"""Smallest force of the loops at every gap over the load, for a reliable lift-off."""
 
 DEFAULT_LOAD_RATIO = 0.5
-"""Share of the force at the weakest gap that a load is guessed to be."""
+"""Default load, as a fraction of the force at the weakest gap."""
 
 STOP_CLEARANCE_RATIO = 0.05
-"""Share of the travel that must be left between the operating gap and either stop."""
+"""Smallest distance between the operating gap and a stop, as a fraction of the travel."""
 
 
 @dataclass(frozen=True, slots=True)
 class MachineRequest:
-    """What a user says of a machine; None for what is to be guessed."""
+    """Data of a machine that a user gives; None for values to guess."""
 
-    mass: float | None = None  # of what moves, kg
-    load: float | None = None  # force that pulls the gap open, N
-    gap: float | None = None  # where it works, m
+    mass: float | None = None  # moving mass, kg
+    load: float | None = None  # load that opens the gap, N
+    gap: float | None = None  # operating gap, m
 
 
 @dataclass(frozen=True, slots=True)
 class GuessedValue:
-    """A number, and from what it was guessed; empty where it was given."""
+    """A value, and the source of its guess; empty if it was given."""
 
     number: float
     guess: str = ""
@@ -180,12 +184,12 @@ class GuessedValue:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What moves, what pulls at it and where."""
+    """Moving mass, load and operating gap of a machine."""
 
     mass: GuessedValue  # kg, N, m
     load: GuessedValue
     gap: GuessedValue
-    stops: tuple[float, float]  # least and largest gap, m
+    stops: tuple[float, float]  # smallest and largest gap, m
 
     @property
     def clearance(self) -> float:
@@ -194,7 +198,7 @@ class Machine:
         return min(gap - self.stops[0], self.stops[1] - gap)
 
     def list_guesses(self) -> dict[str, str]:
-        """Return what was not given: option with its value, and from what it was guessed."""
+        """Return guessed options with their values, and the sources of the guesses."""
         return {
             f"--{name} {value.number:g}": value.guess
             for name, value in {"mass": self.mass, "load": self.load, "gap": self.gap}.items()
@@ -203,7 +207,7 @@ class Machine:
 
 
 def complete_machine(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
-    """Complete what a user says of a machine."""
+    """Complete the data of a machine by guesses."""
     for name, number, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
@@ -225,8 +229,8 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if magnet.gaps.size < 2:
         raise InputError(
-            f"loops at one gap only, {low:g} m: a bearing moves; measure loops at a smaller and a "
-            "larger one",
+            f"loops at one gap only, {low:g} m, but a bearing moves; measure loops at a smaller and "
+            "a larger one",
             code="single-gap",
         )
     if request.gap is None:
@@ -239,8 +243,8 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
             if low < gap * float(f"1{exponent}") < high
         ]
         raise InputError(
-            f"gap: {gap:g} m is not well within the measured gaps of {low:g} to {high:g} m, which "
-            f"are the stops; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
+            f"gap: {gap:g} m is too near the stops, which are the ends of the measured gaps of "
+            f"{low:g} to {high:g} m; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
             code="gaps-not-covered",
             key="gap",
         )
@@ -248,7 +252,7 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
 
 
 def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    weakest = int(magnet.forces.argmin())  # the largest gap, but of a solenoid with a cone
+    weakest = int(magnet.forces.argmin())  # the largest gap, except for a solenoid with a cone
     weakest_force, weakest_gap = float(magnet.forces[weakest]), float(magnet.gaps[weakest])
     if request.load is not None:
         load = GuessedValue(request.load)
@@ -266,7 +270,7 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
             f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops of larger "
+            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

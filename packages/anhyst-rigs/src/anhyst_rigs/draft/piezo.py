@@ -1,9 +1,9 @@
-"""A piezo stack fitted to loops of displacement over voltage: the law of Bouc and Wen, and creep.
+"""Fit a piezo stack with Bouc-Wen hysteresis and creep to loops of displacement over voltage.
 
-A free stack wants to be ``d*u + b*u^2 - h`` long, with ``dh = a*du - beta*|du|*h - gamma*du*|h|``,
-and creeps after it. ``h`` is in proportion to ``a``: d, b and a come from one least-squares problem
-with d and a not below zero. Around it beta, gamma, the lag of the measurement and the shares of the
-creep are varied.
+The displacement of a free stack is ``d*u + b*u^2 - h`` plus creep, with the voltage u and ``dh =
+a*du - beta*|du|*h - gamma*du*|h|``. Because ``h`` is proportional to ``a``, one least-squares
+problem gives d, b and a, with d and a not negative. An outer search varies beta, gamma, the lag of
+the measurement and the fractions of the creep.
 """
 
 from __future__ import annotations
@@ -24,28 +24,34 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import Draft, render_draft
 
 CREEP_TIME_RATIOS = (1 / 100, 1 / 10, 1.0)
-"""Time constants that are tried, in parts of the longest record: of slower ones it shows the begin."""
+"""Time constants of creep, as fractions of the longest record. It shows only the begin of slower
+creep."""
 MIN_CREEP_CYCLES = 2.0
-"""Least time constant, in cycles, where all loops run at one rate: a shorter one looks like width."""
+"""Shortest time constant of creep in cycles, if all loops have one rate; shorter creep looks like a
+wider loop."""
 MAX_LAG_SAMPLES = 3.0
-"""Longest lag, in samples; there a single one, for the same reason."""
+"""Longest lag in samples if loops have several rates; with one rate the limit is one sample."""
 MIN_RATE_RATIO = 3.0
+"""Smallest ratio of rates that counts as several rates."""
 MAX_CREEP_RESIDUAL_RATIO = 0.97
-"""Deviation, in parts of that without creep, from which on loops show none."""
-OUTLIER_RATIO, MAX_OUTLIER_SHARE = 10.0, 0.02
-"""A sample that deviates so many times as much as usual shows no loop; of so few it is left out."""
+"""Largest residual with creep over that without it, for which creep is used."""
+OUTLIER_RATIO = 10.0
+"""Residual of an outlier over the median residual."""
+MAX_OUTLIER_SHARE = 0.02
+"""Largest fraction of outliers that are excluded; with more none is."""
 MAX_RESIDUAL_RATIO = 0.05
-"""Of the stroke, rms: loops that are followed no better are none of a stack."""
+"""Largest rms residual, as a fraction of the stroke, for which the loops count as those of a stack.
+"""
 MAX_FIT_SAMPLES = 6_000
-"""That are fitted."""
+"""Largest number of fitted samples."""
 INITIAL_LOG_BETAS = (0.5, 2.5)
-"""Of the logarithm of beta, over the range of the voltage."""
+"""Initial guesses of the logarithm of beta times the range of the voltage."""
 _TINY = 1e-12
 
 
 @dataclass(frozen=True)
 class FittedStack:
-    """A stack as loops show it, in the keys of ``[[stack]]``."""
+    """A stack fitted to loops, with the keys of ``[[stack]]``."""
 
     numbers: dict[str, float]
     creep_times: tuple[float, ...]  # s
@@ -53,53 +59,53 @@ class FittedStack:
     low: float  # range of the voltage, V
     high: float
     stroke: float  # range of the displacement, m
-    remains: float  # at the lowest voltage after the highest: what a stage cannot go below, m
-    rms: float  # deviation, m
-    rms_without_creep: float  # the same without creep, m
-    has_times: bool  # without times nothing is known of creep
+    remains: (
+        float  # displacement at the lowest voltage after the highest, the lower limit of a stage, m
+    )
+    rms: float  # residual, m
+    rms_without_creep: float  # residual without creep, m
+    has_times: bool  # without times creep is unknown
 
     @property
     def fit_text(self) -> str:
-        """How well loops are followed."""
+        """Residual of the fit, in words."""
         size, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
         return f"{size} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
 
     @property
     def creep_text(self) -> str:
-        """What creeps, or why nothing does."""
+        """Fitted creep, or the reason why there is none."""
         if not self.has_times:
             return "the loops have no times"
         if not self.creep_times:
-            return "the loops show none: with it they are missed by hardly less"
+            return "the loops show none: it barely reduces the residual"
         shares = zip(self.creep_shares, self.creep_times, strict=True)
         listed = ", ".join(f"{100 * share:.2g} % in {time:.2g} s" for share, time in shares)
-        return (
-            f"{listed}; without that they would be missed by {1e6 * self.rms_without_creep:.3g} um"
-        )
+        return f"{listed}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
 
 
 def fit_stack(loopset: Loops) -> FittedStack:
-    """Fit a stack to loops; refuse what is none."""
+    """Fit a stack to loops; raise an InputError if the loops are not those of a stack."""
     problem = _FitProblem(loopset)
     problem.exclude_outliers(problem.fit(()))
-    best = without_creep = problem.fit(())
+    fit = without_creep = problem.fit(())
     if (
         problem.creep_times
         and (with_creep := problem.fit(problem.creep_times, without_creep)).rms
         < MAX_CREEP_RESIDUAL_RATIO * without_creep.rms
     ):
-        best = with_creep
-    stroke, bend, slope, _ = best.weights * problem.stroke
-    is_poor = best.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
+        fit = with_creep
+    stroke, bend, slope, _ = fit.weights * problem.stroke
+    is_poor = fit.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
     if is_poor or not slope:
-        reason = "are followed by no stack" if is_poor else "show no hysteresis"
+        reason = "are not those of a stack" if is_poor else "show no hysteresis"
         raise InputError(
-            f"the loops {reason}: the law of Bouc and Wen misses {100 * best.rms / problem.stroke:.2g} "
-            "% of the stroke; look at them with anhyst inspect",
+            f"the loops {reason}: the residual of the Bouc-Wen model is "
+            f"{100 * fit.rms / problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
     span, low = problem.span, problem.low / problem.span
-    beta, ratio = math.exp(best.shape[0]), float(best.shape[1])
+    beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
     remaining = bouc_wen_state(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
     numbers = {
         "stroke_m_per_V": stroke / span,
@@ -110,13 +116,13 @@ def fit_stack(loopset: Loops) -> FittedStack:
     }
     return FittedStack(
         numbers={key: float(value) for key, value in numbers.items()},
-        creep_times=best.creep_times,
-        creep_shares=tuple(best.shape[3:].tolist()),
+        creep_times=fit.creep_times,
+        creep_shares=tuple(fit.shape[3:].tolist()),
         low=problem.low,
         high=problem.high,
         stroke=max(float(np.ptp(answer)) for answer in problem.displacements()),
         remains=float(stroke * low + bend * low**2 - slope * remaining),
-        rms=best.rms,
+        rms=fit.rms,
         rms_without_creep=without_creep.rms,
         has_times=problem.sample_s > 0.0,
     )
@@ -124,31 +130,35 @@ def fit_stack(loopset: Loops) -> FittedStack:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Logarithm of beta over the range, gamma over beta, lag in samples, shares of the creep."""
+    """Result of a fit.
+
+    ``shape`` contains the logarithm of beta over the range, gamma over beta, the lag in samples,
+    and the fractions of the creep.
+    """
 
     shape: FloatArray
     creep_times: tuple[float, ...]
-    weights: FloatArray  # stroke, bend and slope in parts of the range
+    weights: FloatArray  # stroke, bend, slope and offset, relative to the ranges
     deviation: FloatArray  # m
     rms: float  # m
 
 
 class _FitProblem:
-    """Loops, and what is fitted to them; voltages in parts of their range."""
+    """Loops and the least-squares problem; voltages are fractions of their range."""
 
     def __init__(self, loopset: Loops) -> None:
-        every = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
+        stride = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
         self.loops = loopset.loops
-        self.selection = slice(None, None, every)
+        self.selection = slice(None, None, stride)
         self.low = min(0.0, *(float(loop.input.min()) for loop in self.loops))
         self.high = max(float(loop.input.max()) for loop in self.loops)
         self.stroke = max(float(np.ptp(loop.output)) for loop in self.loops)
         if not (self.high > 0.0 and self.stroke > 0.0):
-            text = "no voltage above 0 V moves it; turn the sign of the voltage"
+            text = "no voltage above 0 V moves it; invert the sign of the voltage"
             raise InputError(text, code="voltage-negative")
         if any(correlation(loop.input, loop.output) < 0.0 for loop in self.loops):
             raise InputError(
-                "the displacement falls as the voltage rises; flip the sign of one of the columns",
+                "the displacement falls as the voltage rises; invert the sign of one column",
                 code="output-falls",
             )
         self.span = self.high - self.low
@@ -174,19 +184,17 @@ class _FitProblem:
         ]
 
     def displacements(self) -> list[FloatArray]:
-        """Return the displacements that count, m."""
+        """Return the displacements that are fitted, m."""
         pairs = zip(self.loops, self.masks, strict=True)
         return [loop.output[self.selection][mask] for loop, mask in pairs]
 
     def fit(self, creep_times: tuple[float, ...], initial: _Fit | None = None) -> _Fit:
-        """Vary the shape until the deviation is least."""
+        """Find the shape with the smallest residual."""
         from scipy.optimize import least_squares
 
         extra = [0.0] * len(creep_times)
-        low, high = (
-            [-3.0, 0.0, 0.0, *extra],
-            [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)],
-        )
+        low = [-3.0, 0.0, 0.0, *extra]
+        high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = (
             [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS]
             if initial is None
@@ -210,7 +218,7 @@ class _FitProblem:
         return min(fits, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
-        """Leave out few samples that deviate as no loop does: an amplifier that came up."""
+        """Exclude a few samples with a large residual, such as those while an amplifier starts."""
         is_close = np.abs(fit.deviation) <= OUTLIER_RATIO * np.median(np.abs(fit.deviation))
         if np.count_nonzero(~is_close) <= MAX_OUTLIER_SHARE * is_close.size:
             ends = np.cumsum([mask.size for mask in self.masks])[:-1]
@@ -219,7 +227,7 @@ class _FitProblem:
     def _solve(
         self, shape: FloatArray, creep_times: tuple[float, ...]
     ) -> tuple[FloatArray, FloatArray]:
-        """Return weights of voltage, its square, hysteresis and offset, and the deviation."""
+        """Return the weights of voltage, its square, hysteresis and offset, and the residual."""
         from scipy.optimize import nnls
 
         rows = [
@@ -255,7 +263,7 @@ class _FitProblem:
     def _creep(
         self, loop: Loop, columns: FloatArray, shares: FloatArray, creep_times: Sequence[float]
     ) -> FloatArray:
-        """Return what creeps after some columns, from rest where the loop begins or about its mean."""
+        """Return the creep after some columns, from rest at the first sample or about the mean."""
         from scipy.signal import lfilter
 
         is_settled = loop.history.kind == "settled"
@@ -269,10 +277,10 @@ class _FitProblem:
 
 
 def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
-    """Return h of Bouc and Wen for a = 1 along a drive that begins at its first value without any.
+    """Return h of the Bouc-Wen model for a = 1 along a drive that begins without hysteresis.
 
-    Exact between turning points: with v the way and g = h in its direction, dg/dv = 1 - beta*g -
-    gamma*|g|; gamma is a ratio times beta.
+    The solution is exact between reversal points. With the travel v and g = h in its direction,
+    dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
     """
     step = np.diff(drive)
     moving = np.flatnonzero(step)
@@ -292,24 +300,25 @@ def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
 
 
 def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> FloatArray:
-    """Solve dg/dv = 1 - beta*g - gamma*|g| from a start: below zero first, above it then."""
-    above, below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
-    start = min(start, (1.0 - _TINY) / above)  # g nears 1/above and never reaches it
-    initial_rate = above if start >= 0.0 else below
-    travel_past_zero = travel - math.log1p(-start * initial_rate) / initial_rate  # zero
-    rate = np.where(travel_past_zero < 0.0, below, above)
+    """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value: first below zero, then above."""
+    rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
+    start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
+    initial_rate = rate_above if start >= 0.0 else rate_below
+    # travel after the zero of g
+    travel_past_zero = travel - math.log1p(-start * initial_rate) / initial_rate
+    rate = np.where(travel_past_zero < 0.0, rate_below, rate_above)
     return np.asarray(-np.expm1(-rate * travel_past_zero) / rate)
 
 
 EXAMPLE_RESONANCE_HZ = 480.0
-"""Of the example, Hz: loops say nothing of it."""
+"""Resonance of the example, Hz; loops do not show it."""
 
 DEFAULT_NOISE_RATIO = 1e-4
-"""Of the stroke, where the loops show none."""
+"""Default noise, as a fraction of the stroke, if the loops show none."""
 
 
 def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:
-    """Write the rig file of a piezo stage."""
+    """Draft the rig file of a piezo stage."""
     measured_noise = float(np.median([estimate_noise(loop.output) for loop in loops.loops]))
     noise_m = measured_noise or DEFAULT_NOISE_RATIO * stack.stroke
     return render_draft(

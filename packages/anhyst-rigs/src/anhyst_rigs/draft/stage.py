@@ -1,6 +1,6 @@
-"""Rig file of a stage of one axis, drafted from the loops of a magnet of which two move its mass.
+"""Draft the rig file of a one-axis stage between two magnets from the loops of one of them.
 
-The multiples are those of ``examples/stage``, so that its loops and mass give its numbers again.
+The rules use the ratios of ``examples/stage``, whose loops and mass give its numbers back.
 """
 
 from __future__ import annotations
@@ -13,31 +13,33 @@ from anhyst_rigs.draft.magnet import GuessedValue, MachineRequest, MeasuredMagne
 from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_nearest, step_up
 
 RATE_HZ = 20e3
-"""Ticks a second."""
+"""Tick rate, Hz."""
 ACCELERATING_FORCE_RATIO = 0.9
-"""Part of the largest force that accelerates the mass: the rest is for the feedback."""
+"""Fraction of the largest force that accelerates the mass; the rest is for the feedback."""
 PEAK_M_PER_S2 = 22.0
-"""Acceleration of the set-point, m/s^2, where the mass is guessed to take all of that."""
-TRAINING_RATIOS, TEST_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5), (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
-"""Turnarounds of the set-points, in parts of the largest acceleration."""
+"""Acceleration from which a mass is guessed, m/s^2."""
+TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
+"""Turnarounds of the training set-point, as fractions of the largest acceleration."""
+TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
+"""Turnarounds of the test set-point, as fractions of the largest acceleration."""
 JERK_PHASE_S = 7.5e-3
-"""Phase of the set-point's jerk, s."""
+"""Jerk phase of the set-point, s."""
 FULL_SWINGS_PER_JERK_PHASE = 10.0
-"""The supply drives the current over its whole range in such a part of it."""
+"""Jerk phase over the time in which the supply drives the current over its whole range."""
 
 
 def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: MachineRequest) -> Draft:
-    """Write the rig file of a stage between two of these magnets."""
+    """Draft the rig file of a stage between two of these magnets."""
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not 0.0 < low < high:
         raise InputError(
-            f"a stage moves between gaps: loops at two at least, above 0 m, are needed; there are "
-            f"some at {low:g} m alone",
+            f"a stage moves between gaps and needs loops at two gaps above 0 m; there are only "
+            f"loops at {low:g} m",
             code="single-gap",
         )
     middle_gap = 0.5 * (low + high)
     if request.gap is not None and not low < request.gap < high:
-        text = f"gap: {request.gap:g} m is not between the measured ones, {low:g} and {high:g} m"
+        text = f"gap: {request.gap:g} m is not between the measured gaps of {low:g} and {high:g} m"
         raise InputError(text, code="gaps-not-covered", key="gap")
     gap = (
         GuessedValue(middle_gap, "the middle of the gaps")
@@ -48,7 +50,7 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
     mass = (
         GuessedValue(
             round_nearest(ACCELERATING_FORCE_RATIO * force / PEAK_M_PER_S2),
-            f"takes the force at {PEAK_M_PER_S2:g} m/s^2",
+            f"needs the force at {PEAK_M_PER_S2:g} m/s^2",
         )
         if request.mass is None
         else GuessedValue(request.mass, "")

@@ -1,4 +1,4 @@
-"""TOML for a person: every key with what it is, with what it was guessed from, in round numbers."""
+"""Render drafts as commented TOML with rounded numbers, and collect the guesses."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.support.toml_text import toml_key, toml_value, with_comment
 
 MAX_PREFIXED_VALUE = 1e-2
-"""Numbers below it are written in milli, micro and nano."""
+"""Values below this limit are written with exponents of milli, micro and nano."""
 
 
 class Draft(NamedTuple):
-    """A file that a person edits."""
+    """A drafted file."""
 
     text: str
-    guesses: dict[str, str]  # what was guessed: key with its table and value, and from what
+    guesses: dict[str, str]  # key with its table and value, and the source of the guess
 
 
 _TABLE_NAMES = {("sensor", "of"): "{}_sensor.", ("case", "kind"): "{}."}
-"""What a table of a list is called in :attr:`Draft.guesses`, by a key that tells it apart."""
-_COMMENT_MARK, _GUESS_MARK = "  # ", "; guess: "
+"""Name of a table in a list in :attr:`Draft.guesses`, by the key that identifies it."""
+_COMMENT_MARK = "  # "
+_GUESS_MARK = "; guess: "
 
 
 def render_draft(template: str, **values: Any) -> Draft:
-    """Return the draft of a template: comments at their column, and those that name a guess."""
+    """Render a template; align its comments and collect those that mark a guess."""
     rendered = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
     for line in rendered.removesuffix("\n").split("\n"):
@@ -52,7 +53,7 @@ def render_draft(template: str, **values: Any) -> Draft:
 
 @cache
 def _templates() -> Environment:
-    """Return the templates: numbers are written as TOML, texts as they are."""
+    """Return the template environment: numbers are written as TOML, texts unchanged."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=StrictUndefined,
@@ -61,7 +62,8 @@ def _templates() -> Environment:
         finalize=lambda value: value if isinstance(value, str) else format_toml(value),
     )
     environment.globals |= {
-        one.__name__: one for one in (round_nearest, round_up, round_down, step_up, step_down)
+        function.__name__: function
+        for function in (round_nearest, round_up, round_down, step_up, step_down)
     }
     environment.filters |= {
         "toml": format_toml,
@@ -72,9 +74,9 @@ def _templates() -> Environment:
 
 
 def format_toml(value: object) -> str:
-    """Write a value as TOML; small numbers in milli, micro and nano, and still to the last bit.
+    """Write a value as TOML; small numbers get exponents of milli, micro and nano, without loss.
 
-    >>> written([0.45e-3, 50e-9, 20.0])
+    >>> format_toml([0.45e-3, 50e-9, 20.0])
     '[0.45e-3, 50e-9, 20.0]'
     """
     match value:
@@ -99,29 +101,29 @@ _SLACK = 1e-9
 
 
 def round_nearest(value: float, digits: int = 2) -> float:
-    """Return the nearest number of so many digits."""
+    """Round to a number of significant digits."""
     return float(f"{value:.{digits - 1}e}")
 
 
 def round_up(value: float, digits: int = 2) -> float:
-    """Return the least number of so many digits that is not below a positive value."""
+    """Round a positive value up to a number of significant digits."""
     return _round_in_decade(value, digits, math.ceil, -_SLACK)
 
 
 def round_down(value: float, digits: int = 2) -> float:
-    """Return the largest number of so many digits that is not above a positive value."""
+    """Round a positive value down to a number of significant digits."""
     return _round_in_decade(value, digits, math.floor, _SLACK)
 
 
 def step_up(value: float, steps: Sequence[float] = ONE_TWO_FIVE) -> float:
-    """Return the least of 1, 2, 5, 10, 20, ... that is not below a positive value."""
+    """Round a positive value up to 1, 2, 5, 10, 20, ..."""
     decade = math.floor(math.log10(value) + _SLACK)
-    least = next(step for step in steps if step * (1.0 + _SLACK) >= value / 10.0**decade)
-    return float(f"{least:g}e{decade}")
+    step_value = next(step for step in steps if step * (1.0 + _SLACK) >= value / 10.0**decade)
+    return float(f"{step_value:g}e{decade}")
 
 
 def step_down(value: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, ... that is not above a positive value."""
+    """Round a positive value down to 1, 2, 5, 10, 20, ..."""
     decade = math.floor(math.log10(value) + _SLACK)
     share = value / 10.0**decade * (1.0 + _SLACK)
     return float(f"{max(step for step in ONE_TWO_FIVE if step <= share):g}e{decade}")

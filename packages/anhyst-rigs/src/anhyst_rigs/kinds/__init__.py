@@ -1,1 +1,1 @@
-"""The kinds of rigs: one file each, with the record of all that can be done with such a rig."""
+"""The kinds of rigs: one module each, with the record of all commands for such a rig."""

@@ -1,4 +1,4 @@
-"""A bearing: an armature that a position controller levitates between end stops."""
+"""A bearing: a position controller levitates an armature between end stops."""
 
 from anhyst_rigs.kinds.rig_kind import RigKind
 
@@ -28,7 +28,7 @@ BEARING = RigKind(
         "tune": ("--controller", "--overshoot", "--settling", "--standstill", "--effort"),
     },
     reasons={
-        "force-control": "its armature flies, and here one is held",
-        "compile": "compile its model, with --controller for the whole controller",
+        "force-control": "its armature is levitated, and force control needs a fixed armature",
+        "compile": "compile its model, with --controller for the complete controller",
     },
 )

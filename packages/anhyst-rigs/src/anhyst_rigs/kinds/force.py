@@ -1,4 +1,4 @@
-"""A rig of force control: a held armature whose force is commanded, open loop."""
+"""A rig for force control: the force on a fixed armature is controlled in open loop."""
 
 from anhyst_rigs.kinds.rig_kind import RigKind
 
@@ -23,6 +23,6 @@ FORCE = RigKind(
     options={"simulate": ("--board",)},
     reasons={
         "tune": "its force is controlled open loop, so there are no gains to find",
-        "calibrate": "its armature is held, so there is no motion to learn from",
+        "calibrate": "its armature is fixed, so there is no motion to estimate errors from",
     },
 )

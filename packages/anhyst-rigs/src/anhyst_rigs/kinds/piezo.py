@@ -1,4 +1,4 @@
-"""A piezo stage: a stack follows a displacement, with an integrator beside the feedforward."""
+"""A piezo stage: a stack follows a displacement, controlled by feedforward and an integrator."""
 
 from anhyst_rigs.kinds.rig_kind import RigKind
 
@@ -22,7 +22,7 @@ PIEZO = RigKind(
     },
     options={"tune": ("--error",)},
     reasons={
-        "calibrate": "it has no magnets, whose errors are what motion teaches",
+        "calibrate": "it has no magnets, whose errors could be estimated from motion",
         "force-control": "a stack is driven to a displacement, not to a force",
     },
 )

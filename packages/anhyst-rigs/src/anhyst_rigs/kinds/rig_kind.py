@@ -1,4 +1,4 @@
-"""What the record of a kind of rig is."""
+"""The record of a kind of rig: its name, its commands, and the functions that do their work."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from anhyst.support.kinds import RIG_FORMAT, FileKind
 
 @dataclass(frozen=True, eq=False)
 class RigKind(FileKind):
-    """A kind of rig: its name, the verbs that take it, and where the work of each is done.
+    """A kind of rig: its name, the commands that accept it, and the functions that do their work.
 
-    A package registers an instance as an entry point of the group ``anhyst.kinds``, whose name is
-    the word. What a verb asks of a kind is a protocol beside the work of that verb, and `places`
-    has the methods of the protocols of all verbs of the kind:
+    A package registers an instance as an entry point of the group ``anhyst.kinds``. The name of the
+    entry point is the word of the kind. Each command defines the methods that it needs as a
+    protocol. `places` contains the functions for the methods of all these protocols:
 
     - ``simulate``: :class:`anhyst_rigs.reports.studies.HasSimulation`; with the option ``--board`` also
-      ``HasBoard``, ``--monte-carlo`` ``HasPlants`` and ``--benefit`` ``HasBenefit`` of that module;
-      where ``benefit`` is :func:`anhyst_rigs.reports.benefit.map_plants`, also
+      ``HasBoard``, with ``--monte-carlo`` ``HasPlants`` and with ``--benefit`` ``HasBenefit`` of that module;
+      if ``benefit`` is :func:`anhyst_rigs.reports.benefit.map_plants`, also
       :class:`anhyst_rigs.study.benefit.HasIrons`
     - ``tune``: :class:`anhyst_rigs.study.tuning.tuning.HasTuning`
     - ``excite``: :class:`anhyst_rigs.study.excite.excite.HasSpecimen`
@@ -29,31 +29,31 @@ class RigKind(FileKind):
     - ``export``: an entry point of the group ``anhyst.exports``, see ``anhyst_exchange.exporter``
     - ``compile``: :class:`anhyst.compilation.compiled_stage.HasController`
 
-    A function is imported when it is first asked for, so that the kind of a file is known at once.
-    The module of the record is imported by every verb that takes a file: it should import nothing
-    heavy and print nothing.
+    A function is imported when it is first used, so that the kind of a file is known quickly. Every
+    command that accepts a file imports the module of the record. Therefore, this module must not
+    import large packages or print anything.
 
-    `options` names, by verb, the options that this kind takes and others do not: ``--controller``,
-    ``--board``, ``--calibrate``, and the aims of ``tune``. `reasons` says, by verb, why a verb that
-    the kind does not list has no use for it.
+    `options` names, for each command, the options that this kind supports and others do not:
+    ``--controller``, ``--board``, ``--calibrate``, and the requirements of ``tune``. `reasons`
+    states, for each command that the kind does not support, why it is not useful.
     """
 
-    # module and name of the function of each method, "package.module:function"
+    # function of each method as "package.module:function"
     places: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise TypeError if the places are no table."""
+        """Raise TypeError if the places are not a table."""
         if not isinstance(self.places, Mapping):
-            raise TypeError("places is no table")
+            raise TypeError("places is not a table")
 
     @property
     def format(self) -> str:
-        """What the key ``format`` of such a file says."""
+        """Value of the key ``format`` in such a file."""
         return RIG_FORMAT
 
     def __getattr__(self, method: str) -> Any:
         """Import the function of a method."""
-        places: Mapping[str, str] = self.__dict__.get("places", {})  # none yet in a copy
+        places: Mapping[str, str] = self.__dict__.get("places", {})  # not set yet while copying
         if method not in places:
             raise AttributeError(f"'{method}' is not among the places", name=method, obj=self)
         module, _, name = places[method].partition(":")

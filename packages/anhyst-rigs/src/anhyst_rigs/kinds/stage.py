@@ -1,4 +1,4 @@
-"""A stage: a body between magnets, free in one to six coordinates, that follows a set-point."""
+"""A stage: a body between magnets that follows a set-point in one to six coordinates."""
 
 from anhyst_rigs.kinds.rig_kind import RigKind
 
@@ -28,5 +28,5 @@ STAGE = RigKind(
             *("--average", "--crossover", "--error", "--settling", "--standstill", "--effort"),
         ),
     },
-    reasons={"force-control": "its body moves, and here an armature is held"},
+    reasons={"force-control": "its body moves, and force control needs a fixed armature"},
 )

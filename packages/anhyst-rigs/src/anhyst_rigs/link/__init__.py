@@ -1,1 +1,1 @@
-"""The link to a controller: frames, client, and the bus of a virtual plant."""
+"""Communicate with a controller: frames, client, XCP, and the bus of a virtual plant."""

@@ -1,7 +1,8 @@
-"""The PC's end of the link: a force controller that is queried, commanded and watched.
+"""Operate a controller over the serial link: queries, commands, demands, blocks.
 
-Every request has a number and is repeated until it is answered; the controller does a repeated one
-only once. So nothing is lost silently, whatever the line does to the bytes.
+Every request has a sequence number and is repeated until it is answered. The controller executes a
+repeated request only once. Therefore, a disturbed line cannot lose or duplicate a request
+unnoticed.
 """
 
 from __future__ import annotations
@@ -31,27 +32,27 @@ from anhyst_rigs.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status,
 _Answer = TypeVar("_Answer", bound=Message)
 
 _MAX_FRAME_WORDS = 118
-"""Words of a block in one frame, either way."""
+"""Maximum number of block words in one frame, in both directions."""
 
 _REASON_TEXTS = {
-    Reason.VERSION: "it speaks another version of the protocol",
-    Reason.TYPE: "it does not know this request",
+    Reason.VERSION: "the protocol version differs",
+    Reason.TYPE: "unknown request",
     Reason.LENGTH: "the request has the wrong length",
-    Reason.OLD: "newer requests overtook it",
-    Reason.STATE: "not in the state it is in",
+    Reason.OLD: "newer requests were answered before",
+    Reason.STATE: "not in this state",
     Reason.VALUE: "a value is out of its range",
-    Reason.ORDER: "the words of the block came out of order",
-    Reason.CHECKSUM: "the block that arrived is not the one that was announced",
+    Reason.ORDER: "the words of the block arrived out of order",
+    Reason.CHECKSUM: "the received block is not the announced one",
     Reason.BLOCK: "the parameter block is not valid, or of another kind or layout",
-    Reason.GENERATION: "the parameter block has another generation than was announced",
-    Reason.SESSION: "it knows of no session: it was started again; open the port again",
-    Reason.CURRENT: "current still flows; ask again once it is zero",
-    Reason.SCALE: "the parameter block is made for other signals than the board's",
+    Reason.GENERATION: "the generation of the parameter block is not the announced one",
+    Reason.SESSION: "no session is open, the controller was restarted; open the port again",
+    Reason.CURRENT: "current still flows; repeat the request when it is zero",
+    Reason.SCALE: "the parameter block is made for other signals than those of the board",
 }
 
 
 class RequestRefusedError(InputError):
-    """The controller answered that it does not do a request, and why; nothing changed there."""
+    """The controller refused a request and gave a reason. Its state did not change."""
 
     def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:
         name = type(request).__name__.removesuffix("Request")
@@ -77,7 +78,8 @@ class RequestRefusedError(InputError):
 class ControllerLink:
     """A controller behind a port.
 
-    Opens the port and the session, and checks that both sides speak the same protocol.
+    The constructor opens the port and a session, and checks that both sides use the same protocol
+    version.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class ControllerLink:
         self._sequence = 0
         self._lock = threading.RLock()
         try:
-            self._port.write(b"\0")  # ends whatever a former session left half said
+            self._port.write(b"\0")  # ends an incomplete frame of a former session
             hello = frames.HelloRequest(frames.VERSION, secrets.randbits(32))
             self.info = self.request(hello, frames.InfoAnswer)
         except BaseException:
@@ -106,77 +108,82 @@ class ControllerLink:
         self.close()
 
     def close(self) -> None:
-        """Let go of the port. A controller that drives current goes to its safe state by itself."""
+        """Close the port. A controller that drives current then enters its safe state."""
         self._port.close()
 
     def status(self) -> Status:
-        """Ask what the controller did in its last tick; it learns that the PC is there."""
+        """Return the status of the last tick. The request is also a heartbeat."""
         return self._request_status(frames.HeartbeatRequest())
 
     def demand(self, force: int) -> Status:
-        """Demand a force, q31 of the full-scale force, from the next tick on."""
+        """Demand a force from the next tick on, q31 of the full-scale force."""
         return self._request_status(demand_request(force))
 
     def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
-        """Send many demands, several of them on their way at a time.
+        """Send many demands, of which several can wait for their answers at the same time.
 
-        All of them reach the controller, in order. A demand that the line lost is sent again with
-        all that followed it: the controller may see some twice, never one late.
+        All demands reach the controller in order. A lost demand is repeated. If the controller has
+        already accepted newer demands, these are repeated after it. Therefore, the controller may
+        receive a demand twice, but an old demand never remains in force after a newer one.
         """
         if not 1 <= window <= MAX_WINDOW:
             raise InputError(
                 f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window"
             )
-        flow, source = _DemandFlow(self), iter(forces)
+        flow, remaining = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
-                flow.send(islice(source, window - len(flow.waiting)))
+                flow.send(islice(remaining, window - len(flow.waiting)))
                 if not flow.waiting:
                     return
                 flow.receive()
                 yield from flow.take_answered()
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller."""
+        """Change the state of the controller; returns the new state."""
         return State(self.request(frames.CommandRequest(command), frames.AckAnswer).detail)
 
     def read_setting(self, setting: Setting) -> int:
-        """Ask for a setting."""
+        """Return the value of a setting."""
         return self.request(frames.SettingReadRequest(setting), frames.SettingAnswer).value
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on; returns what the controller has now."""
+        """Write a setting from the next tick on; returns the value in the controller."""
         return self.request(frames.SettingWriteRequest(setting, value), frames.SettingAnswer).value
 
     def write_block(self, words: Sequence[int]) -> int:
-        """Send a parameter block and put it in force between two ticks."""
-        row = [int(word) for word in words]
-        if len(row) <= GENERATION_INDEX:
-            text = f"a block of {len(row)} words: is too short; send a whole one"
+        """Send a parameter block and activate it between two ticks; returns the active generation."""
+        all_words = [int(word) for word in words]
+        if len(all_words) <= GENERATION_INDEX:
+            text = f"a block of {len(all_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
-        generation = row[GENERATION_INDEX] & 0xFFFF
+        generation = all_words[GENERATION_INDEX] & 0xFFFF
         with self._lock:
-            begin = frames.BlockBeginRequest(len(row), generation, checksum(row))
-            self.request(begin, frames.AckAnswer)
-            for at in range(0, len(row), _MAX_FRAME_WORDS):
-                data = frames.BlockDataRequest(at, tuple(row[at : at + _MAX_FRAME_WORDS]))
+            announcement = frames.BlockBeginRequest(len(all_words), generation, checksum(all_words))
+            self.request(announcement, frames.AckAnswer)
+            for offset in range(0, len(all_words), _MAX_FRAME_WORDS):
+                data = frames.BlockDataRequest(
+                    offset, tuple(all_words[offset : offset + _MAX_FRAME_WORDS])
+                )
                 self.request(data, frames.AckAnswer)
             try:
                 return self.request(frames.BlockSwapRequest(generation), frames.AckAnswer).detail
-            except RequestRefusedError as refused:
-                if refused.reason is Reason.SCALE:
-                    in_force: list[int] = []
-                    with suppress(RequestRefusedError):  # there may be none
-                        in_force = self.read_block()
-                    refused.args = (f"{self.url}: {describe_scale_mismatch(row, in_force)}",)
+            except RequestRefusedError as error:
+                if error.reason is Reason.SCALE:
+                    active_words: list[int] = []
+                    with suppress(RequestRefusedError):  # no active block
+                        active_words = self.read_block()
+                    error.args = (
+                        f"{self.url}: {describe_scale_mismatch(all_words, active_words)}",
+                    )
                 raise
 
     def keep_block(self) -> int:
-        """Keep the parameter block in force for the board's next start; returns its generation."""
+        """Store the active parameter block for the next start of the board; returns its generation."""
         return self.request(frames.KeepRequest(), frames.AckAnswer).detail
 
     def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
+        """Return the active parameter block."""
         words: list[int] = []
         with self._lock:
             length = self._read_block_words(0, LENGTH_INDEX + 1)[LENGTH_INDEX]
@@ -195,20 +202,20 @@ class ControllerLink:
             return Status(tick, _check_answer(self.url, request, answer, frames.StatusAnswer))
 
     def request(self, request: Message, kind: type[_Answer]) -> _Answer:
-        """Send any request and return its answer."""
+        """Send a request and return its answer."""
         with self._lock:
             return _check_answer(self.url, request, self._exchange(request)[0], kind)
 
     def _exchange(self, request: Message) -> tuple[Message, int]:
-        """Send a request until it is answered."""
+        """Send a request until it is answered; returns the answer and its tick."""
         sequence = self.next_sequence()
-        wire = encode(request, sequence)
+        frame_bytes = encode(request, sequence)
         for attempt in range(self.attempts):
             self.repeated_count += attempt > 0
-            self._port.write(wire)
-            end = time.monotonic() + self.timeout
-            while (left := end - time.monotonic()) > 0.0:
-                for frame in self.receive(left):
+            self._port.write(frame_bytes)
+            deadline = time.monotonic() + self.timeout
+            while (remaining_s := deadline - time.monotonic()) > 0.0:
+                for frame in self.receive(remaining_s):
                     if frame.sequence == sequence:
                         answer = self.read_answer(frame)
                         if _is_answer_to(answer, request):
@@ -216,12 +223,12 @@ class ControllerLink:
         raise self.make_timeout_error()
 
     def next_sequence(self) -> int:
-        """Return the number of the next request."""
+        """Return the sequence number of the next request."""
         self._sequence = (self._sequence + 1) & 0xFF
         return self._sequence
 
     def send(self, wire: bytes) -> None:
-        """Put encoded frames on the line."""
+        """Write encoded frames to the line."""
         self._port.write(wire)
 
     def receive(self, timeout: float) -> list[Frame]:
@@ -229,7 +236,7 @@ class ControllerLink:
         return self._receiver.feed(self._port.read(timeout))
 
     def read_answer(self, frame: Frame) -> Message:
-        """Read an answer."""
+        """Decode an answer; raises InputError for another protocol version or an unknown answer."""
         kind = frames.ANSWERS.get(frame.type)
         if frame.version != frames.VERSION:
             raise self._make_version_error(frame.version)
@@ -239,7 +246,7 @@ class ControllerLink:
             answer = None
         if answer is None:
             raise InputError(
-                f"{self.url}: an answer of type {frame.type:#04x} that this version does not know; "
+                f"{self.url}: an answer of type {frame.type:#04x} that is unknown to this version; "
                 "use the firmware of this version of anhyst",
                 code="other-firmware",
             )
@@ -251,23 +258,23 @@ class ControllerLink:
 
     def _make_version_error(self, version: int) -> InputError:
         return InputError(
-            f"{self.url}: the firmware speaks version {version} of the protocol, this anhyst "
-            f"version {frames.VERSION}; build and flash the firmware of this anhyst",
+            f"{self.url}: the firmware uses protocol version {version}, this anhyst version "
+            f"{frames.VERSION}; build and flash the firmware of this anhyst",
             code="other-protocol-version",
         )
 
     def make_timeout_error(self) -> InputError:
         """Return the error of a controller that does not answer."""
         return InputError(
-            f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; see that the "
-            "controller runs, that the cable and the baud rate are right, and that no other "
-            "program talks to it",
+            f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; check that "
+            "the controller runs, that cable and baud rate are correct, and that no other program "
+            "uses the port",
             code="no-answer",
         )
 
 
 def _is_answer_to(answer: Message, request: Message) -> bool:
-    """Whether an answer can be one to this request, not left over from a former session."""
+    """Whether an answer belongs to this request and not to a former session."""
     if isinstance(answer, NakAnswer | frames.AckAnswer):
         return answer.request == request.TYPE
     return request.ANSWER == answer.TYPE
@@ -287,11 +294,13 @@ def _split_words(name: str) -> str:
 
 
 MAX_WINDOW = 32
-"""Requests on their way; the controller knows of so many whether it answered them."""
+"""Maximum number of unanswered requests. The controller remembers this number of answered requests.
+"""
 
 
 _READ_PAUSE_S = 0.2e-3
-"""Between two looks at the line, s: an emulated board sends byte by byte, and every look costs."""
+"""Pause between two reads of the line, s. An emulated board sends single bytes, and every read has
+a cost."""
 
 
 @dataclass(slots=True)
@@ -306,7 +315,7 @@ class _SentDemand:
 
 
 def demand_request(force: int) -> frames.DemandRequest:
-    """Return a demand, q31 of the full-scale force."""
+    """Return the request of a demand, q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
         text = f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1"
         raise InputError(text, code="beyond-full-scale", key="demand")
@@ -314,7 +323,7 @@ def demand_request(force: int) -> frames.DemandRequest:
 
 
 class _DemandFlow:
-    """Many demands on their way at a time, none lost and none out of order."""
+    """A sequence of demands with several unanswered ones; none is lost or reordered."""
 
     def __init__(self, controller: ControllerLink) -> None:
         self.controller = controller
@@ -322,11 +331,11 @@ class _DemandFlow:
         self._deadline = 0.0
 
     def send(self, forces: Iterable[int]) -> None:
-        """Put demands on the line, in one piece."""
-        fresh = [self._make_demand(force) for force in forces]
-        if fresh:
-            self.waiting.extend(fresh)
-            self._send_demands(fresh)
+        """Send demands in one write."""
+        new_demands = [self._make_demand(force) for force in forces]
+        if new_demands:
+            self.waiting.extend(new_demands)
+            self._send_demands(new_demands)
 
     def _make_demand(self, force: int) -> _SentDemand:
         sequence = self.controller.next_sequence()
@@ -337,12 +346,12 @@ class _DemandFlow:
         self._deadline = time.monotonic() + self.controller.timeout
 
     def receive(self) -> None:
-        """Take the answers that arrive; send again what went missing."""
+        """Process the answers that arrive; repeat lost demands."""
         if len(self.waiting) > 1:
             time.sleep(_READ_PAUSE_S)
-        arrived = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
+        answers = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
         by_number = {demand.sequence: demand for demand in self.waiting}
-        for frame in arrived:
+        for frame in answers:
             demand = by_number.get(frame.sequence)
             if (
                 demand is not None
@@ -356,10 +365,10 @@ class _DemandFlow:
         if time.monotonic() >= self._deadline:
             self._repeat([demand for demand in self.waiting if demand.status is None])
         elif first.attempts == 1 and any(demand.status for demand in self.waiting):
-            self._repeat([first])  # newer ones were answered: this one was lost
+            self._repeat([first])  # a newer demand was answered, so this one was lost
 
     def _store_answer(self, demand: _SentDemand, frame: Frame) -> bool:
-        """Keep an answer; False where the demands from this one on were sent again."""
+        """Store an answer; returns False if this demand and all later ones were sent again."""
         answer = self.controller.read_answer(frame)
         if isinstance(answer, frames.StatusAnswer):
             demand.status = Status(frame.tick, answer)
@@ -380,16 +389,16 @@ class _DemandFlow:
         self._send_demands(demands)
 
     def _renumber_from(self, first: _SentDemand) -> None:
-        """Send a demand and all after it under new numbers: newer ones had overtaken it."""
-        kept = list(self.waiting)
-        at = kept.index(first)
-        again = [self._make_demand(demand.force) for demand in kept[at:]]
-        self.controller.repeated_count += len(again)
-        self.waiting = deque(kept[:at] + again)
-        self._send_demands(again)
+        """Send a demand and all later ones with new numbers, because newer ones had overtaken it."""
+        demands = list(self.waiting)
+        index = demands.index(first)
+        renumbered = [self._make_demand(demand.force) for demand in demands[index:]]
+        self.controller.repeated_count += len(renumbered)
+        self.waiting = deque(demands[:index] + renumbered)
+        self._send_demands(renumbered)
 
     def take_answered(self) -> Iterator[Status]:
-        """Take off the statuses that are there, in order."""
+        """Remove and yield the available statuses, in order."""
         while self.waiting and self.waiting[0].status is not None:
             status = self.waiting.popleft().status
             if status is not None:

@@ -1,4 +1,4 @@
-"""The firmware of a board, built from its sources and a compiled compensator."""
+"""Build the firmware of a board from its sources and a compiled compensator."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _COMPILE_TIME_LIMIT_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """What is particular to a board."""
+    """The properties of a board."""
 
     folders: tuple[str, ...]  # folders of ``firmware/boards`` with its sources
-    cpu: str = ""  # processor as zig calls it; empty for the PC at hand
-    # header with the processor's own instructions, of a compiled folder's ``port``
+    cpu: str = ""  # processor name of zig; empty for this PC
+    # header with instructions of the processor, from the folder ``port`` of a compiled folder
     port_header: str = ""
-    options: tuple[str, ...] = ()  # of the compiler, besides
+    options: tuple[str, ...] = ()  # further compiler options
 
 
 BOARDS = {
@@ -52,7 +52,7 @@ BOARDS = {
 def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     """Build the firmware of a board around a compiled compensator."""
     if board not in BOARDS:
-        text = f"board {board}: is not known; choose one of {', '.join(BOARDS)}"
+        text = f"board {board}: is unknown; choose one of {', '.join(BOARDS)}"
         raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
     actuator = _read_actuator_name(folder)
@@ -66,28 +66,31 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 
 
 def check_compiler(board: str) -> None:
-    """Check that the compiler for a board is there."""
+    """Check that the compiler for a board is installed."""
     _compiler_command(board)
 
 
 def firmware_folder() -> Path:
-    """Return the folder with the sources of the firmware."""
+    """Return the folder of the firmware sources."""
     return shipped_folder("anhyst_rigs", "firmware", "_firmware", "boards")
 
 
 def _read_actuator_name(folder: Path) -> str:
-    """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
+    """Return the C name of the actuator of a compiled folder.
+
+    Refuses a rate that is not a whole number of 10 to 1,000,000 ticks per second.
+    """
     require_kind(folder, [COMPILED_FOLDER])
     path = folder / _MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
     except (OSError, ValueError, KeyError, TypeError):
-        text = f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote"
+        text = f"{path}: is missing or has no actuator name; enter a folder of anhyst compile"
         raise InputError(text, code="not-a-compiled-folder") from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
-            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
+            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks per second, 10 to "
             "1000000",
             code="rate-not-whole",
             key="rate_Hz",
@@ -98,40 +101,47 @@ def _read_actuator_name(folder: Path) -> str:
 def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     board = BOARDS[name]
     root = firmware_folder()
-    own = [root / "boards" / part for part in board.folders]
-    body = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
+    board_folders = [root / "boards" / part for part in board.folders]
+    controller_kind = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
     sources = [*sorted(folder.glob("src/*/*.c")), folder / f"{actuator}_parameters.c"]
-    include = [root, folder / "include", folder, *own]
-    if body == "position":
+    include = [root, folder / "include", folder, *board_folders]
+    if controller_kind == "position":
         sources.append(folder / f"{actuator}_controller.c")
     else:
-        # A compensator alone needs no states; the firmware around it does.
+        # A compensator without controller has no states, but the firmware has.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
     include.append(core_folder() / "include")
-    for part in ("app", "link", "services", "xcp", body):
+    for part in ("app", "link", "services", "xcp", controller_kind):
         sources += sorted((root / part).glob("*.c"))
-    for sources_of_board in own:
+    for sources_of_board in board_folders:
         sources += sorted(
             file
             for file in sources_of_board.glob("*.c")
-            if file.stem == f"board_{body}" or not file.stem.startswith("board_")
+            if file.stem == f"board_{controller_kind}" or not file.stem.startswith("board_")
         )
-    if not any(source.name == f"board_{body}.c" for source in sources):
-        text = f"board {name}: has no controller of {body}; take another board"
+    if not any(source.name == f"board_{controller_kind}.c" for source in sources):
+        text = f"board {name}: has no {controller_kind} controller; choose another board"
         raise InputError(text, code="board-has-no-controller", key=name)
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
-    defines["BOARD_BODY"] = f'"{body}/{body}.h"'
+    defines["BOARD_BODY"] = f'"{controller_kind}/{controller_kind}.h"'
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
-    search = [f"-I{folder}" for folder in include]
-    search += [f"-D{macro}={value}" for macro, value in defines.items()]
+    preprocessor_options = [f"-I{folder}" for folder in include]
+    preprocessor_options += [f"-D{macro}={value}" for macro, value in defines.items()]
     options = ["-std=c99", *_WARNINGS, *board.options]
     if board.cpu:
-        options += ["-T", str(own[0] / "board.ld")]
-    run, ending = partial(_run_compiler, board=name), ["-o", str(program)]
-    compile_and_link(_compiler_command(name), options, search, sources, ending, run)
+        options += ["-T", str(board_folders[0] / "board.ld")]
+    run_compiler, output_options = partial(_run_compiler, board=name), ["-o", str(program)]
+    compile_and_link(
+        _compiler_command(name),
+        options,
+        preprocessor_options,
+        sources,
+        output_options,
+        run_compiler,
+    )
 
 
 def _compiler_command(name: str) -> list[str]:
@@ -152,7 +162,7 @@ def _compiler_command(name: str) -> list[str]:
 
 def _run_compiler(command: Sequence[str], board: str) -> str:
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             command,
             capture_output=True,
             text=True,
@@ -165,9 +175,9 @@ def _run_compiler(command: Sequence[str], board: str) -> str:
             f"board {board}: the compiler did not end within {_COMPILE_TIME_LIMIT_S:.0f} s",
             code="time-limit",
         ) from None
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if "error" in line] or ["no reason"]
+    if result.returncode:
+        lines = [line for line in result.stderr.splitlines() if "error" in line] or ["no reason"]
         raise NegativeResult(
             f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
         )
-    return done.stderr
+    return result.stderr

@@ -1,4 +1,4 @@
-"""A whole firmware as a target of ``anhyst verify``: an emulated board against this machine."""
+"""Verify a firmware on an emulated board against this machine (``anhyst verify``)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.virtual_boards import Plant, Reading, RunningFirmware, run_host, run_qemu
 
 TARGET = "cortex-m3-qemu"
-"""Name of the entry point of the group ``anhyst.targets``."""
+"""Name of the entry point in the group ``anhyst.targets``."""
 QEMU = "qemu-system-arm"
 Q31_ONE = 1 << 31
 SELF_TEST_TICKS = 40
@@ -32,7 +32,7 @@ Runner = Callable[[Path, Plant], AbstractContextManager[RunningFirmware]]
 
 
 class WalkingPlant:
-    """An actuator whose force goes with its current, with a slowly moving gap and noisy sensors."""
+    """An actuator with a force proportional to its current, a slowly moving gap and noisy sensors."""
 
     def __init__(self, seed: int) -> None:
         self.drives: list[int] = []
@@ -41,31 +41,31 @@ class WalkingPlant:
         self._random = Random(seed)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Let the current of the tick before flow."""
+        """Apply the current of the tick before, and return the readings."""
         current = currents[0]
         self.drives.append(round(current * Q31_ONE))
         self._current, self._next_current = self._next_current, current
         gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
-        gap, force, flows = (
+        gap, force, current_reading = (
             value + self._random.gauss(0.0, SENSOR_NOISE)
             for value in (gap, 0.5 * self._current, self._current)
         )
-        return Reading(gap, force, flows)
+        return Reading(gap, force, current_reading)
 
 
 @dataclass(frozen=True, slots=True)
 class FirmwareRun:
-    """What a firmware did: currents by tick, and answers to demands."""
+    """The run of a firmware: currents by tick, and statuses after each demand."""
 
     drives: list[int]
     statuses: list[dict[str, int]]
 
 
 class FirmwareTarget:
-    """The target of ``anhyst verify`` that runs a whole firmware, on an emulated board and here."""
+    """A target of ``anhyst verify``: a complete firmware, emulated and on this machine."""
 
     def missing_tools(self) -> tuple[MissingTool, ...]:
-        """Return what of emulator, compiler and link is not there."""
+        """Return the missing tools: emulator, compiler, or modules of the link."""
         return (
             *missing_programs(TARGET, {QEMU: QEMU}),
             *missing_modules(TARGET, ["ziglang"]),
@@ -73,18 +73,22 @@ class FirmwareTarget:
         )
 
     def verify(self, bundle: Bundle, folder: Path, steps: int, seed: int) -> TargetResult:
-        """Drive both firmwares through the same demands and readings, and compare every tick."""
-        began = time.monotonic()
-        head = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
+        """Run both firmwares with the same demands and readings, and compare every tick."""
+        start_s = time.monotonic()
+        identification = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
         try:
             host, board = (
                 _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
                 for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
             )
         except (InputError, NegativeResult) as error:
-            return TargetResult(*head, 0, 0, failure=f"target {TARGET}: {error}")
+            return TargetResult(*identification, 0, 0, failure=f"target {TARGET}: {error}")
         return TargetResult(
-            *head, steps, 0, difference=compare_runs(host, board), seconds=time.monotonic() - began
+            *identification,
+            steps,
+            0,
+            difference=compare_runs(host, board),
+            seconds=time.monotonic() - start_s,
         )
 
 
@@ -114,7 +118,7 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
 
 
 def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
-    """Return where a board first departs from the host, if it does."""
+    """Return the first difference between a board and the host, or None."""
     for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
         if value != answer:
             return Difference("firmware", tick, "drive", value, answer)

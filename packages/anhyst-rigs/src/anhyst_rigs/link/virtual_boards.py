@@ -1,8 +1,8 @@
-"""The bus on which a virtual plant gives a controller its ticks, and the boards at its other end.
+"""Run controllers on boards without hardware, in lock-step with a virtual plant.
 
-Both wait for each other, so that virtual time stops while either computes: at every tick the
-plant says what its sensors show, the controller answers with the current it wants from the next
-tick on. A board without hardware runs in this process, in one of its own, or emulated.
+In every tick the plant sends its sensor readings, and the controller answers with the currents from
+the next tick on. Each side waits for the other, so that virtual time stops while either computes. A
+board runs in this process, in a process of its own, or in an emulator.
 """
 
 from __future__ import annotations
@@ -28,53 +28,53 @@ from anhyst_rigs.link.wire import LinkPort
 Q30 = float(1 << 30)
 Q31 = float(1 << 31)
 _ERROR_CODE = -(1 << 31)
-_MIN_CODE, _MAX_CODE = _ERROR_CODE + 1, (1 << 31) - 1
+_MIN_CODE = _ERROR_CODE + 1
+_MAX_CODE = (1 << 31) - 1
 _DRIVE_BYTES = PlantDrive.FIXED.size + 4
-_CURRENT_FIELDS, _DRIVE_FIELDS = (
-    [field.name for field in fields(record) if field.name.startswith(signal)]
-    for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
-)
-"""Words of the magnets, the first to the last."""
+_CURRENT_FIELDS = [field.name for field in fields(PlantSample) if field.name.startswith("current")]
+"""Current readings of the magnets, the first to the last."""
+_DRIVE_FIELDS = [field.name for field in fields(PlantDrive) if field.name.startswith("drive")]
+"""Commanded currents of the magnets, the first to the last."""
 
 
 class Reading(NamedTuple):
-    """What the sensors show at the beginning of a tick; NaN: the sensor's error code."""
+    """Sensor readings at the beginning of a tick. NaN is encoded as the sensor's error code."""
 
-    gap: float  # 0 at the low end of the model's range of gaps, 1 at the high one
-    force: float  # as a fraction of full scale
-    current: float  # of the first magnet
-    # bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all
+    gap: float  # 0 at the low end of the model's gap range, 1 at the high end
+    force: float  # fraction of full scale
+    current: float  # of the first magnet, fraction of full scale
+    # bits of ``PORT_...`` in ``firmware/port/port.h``; 1: no sample
     status: int = 0
-    # of a controller of position, as fractions of full scale
+    # of a position controller, fraction of full scale
     position: float = 0.0
     further_currents: tuple[float, ...] = ()  # currents of further magnets
 
 
 class Plant(Protocol):
-    """What stands at the other end of the bus."""
+    """The virtual plant at the other end of the bus."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Go on by one tick, to the beginning of tick number `tick`."""
+        """Advance by one tick, to the beginning of tick number `tick`."""
 
 
 Exchange = Callable[[PlantSample], PlantDrive]
-"""Hands a sample to the controller and returns its drive."""
+"""Sends a sample to the controller and returns its drive."""
 
 
 def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> Exchange:
-    """Exchange records with a process at the other end of a socket."""
-    # Inside the system, not in Python: an emulated board sends byte by byte.
+    """Return a function that exchanges records with a process over a socket."""
+    # The operating system handles the time limit, because an emulated board sends single bytes.
     connection.settimeout(None)
-    wait = struct.pack("@ll", int(timeout_s), int(timeout_s % 1.0 * 1e6))
+    time_limit = struct.pack("@ll", int(timeout_s), int(timeout_s % 1.0 * 1e6))
     for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-        connection.setsockopt(socket.SOL_SOCKET, option, wait)
+        connection.setsockopt(socket.SOL_SOCKET, option, time_limit)
 
     def exchange(sample: PlantSample) -> PlantDrive:
         connection.sendall(sample.pack())
-        data = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
-        if not data:
-            raise ConnectionError("it hung up")
-        return PlantDrive.unpack(data)
+        record = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        if not record:
+            raise ConnectionError("connection closed")
+        return PlantDrive.unpack(record)
 
     return exchange
 
@@ -92,12 +92,12 @@ class PlantBus:
         self.exchange = exchange
 
     def step(self, ticks: int = 1) -> None:
-        """Go on by some ticks, in lock-step with the controller."""
+        """Advance by some ticks, in lock-step with the controller."""
         for _ in range(ticks):
             self._step(self.tick + 1)
 
     def skip(self, ticks: int) -> None:
-        """Let the plant go on without the controller, which misses these ticks."""
+        """Advance the plant without the controller, which misses these ticks."""
         for _ in range(ticks):
             self.tick += 1
             self.plant.step(self.tick, self.drives)
@@ -107,7 +107,7 @@ class PlantBus:
         try:
             drive = self.exchange(sample)
         except (OSError, ValueError) as error:
-            text = f"the controller did not finish tick {tick}: {error}; see its output"
+            text = f"the controller did not finish tick {tick}: {error}; check its output"
             raise InputError(text, code="tick-not-finished") from error
         if drive.tick != tick:
             raise InputError(
@@ -121,7 +121,7 @@ class PlantBus:
 
     @property
     def drive(self) -> float:
-        """The first of the currents that the controller wants."""
+        """The commanded current of the first magnet."""
         return self.drives[0]
 
 
@@ -133,14 +133,17 @@ def _encode(tick: int, reading: Reading) -> PlantSample:
         force=_to_code(reading.force, Q30),
         position=_to_code(reading.position, Q31),
         status=reading.status,
-        **{name: _to_code(one, Q30) for name, one in zip(_CURRENT_FIELDS, currents, strict=False)},
+        **{
+            name: _to_code(current, Q30)
+            for name, current in zip(_CURRENT_FIELDS, currents, strict=False)
+        },
     )
 
 
 def _to_code(value: float, unit: float) -> int:
-    """Give the nearest code, halves up as in the simulated loop; no number is the error code.
+    """Return the nearest code, halves up as in the simulated loop; NaN: the error code.
 
-    What lies beyond is the nearest end.
+    Values out of range are limited.
     """
     if math.isnan(value):
         return _ERROR_CODE
@@ -149,47 +152,45 @@ def _to_code(value: float, unit: float) -> int:
 
 _QEMU = "qemu-system-arm"
 _NO_ESCAPE = "0x1ff"
-_MAX_LINK_BYTES = 16384  # bytes that are taken from a library at a time
+_MAX_LINK_BYTES = 16384  # maximum number of bytes from a library per call
 
 HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
-"""Elsewhere a pseudo-terminal refuses the bit rates of a serial port."""
+"""On other systems, a pseudo-terminal refuses the bit rates of a serial port."""
 
 
 def check_runs_here(board: str) -> None:
-    """Refuse a board without hardware where its process cannot be handed a socket."""
+    """Refuse a virtual board on a system whose processes cannot inherit sockets."""
     if sys.platform == "win32":
         raise InputError(
-            f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or plug a "
-            "controller in and name its port",
+            f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or connect "
+            "a controller and enter its port",
             code="not-on-this-system",
         )
 
 
 @dataclass(frozen=True)
 class RunningFirmware:
-    """A firmware that runs."""
+    """A running firmware."""
 
     link: str | LinkPort  # for :class:`anhyst_rigs.link.client.ControllerLink`
-    bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
-    xcp_port: int = 0  # port of this machine on which a master of XCP may come in; 0: there is none
-    bus_socket: socket.socket | None = (
-        None  # that the bus runs over; none where it is in this process
-    )
+    bus: PlantBus  # its plant; time passes only in :meth:`PlantBus.step`
+    xcp_port: int = 0  # local TCP port for an XCP master; 0: none
+    bus_socket: socket.socket | None = None  # socket of the bus; None for a library in this process
 
     @property
     def url(self) -> str:
-        """Its link, or what it is called where that is in this process."""
+        """The URL of its link, or the name of a library in this process."""
         return self.link if isinstance(self.link, str) else self.link.url
 
 
 class LibraryBoard:
-    """A controller of a firmware in this process; it is on until it is switched off.
+    """A controller of a firmware library in this process, until it is switched off.
 
-    Both ends of it: the port of its link, and the exchange with its plant.
+    It is both the port of the link and the exchange with the plant.
     """
 
     def __init__(self, program: Path) -> None:
-        from _ctypes import dlclose  # not on Windows
+        from _ctypes import dlclose  # not available on Windows
 
         self.url = str(program)
         try:
@@ -210,36 +211,36 @@ class LibraryBoard:
     def exchange(self, sample: PlantSample) -> PlantDrive:
         """Run a tick."""
         if self._is_off:
-            raise ValueError("it is switched off")
+            raise ValueError("the board is switched off")
         words = sample.FIXED.pack(*vars(sample).values())
         self._firmware.library_tick(self._memory, words, self._drive_buffer)
         return PlantDrive(*PlantDrive.FIXED.unpack(self._drive_buffer.raw))
 
     def write(self, data: bytes) -> None:
-        """Send bytes over the link; what they bring about is kept for :meth:`read`."""
+        """Send bytes over the link; the answer is stored for :meth:`read`."""
         count = self._firmware.library_link(
             self._memory, data, len(data), self._answer_buffer, _MAX_LINK_BYTES
         )
         self._unread += ctypes.string_at(self._answer_buffer, count)
 
     def read(self, timeout: float) -> bytes:
-        """Return what the firmware has said; it is never waited for, no time passes meanwhile."""
+        """Return the answers of the firmware. The time limit is ignored, because no time passes."""
         del timeout
         self.write(b"")
         data, self._unread = self._unread, b""
         return data
 
     def close(self) -> None:
-        """Leave the link; the controller stays on."""
+        """Close the link; the controller stays on."""
 
     @property
     def tick(self) -> tuple[int, int]:
-        """Addresses of its function of a tick and of its memory, for `anhyst._core.BusController`."""
+        """Addresses of the tick function and of its memory, for `anhyst._core.BusController`."""
         function = ctypes.cast(self._firmware.library_tick, ctypes.c_void_p).value or 0
         return function, ctypes.addressof(self._memory)
 
     def switch_off(self) -> None:
-        """End it; with the last of them the firmware is unloaded."""
+        """Switch the controller off; the last one unloads the library."""
         self._is_off = True
         self._unload(self._firmware._handle)
 
@@ -259,20 +260,22 @@ def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[RunningFirmware]:
     """Run a firmware built for the board ``host``."""
-    ours, theirs = socket.socketpair()
-    command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
+    our_socket, board_socket = socket.socketpair()
+    command = [str(Path(program).resolve()), link, f"fd:{board_socket.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
-    with ours, _start_process(command, [theirs], stdout=subprocess.PIPE) as process:
+    with our_socket, _start_process(command, [board_socket], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
             address = _read_printed_line(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
-        offered = 0 if xcp is None else int(_read_printed_line(process, program))
-        yield RunningFirmware(url, PlantBus(plant, exchange_over_socket(ours)), offered, ours)
+        offered_port = 0 if xcp is None else int(_read_printed_line(process, program))
+        yield RunningFirmware(
+            url, PlantBus(plant, exchange_over_socket(our_socket)), offered_port, our_socket
+        )
 
 
 def _read_printed_line(process: subprocess.Popen[bytes], program: Path) -> str:
-    """Return the next line that a firmware prints: where it can be reached."""
+    """Return the next line that a firmware prints, an address."""
     assert process.stdout is not None
     line = process.stdout.readline().decode().strip()
     if not line:
@@ -284,25 +287,30 @@ def _read_printed_line(process: subprocess.Popen[bytes], program: Path) -> str:
 def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[RunningFirmware]:
     """Run a firmware built for the board ``qemu-mps2``, in QEMU.
 
-    The sockets are opened here and handed over, so that no port can be snatched away in between.
-    Each goes through QEMU's multiplexer, which is used for its buffer alone: without it every byte
-    waits for a change between two threads of QEMU, several times as long.
+    The sockets are opened here and inherited by QEMU, so that no other program can take a port.
+    Each socket uses QEMU's multiplexer for its buffer. Without the buffer every byte waits for a
+    change between two threads of QEMU, which takes several times as long.
     """
     qemu = find_qemu()
     listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
     ports = [listener.getsockname()[1] for listener in listeners]
-    ours, theirs = socket.socketpair()
+    our_socket, board_socket = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
-    served = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
-    command += _serial_options("link", served[0])
-    command += _serial_options("plant", f"fd={theirs.fileno()}")
+    server_options = [
+        f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners
+    ]
+    command += _serial_options("link", server_options[0])
+    command += _serial_options("plant", f"fd={board_socket.fileno()}")
     if xcp:
-        command += _serial_options("xcp", served[1])
+        command += _serial_options("xcp", server_options[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with ours, _start_process(command, [*listeners, theirs]):
+    with our_socket, _start_process(command, [*listeners, board_socket]):
         url = f"socket://127.0.0.1:{ports[0]}"
         yield RunningFirmware(
-            url, PlantBus(plant, exchange_over_socket(ours)), ports[1] if xcp else 0, ours
+            url,
+            PlantBus(plant, exchange_over_socket(our_socket)),
+            ports[1] if xcp else 0,
+            our_socket,
         )
 
 
@@ -316,15 +324,15 @@ def find_qemu() -> str:
     return program_path
 
 
-def _serial_options(name: str, where: str) -> list[str]:
-    return ["-chardev", f"socket,id={name},mux=on,{where}", "-serial", f"chardev:{name}"]
+def _serial_options(name: str, address: str) -> list[str]:
+    return ["-chardev", f"socket,id={name},mux=on,{address}", "-serial", f"chardev:{name}"]
 
 
 @contextmanager
 def _start_process(
     command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    descriptors = [end.fileno() for end in handed_over]
+    descriptors = [handed_socket.fileno() for handed_socket in handed_over]
     try:
         process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
     except OSError as error:
@@ -332,8 +340,8 @@ def _start_process(
             f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run"
         ) from error
     finally:
-        for end in handed_over:
-            end.close()
+        for handed_socket in handed_over:
+            handed_socket.close()
     try:
         yield process
     finally:
@@ -348,4 +356,4 @@ VIRTUAL_BOARDS: dict[str, Callable[[Path, Plant], AbstractContextManager[Running
     "host": run_host,
     "qemu-mps2": run_qemu,
 }
-"""Boards that run here against a virtual plant."""
+"""Boards that run on this machine with a virtual plant."""

@@ -1,10 +1,9 @@
-"""Frames on the wire.
+"""Encode and decode frames, and open the ports that carry them.
 
-Own frames: COBS, a zero at the end, and a checksum; as ``firmware/link/frame.c``. Packets of XCP stand
-behind a length and a counter, 16 bits each. On TCP that is all; on a serial port they are filled up to
-whole words and a checksum follows, the sum of all words, as ``firmware/xcp/line.h`` says.
-
-A serial port, a pty or a TCP socket: bytes out, bytes in.
+Link frames contain a checksum, are encoded with COBS, and end with a zero byte
+(``firmware/link/frame.c``). An XCP packet begins with a length and a counter of 16 bits each. On a
+serial port it is padded to whole words, and the sum of all words follows as a checksum
+(``firmware/xcp/line.h``). A port is a serial port, a pseudo-terminal or a TCP socket.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 _HEAD = struct.Struct("<BBBBI")
 _CHECK = struct.Struct("<I")
 _MAX_FRAME_BYTES = 254
-"""Longest run without a zero that COBS joins; every frame is shorter."""
+"""Largest number of bytes of an incomplete frame; every frame is shorter."""
 
 
 class Frame(NamedTuple):
-    """A frame that arrived whole."""
+    """A frame that arrived without damage."""
 
     version: int
     type: int
@@ -42,63 +41,63 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """What a controller did in one tick."""
+    """The status of a controller in one tick."""
 
-    tick: int  # which
-    codes: StatusAnswer  # the numbers as they came
+    tick: int  # number of the tick
+    codes: StatusAnswer  # received codes
 
     @property
     def state(self) -> State:
-        """State of the controller."""
+        """The state of the controller."""
         return State(self.codes.state)
 
     @property
     def fault(self) -> Fault:
-        """Latched reason of a fault."""
+        """The latched reason of a fault."""
         return Fault(self.codes.fault)
 
     @property
     def drive(self) -> float:
-        """Current driven, as a fraction of the full-scale current."""
+        """The driven current, as a fraction of the full-scale current."""
         return self.codes.drive / (1 << 31)
 
 
 def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
-    """Lay a message out as it goes over the line, the zero at the end included."""
+    """Return a message as a frame, including the zero byte at its end."""
     payload = message.pack()
     body = _HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
     return cobs_encode(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
 
 
 def cobs_encode(body: bytes) -> bytes:
-    """Write bytes without a zero (COBS), for up to 253 of them."""
-    return b"".join(bytes((len(run) + 1,)) + run for run in body.split(b"\0"))
+    """Encode up to 253 bytes without zero bytes (COBS)."""
+    return b"".join(bytes((len(block) + 1,)) + block for block in body.split(b"\0"))
 
 
 def cobs_decode(stuffed: bytes) -> bytes | None:
-    """Undo :func:`stuff`; None where these bytes cannot have come from it."""
+    """Undo :func:`cobs_encode`; None for bytes that cannot be its result."""
     body = bytearray(stuffed)
-    at = 0
-    while at < len(stuffed):
-        run, body[at] = stuffed[at], 0
-        if run == 0:
+    index = 0
+    while index < len(stuffed):
+        block_length, body[index] = stuffed[index], 0
+        if block_length == 0:
             return None
-        at += run
-    return bytes(body[1:]) if at == len(stuffed) else None
+        index += block_length
+    return bytes(body[1:]) if index == len(stuffed) else None
 
 
 class Receiver:
-    """Finds frames in a stream of bytes; in step again one zero after any garbage."""
+    """Finds frames in a stream of bytes. After garbage it is synchronised by the next zero byte."""
 
     def __init__(self) -> None:
         self.bad_count = 0
         self._incomplete = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes as they arrive; return the frames that they complete."""
+        """Add received bytes; returns the frames that they complete."""
         if not data:
             return []
-        *pieces, rest = (self._incomplete + data).split(b"\0")
+        *pieces, incomplete = (self._incomplete + data).split(b"\0")
         frames = []
         for piece in pieces:
             frame = _parse_frame(piece)
@@ -106,7 +105,7 @@ class Receiver:
                 frames.append(frame)
             elif piece:
                 self.bad_count += 1
-        self._incomplete = rest[-_MAX_FRAME_BYTES:]
+        self._incomplete = incomplete[-_MAX_FRAME_BYTES:]
         return frames
 
 
@@ -114,10 +113,10 @@ def _parse_frame(stuffed: bytes) -> Frame | None:
     body = cobs_decode(stuffed)
     if body is None or len(body) < _HEAD.size + _CHECK.size:
         return None
-    text = body[: -_CHECK.size]
-    version, kind, sequence, length, tick = _HEAD.unpack_from(text)
-    payload = text[_HEAD.size :]
-    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(text)):
+    frame = body[: -_CHECK.size]
+    version, kind, sequence, length, tick = _HEAD.unpack_from(frame)
+    payload = frame[_HEAD.size :]
+    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(frame)):
         return None
     return Frame(version, kind, sequence, tick, payload)
 
@@ -127,48 +126,48 @@ _CHECKSUM_BYTES = 2
 
 
 class SplitResult(NamedTuple):
-    """What has arrived, taken apart."""
+    """Received bytes, divided into packets."""
 
-    packets: list[bytes]  # whole ones
-    rest: bytes  # the beginning of another
-    skipped_bytes: int  # bytes of a serial port that belonged to no whole packet
-    is_broken: bool  # whether what follows cannot be a packet, on TCP; it is in the rest
+    packets: list[bytes]  # complete packets
+    rest: bytes  # beginning of an incomplete packet
+    skipped_bytes: int  # bytes of a serial port that belong to no complete packet
+    is_broken: bool  # whether the rest cannot be a packet (TCP only)
 
 
 def frame_packet(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
-    """Return a packet as it stands on a line."""
-    whole = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
+    """Return an XCP packet with its head and, on a serial port, its checksum."""
+    line_bytes = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
     if not serial:
-        return whole
-    whole += b"\0" * (len(packet) % 2)
-    return whole + _checksum(whole)
+        return line_bytes
+    line_bytes += b"\0" * (len(packet) % 2)
+    return line_bytes + _checksum(line_bytes)
 
 
 def split_packets(data: bytes, serial: bool = False) -> SplitResult:
-    """Take what has arrived apart; a serial port is searched for the next packet that is whole."""
-    at, skipped = 0, 0
+    """Split received bytes into packets; on a serial port, search for the next valid packet."""
+    position, skipped_bytes = 0, 0
     packets: list[bytes] = []
-    while at + _XCP_HEAD.size <= len(data):
-        length, _ = _XCP_HEAD.unpack_from(data, at)
-        begin = at + _XCP_HEAD.size
+    while position + _XCP_HEAD.size <= len(data):
+        length, _ = _XCP_HEAD.unpack_from(data, position)
+        begin = position + _XCP_HEAD.size
         end = begin + length + (length % 2 if serial else 0)
-        behind = end + (_CHECKSUM_BYTES if serial else 0)
-        possible = 0 < length <= MAX_PACKET_BYTES
-        if possible and behind > len(data):
+        packet_end = end + (_CHECKSUM_BYTES if serial else 0)
+        is_possible = 0 < length <= MAX_PACKET_BYTES
+        if is_possible and packet_end > len(data):
             break
-        if possible and (not serial or _checksum(data[at:end]) == data[end:behind]):
+        if is_possible and (not serial or _checksum(data[position:end]) == data[end:packet_end]):
             packets.append(data[begin : begin + length])
-            at = behind
+            position = packet_end
         elif serial:
-            skipped += 1
-            at += 1
+            skipped_bytes += 1
+            position += 1
         else:
-            return SplitResult(packets, data[at:], 0, True)
-    return SplitResult(packets, data[at:], skipped, False)
+            return SplitResult(packets, data[position:], 0, True)
+    return SplitResult(packets, data[position:], skipped_bytes, False)
 
 
 def _checksum(data: bytes) -> bytes:
-    """Return the sum of words, low byte first."""
+    """Return the sum of all words, low byte first."""
     total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
     return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
 
@@ -176,7 +175,7 @@ def _checksum(data: bytes) -> bytes:
 def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
     """Return the key to a seed.
 
-    It keeps a tool that only looks on from writing by mistake; who reads this can write.
+    The key prevents accidental writes by a tool that only measures. It is not secret.
     """
     return zlib.crc32(seed, secret).to_bytes(4, "little")
 
@@ -184,53 +183,53 @@ def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
 BAUD = 921600
 
 _WRITE_TIMEOUT_S = 5.0
-"""How long a port may take no byte, s."""
+"""Longest time without a byte accepted by a port, s."""
 
 _ERROR_TEXTS = {
-    errno.ENOENT: "is not there; plug the controller in, or name another port",
-    errno.ENXIO: "is not there; plug the controller in, or name another port",
-    errno.EACCES: "may not be opened; join the group that owns it (often dialout)",
-    errno.EBUSY: "is taken by another program; close that first",
-    errno.EWOULDBLOCK: "is taken by another program; close that first",
-    errno.ENOTTY: "is not a serial port; name a port such as /dev/ttyACM0 or socket://host:port",
+    errno.ENOENT: "is missing; connect the controller, or enter another port",
+    errno.ENXIO: "is missing; connect the controller, or enter another port",
+    errno.EACCES: "permission denied; join the group that owns it (often dialout)",
+    errno.EBUSY: "is used by another program; close that program",
+    errno.EWOULDBLOCK: "is used by another program; close that program",
+    errno.ENOTTY: "is not a serial port; enter a port such as /dev/ttyACM0 or socket://host:port",
 }
 
 
 class LinkPort(Protocol):
-    """An open port, as a link needs it."""
+    """An open port of a link."""
 
-    url: str  # what it is called
+    url: str  # name of the port
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived, after up to `timeout` seconds."""
+        """Return the received bytes, after up to `timeout` seconds."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the port."""
 
 
 class Port:
-    """An open port of the system."""
+    """An open port of the operating system."""
 
     def __init__(self, url: str, baud: int = BAUD) -> None:
         self.url = url
         self._serial = _open_serial(url, baud)
         self._fd = _file_descriptor(self._serial)
         if url.startswith("socket://") and self._fd is not None:
-            with socket.socket(fileno=os.dup(self._fd)) as same:
-                same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            with socket.socket(fileno=os.dup(self._fd)) as connection:
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         connection = getattr(self._serial, "_socket", None)
         self._serial.close()
         if connection is not None:
-            connection.close()  # pyserial leaves it open where the other end hung up first
+            connection.close()  # pyserial leaves it open if the other end closed first
 
     def write(self, data: bytes) -> None:
-        """Send bytes; returns once all are on their way."""
+        """Send bytes; returns when all are accepted by the system."""
         import serial
 
         try:
@@ -239,21 +238,21 @@ class Port:
                 return
             while data:
                 if not select.select([], [self._fd], [], _WRITE_TIMEOUT_S)[1]:
-                    raise OSError(errno.EIO, "it takes nothing")
+                    raise OSError(errno.EIO, "no byte was accepted")
                 with suppress(BlockingIOError):
                     data = data[os.write(self._fd, data) :]
         except (OSError, serial.SerialException) as error:
             raise self._make_gone_error() from error
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived; waits up to `timeout` seconds for the first byte."""
+        """Return the received bytes; waits up to `timeout` seconds for the first byte."""
         import serial
 
         try:
             if self._fd is None:
                 self._serial.timeout = timeout
-                first: bytes = self._serial.read(1)
-                return first + bytes(self._serial.read(self._serial.in_waiting))
+                first_byte: bytes = self._serial.read(1)
+                return first_byte + bytes(self._serial.read(self._serial.in_waiting))
             if not select.select([self._fd], [], [], timeout)[0]:
                 return b""
             try:
@@ -268,7 +267,7 @@ class Port:
 
     def _make_gone_error(self) -> InputError:
         return InputError(
-            f"{self.url}: the port is gone; see the cable and the controller's power",
+            f"{self.url}: the port is gone; check the cable and the power of the controller",
             code="port-gone",
         )
 
@@ -285,7 +284,7 @@ def _open_serial(url: str, baud: int) -> Any:
         raise InputError(f"{url}: {_explain_error(error)}", code="port-not-open") from error
     except ValueError as error:
         raise InputError(
-            f"{url}: {error}; name a port or socket://host:port", code="port-not-open"
+            f"{url}: {error}; enter a port or socket://host:port", code="port-not-open"
         ) from error
     except OSError as error:
         raise InputError(f"{url}: {_explain_error(error)}", code="port-not-open") from error
@@ -299,16 +298,16 @@ def _explain_error(error: Exception) -> str:
         return _ERROR_TEXTS[number]
     text = str(error)
     if "refused" in text:
-        return "nobody listens there; start the controller first"
+        return "connection refused; start the controller first"
     if "exclusively lock" in text:
         return _ERROR_TEXTS[errno.EBUSY]
     if "configure port" in text:
         return _ERROR_TEXTS[errno.ENOTTY]
-    return f"cannot be opened: {text}; name another port"
+    return f"cannot be opened: {text}; enter another port"
 
 
 def _file_descriptor(port: Any) -> int | None:
-    """Give the file descriptor where the system has one: reads are quicker past pyserial."""
+    """Return the file descriptor on POSIX systems, for faster reads than those of pyserial."""
     try:
         return int(port.fileno()) if os.name == "posix" else None
     except (AttributeError, OSError):

@@ -1,8 +1,8 @@
-"""XCP for a controller: a master of the slave of its firmware, and a port for the masters of others.
+"""Provide XCP for a controller: a master for its firmware, and a bridge for other masters.
 
-The master knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample,
-addresses of :mod:`anhyst.support.xcp_map`; commands and their answers, samples beside them. For a
-controller that carries XCP in the frames of its own link, a port of this machine passes it on.
+The master supports exactly the functions of ``firmware/xcp``: one list of samples with one packet
+per sample, and the addresses of :mod:`anhyst.support.xcp_map`. The bridge is a local port for a
+controller that carries XCP in the frames of its own link.
 """
 
 from __future__ import annotations
@@ -32,27 +32,28 @@ from anhyst_rigs.link.wire import BAUD, Port, compute_key, frame_packet, split_p
 
 _EVENT_PID = 0xFD
 _MIN_SERVICE_PID = 0xFC
-_SYNCH, _SYNCH_ANSWER = b"\xfc", b"\xfe\x00"
+_SYNCH = b"\xfc"
+_SYNCH_ANSWER = b"\xfe\x00"
 _POLL_S = 0.05
 _RESET_SILENCE_S = 0.12
-"""After it a controller forgets what was left half said, s."""
+"""Time without bytes after which a controller discards an incomplete packet, s."""
 
 _BATCH_S = 0.001
-"""What comes within it is taken at once: to wake up costs more than to read, s."""
+"""Pause between two reads, s. Packets that arrive in it are read together, which saves wake-ups."""
 
 _ANSWER_TIMEOUT_S = 1.0
-"""For an answer on a serial port, where one may get lost, s."""
+"""Time limit of an answer on a serial port, which can lose it, s."""
 
 _MAX_WAITING_SAMPLES = 1 << 19
-"""Samples that wait to be taken; more, and the oldest are lost."""
+"""Maximum number of waiting samples. Beyond it, the oldest are lost."""
 
 
 class AnswerLostError(InputError):
-    """A serial port lost an answer; the line is in step again."""
+    """An answer was lost and the line is synchronised; the command may have been executed."""
 
 
 class XcpLine:
-    """An open line. One command at a time; a thread of its own takes what comes."""
+    """An open XCP line. It sends one command at a time, and a thread receives all packets."""
 
     def __init__(self, url: str, timeout: float) -> None:
         self.url = url
@@ -72,7 +73,7 @@ class XcpLine:
         self._reader.start()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the line."""
         self._closed.set()
         self._reader.join()
         self._port.close()
@@ -83,9 +84,9 @@ class XcpLine:
             self._port.write(frame_packet(command, serial=self.serial))
             answer = self._next_answer()
             if answer is None and self.serial and not self._closed.is_set():
-                self._synchronise()  # a late answer would be taken for that to the next command
+                self._synchronise()  # a late answer would be assigned to the next command
                 raise AnswerLostError(
-                    f"{self.url}: an answer was lost; see whether the command was done",
+                    f"{self.url}: an answer was lost; check whether the command was executed",
                     code="answer-lost",
                 )
             if answer is None:
@@ -94,27 +95,27 @@ class XcpLine:
             return answer
 
     def take_samples(self) -> bytes:
-        """Return the samples that came, one behind the other; waits for the first."""
+        """Return all received samples, concatenated; waits for the first."""
         with self._arrival:
             self._arrival.wait_for(lambda: self._samples or self._closed.is_set(), self.timeout)
             if not self._samples and self._closed.is_set():
                 raise self.make_lost_error()
             if not self._samples:
-                text = f"{self.url}: no tick came for {self.timeout:g} s; the controller stands"
+                text = f"{self.url}: no tick arrived for {self.timeout:g} s; the controller does not run"
                 raise InputError(text, code="no-tick")
             packets = b"".join(self._samples)
             self._samples.clear()
         return packets
 
     def make_lost_error(self) -> InputError:
-        """Return the error of a controller that hung up or does not answer."""
+        """Return the error of a controller that closed the line or does not answer."""
         return InputError(
-            f"{self.url}: the controller is gone; see its power and the line", code="port-gone"
+            f"{self.url}: the controller is gone; check its power and the line", code="port-gone"
         )
 
     def _next_answer(self) -> bytes | None:
-        end = time.monotonic() + (_ANSWER_TIMEOUT_S if self.serial else self.timeout)
-        while time.monotonic() < end and not self._closed.is_set():
+        deadline = time.monotonic() + (_ANSWER_TIMEOUT_S if self.serial else self.timeout)
+        while time.monotonic() < deadline and not self._closed.is_set():
             try:
                 return self._answers.get(timeout=_POLL_S)
             except Empty:
@@ -122,7 +123,7 @@ class XcpLine:
         return None
 
     def _synchronise(self) -> None:
-        """Be in step again with a controller one of whose answers was lost."""
+        """Synchronise with the controller after a lost answer."""
         for _ in range(3):
             self._port.write(frame_packet(_SYNCH, serial=self.serial))
             while (answer := self._next_answer()) is not None:
@@ -132,18 +133,18 @@ class XcpLine:
         raise self.make_lost_error()
 
     def _run_reader(self) -> None:
-        rest = b""
+        incomplete = b""
         try:
             while not self._closed.is_set():
-                arrived = split_packets(rest + self._port.read(_POLL_S), self.serial)
-                rest = arrived.rest
-                self.skipped_bytes += arrived.skipped_bytes
-                if arrived.is_broken:
-                    raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
-                self._dispatch(arrived.packets)
+                result = split_packets(incomplete + self._port.read(_POLL_S), self.serial)
+                incomplete = result.rest
+                self.skipped_bytes += result.skipped_bytes
+                if result.is_broken:
+                    raise InputError(f"{self.url}: does not support XCP", code="no-xcp")
+                self._dispatch(result.packets)
                 time.sleep(_BATCH_S)
         except InputError:
-            pass  # whoever waits learns of it below
+            pass  # waiting callers are notified below
         with self._arrival:
             self._closed.set()
             self._arrival.notify_all()
@@ -161,28 +162,42 @@ class XcpLine:
                 self._arrival.notify_all()
 
 
-_CONNECT, _DISCONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFE, 0xFD, 0xFA, 0xF8, 0xF7
-_ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD = 0xF6, 0xF5, 0xF4, 0xF0
-_CLOCK, _RESOLUTION, _SET_PAGE = 0xDC, 0xD9, 0xEB
-_CONTROLLER_PAGE, _MASTER_PAGE = 0x01, 0x02
-"""For whom a page is chosen: the controller, its master."""
+# Codes of XCP commands.
+_CONNECT = 0xFF
+_DISCONNECT = 0xFE
+_GET_STATUS = 0xFD
+_GET_ID = 0xFA
+_GET_SEED = 0xF8
+_UNLOCK = 0xF7
+_SET_ADDRESS = 0xF6
+_UPLOAD = 0xF5
+_SHORT_UPLOAD = 0xF4
+_DOWNLOAD = 0xF0
+_SET_PAGE = 0xEB
+_GET_CLOCK = 0xDC
+_GET_RESOLUTION = 0xD9
+
+# Calibration page to select: that of the controller, or that of its master.
+_CONTROLLER_PAGE = 0x01
+_MASTER_PAGE = 0x02
 
 _MAX_PACKET_WORDS = 67
-"""Of the parameter block in a packet."""
+"""Maximum number of block words in a packet."""
 
-_ANSWER_PID, _ERROR_PID = 0xFF, 0xFE
+_ANSWER_PID = 0xFF
+_ERROR_PID = 0xFE
 _TIMESTAMP_MODE = 0x10
 _MAX_ATTEMPTS = 3
-"""Times that a question is asked whose answer a serial port loses."""
+"""Number of attempts of a query whose answer a serial port loses."""
 
 _MAX_CLOCK_READS = 1000
-"""Questions for the time until a tick must have passed."""
+"""Number of clock reads within which a tick must pass."""
 
 _MAX_SAMPLE_BYTES_PER_S = 0.8 * BAUD / 10.0
-"""Of the bytes a second of a serial port, those that samples may take."""
+"""Part of the data rate of a serial port that samples may use."""
 
 _SAMPLE_OVERHEAD_BYTES = 12
-"""Of a sample on a serial port, beside its signals: head, list, time stamp, checksum."""
+"""Bytes of a sample on a serial port without its signals: head, list, time stamp, checksum."""
 
 _INPUT_ADDRESSES = {value.name: AREA_ADDRESSES["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE_ADDRESS = AREA_ADDRESSES["signal"] + 4 * [value.name for value in SIGNALS].index("state")
@@ -193,8 +208,8 @@ Samples = NDArray[np.int64]
 class XcpMaster:
     """A controller that is measured and operated over XCP.
 
-    Connects, shows the key and samples all signals of every tick from then on, or of as many ticks
-    as a serial port carries.
+    The constructor connects, sends the key, and samples all signals from then on: in every tick, or
+    in as many ticks as a serial port can carry.
     """
 
     def __init__(self, url: str, timeout: float = 2.0) -> None:
@@ -210,44 +225,44 @@ class XcpMaster:
 
     def _connect(self) -> None:
         self._send(bytes((_CONNECT, 0)))
-        (length,) = struct.unpack("<I", self._send(bytes((_ID, 1)))[4:8])
+        (length,) = struct.unpack("<I", self._send(bytes((_GET_ID, 1)))[4:8])
         self.name = self._send(bytes((_UPLOAD, length)))[1:].decode("ascii", "replace")
-        seed = self._send(bytes((_SEED, 0, 1)))[2:]
+        seed = self._send(bytes((_GET_SEED, 0, 1)))[2:]
         self._send(bytes((_UNLOCK, len(seed))) + compute_key(seed))
         try:
             self.read(_INPUT_ADDRESSES["set_demand"], 4)
             self.body = Body.FORCE
         except InputError:
             self.body = Body.POSITION
-        own = ("", self.body.name.lower())
-        self.signals = tuple(signal.name for signal in SIGNALS if signal.body in own)
+        own_bodies = ("", self.body.name.lower())
+        self.signals = tuple(signal.name for signal in SIGNALS if signal.body in own_bodies)
         if self._line.serial:
-            load = self._read_rate() * (_SAMPLE_OVERHEAD_BYTES + 4 * len(self.signals))
-            self.tick_interval = min(255, math.ceil(load / _MAX_SAMPLE_BYTES_PER_S))
+            bytes_per_s = self._read_rate() * (_SAMPLE_OVERHEAD_BYTES + 4 * len(self.signals))
+            self.tick_interval = min(255, math.ceil(bytes_per_s / _MAX_SAMPLE_BYTES_PER_S))
         self._start_sampling()
 
     def close(self) -> None:
-        """Hang up. A controller that drives current goes to its safe state by itself."""
+        """Disconnect. A controller that drives current then enters its safe state."""
         with suppress(InputError):
-            self._send(bytes((_DISCONNECT,)))  # a serial line has no end by itself
+            self._send(bytes((_DISCONNECT,)))  # the end of a serial line is not detected otherwise
         self._line.close()
 
     def send_heartbeat(self) -> None:
-        """Say that the operator is there."""
-        self._query(bytes((_STATUS,)))
+        """Send a heartbeat of the operator."""
+        self._query(bytes((_GET_STATUS,)))
 
     def read(self, address: int, count: int) -> bytes:
-        """Return some bytes, at most 135."""
+        """Return `count` bytes from an address, at most 135."""
         return self._query(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
 
     def read_words(self, first: int, count: int) -> list[int]:
-        """Return words of the parameter block in force, at most 67."""
+        """Return words of the active parameter block, at most 67."""
         return list(
             struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first, 2 * count))
         )
 
     def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
+        """Return the active parameter block."""
         (length,) = self.read_words(LENGTH_INDEX, 1)
         words: list[int] = []
         while len(words) < length:
@@ -255,28 +270,30 @@ class XcpMaster:
         return words
 
     def swap_block(self, words: Sequence[int]) -> None:
-        """Download another parameter block and put it in force between two ticks."""
-        row = [int(word) for word in words]
+        """Download another parameter block and activate it between two ticks."""
+        block_words = [int(word) for word in words]
         with self._line.lock:
             self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
             try:
-                for at in range(0, len(row), _MAX_PACKET_WORDS):
-                    part = tuple(row[at : at + _MAX_PACKET_WORDS])
-                    data = struct.pack(f"<{len(part)}h", *part)
+                for offset in range(0, len(block_words), _MAX_PACKET_WORDS):
+                    part_words = tuple(block_words[offset : offset + _MAX_PACKET_WORDS])
+                    data = struct.pack(f"<{len(part_words)}h", *part_words)
                     self._download(
-                        AREA_ADDRESSES["block"] + 2 * at, data, frames.BlockDataRequest(at, part)
+                        AREA_ADDRESSES["block"] + 2 * offset,
+                        data,
+                        frames.BlockDataRequest(offset, part_words),
                     )
-                swap = frames.BlockSwapRequest(row[GENERATION_INDEX] & 0xFFFF)
+                swap = frames.BlockSwapRequest(block_words[GENERATION_INDEX] & 0xFFFF)
                 self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap)
             finally:
                 self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 0)))
 
     def read_setting(self, setting: Setting) -> int:
-        """Ask for a setting."""
+        """Return the value of a setting."""
         return self._read_value(AREA_ADDRESSES["setting"] + 4 * setting)
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on."""
+        """Write a setting from the next tick on."""
         self._write_value(
             AREA_ADDRESSES["setting"] + 4 * setting,
             value,
@@ -285,68 +302,68 @@ class XcpMaster:
         return value
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller; returns the one it is in at the next tick."""
+        """Change the state of the controller; returns the state at the next tick."""
         with self._line.lock:
             self._write_value(
                 _INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command)
             )
-            done = self.read_clock()
+            written_tick = self.read_clock()
             for _ in range(_MAX_CLOCK_READS):
-                if self.read_clock() != done:
+                if self.read_clock() != written_tick:
                     return State(self._read_value(_STATE_ADDRESS))
-        raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
+        raise InputError(f"{self.url}: no tick passes; the controller does not run", code="no-tick")
 
     def write_demand(self, code: int) -> None:
-        """Demand a force, or a position, q31 of full scale."""
+        """Demand a force or a position, q31 of full scale."""
         request = (
             frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
         )
         self._write_value(self._demand_address, code, request)
 
     def read_demand(self) -> int:
-        """Return the force or the position demanded last, q31 of full scale."""
+        """Return the last demanded force or position, q31 of full scale."""
         return self._read_value(self._demand_address)
 
     @property
     def _demand_address(self) -> int:
-        """Address of the force or position that is demanded."""
+        """Address of the demanded force or position."""
         return _INPUT_ADDRESSES["set_demand" if self.body is Body.FORCE else "set_target"]
 
     def read_clock(self) -> int:
         """Return the number of the last tick, modulo 2^32."""
-        return int.from_bytes(self._query(bytes((_CLOCK,)))[4:8], "little")
+        return int.from_bytes(self._query(bytes((_GET_CLOCK,)))[4:8], "little")
 
     def take_samples(self, tick: int) -> Samples:
-        """Wait for the last sample up to a tick, and return all that came."""
+        """Wait for the last sample up to a tick, and return all received samples."""
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
         while not len(rows) or rows[-1, 0] + self.tick_interval <= tick:
             rows = np.concatenate((rows, self._decode(self._line.take_samples())))
         return rows
 
     def _decode(self, packets: bytes) -> Samples:
-        """Return samples; their stamps count on from the last one, since 32 bits begin again."""
+        """Return decoded samples; the ticks continue beyond the 32 bits of the time stamps."""
         form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
         samples = np.frombuffer(packets, dtype=form)
         stamps = samples["tick"].astype(np.int64)
-        before = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
-        ticks = before + np.cumsum(np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF)
+        last_tick = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
+        ticks = last_tick + np.cumsum(np.diff(stamps, prepend=last_tick & 0xFFFFFFFF) & 0xFFFFFFFF)
         self._last_tick = int(ticks[-1])
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
     def _read_rate(self) -> float:
-        """Return the ticks a second, as exact as the period of a time stamp is said."""
-        mode, count = struct.unpack("<BH", self._query(bytes((_RESOLUTION,)))[5:8])
+        """Return the ticks per second, with the resolution of the time stamp period."""
+        mode, count = struct.unpack("<BH", self._query(bytes((_GET_RESOLUTION,)))[5:8])
         return 1e9 / float(count * 10 ** (mode >> 4))
 
     def _start_sampling(self) -> None:
-        """Sample from the next tick on."""
-        numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
-        count = len(numbers)
+        """Sample all signals from the next tick on."""
+        signal_numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
+        count = len(signal_numbers)
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
         commands.append(b"\xe2\0\0\0\0\0")
         commands += [
             struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREA_ADDRESSES["signal"] + 4 * n)
-            for n in numbers
+            for n in signal_numbers
         ]
         commands += [
             bytes((0xE0, _TIMESTAMP_MODE, 0, 0, 0, 0, self.tick_interval, 0)),
@@ -359,16 +376,16 @@ class XcpMaster:
         return int.from_bytes(self.read(address, 4), "little", signed=True)
 
     def _write_value(self, address: int, value: int, request: Message) -> None:
-        """Write four bytes; `request` is what the own link would call it."""
+        """Write four bytes; `request` is the equivalent request of the link, for error messages."""
         self._download(address, struct.pack("<i", value), request)
 
     def _download(self, address: int, data: bytes, request: Message) -> None:
         with self._line.lock:
-            self._send(struct.pack("<BBBBI", _ADDRESS, 0, 0, 0, address))
+            self._send(struct.pack("<BBBBI", _SET_ADDRESS, 0, 0, 0, address))
             self._send_checked(bytes((_DOWNLOAD, len(data))) + data, request)
 
     def _send_checked(self, command: bytes, request: Message) -> None:
-        """Let something be done, or say why the firmware refuses."""
+        """Send a command with side effects; raises RequestRefusedError if it is refused."""
         with self._line.lock:
             answer = self._line.send_command(command)
             if answer[0] == _ERROR_PID and len(answer) >= 4:
@@ -381,7 +398,7 @@ class XcpMaster:
         return self._check_answer(self._line.send_command(command), command[0])
 
     def _query(self, command: bytes) -> bytes:
-        """Ask what changes nothing, and again where the answer is lost."""
+        """Send a command without side effects, and repeat it if the answer is lost."""
         for _ in range(_MAX_ATTEMPTS - 1 if self._line.serial else 0):
             with suppress(AnswerLostError):
                 return self._send(command)
@@ -391,24 +408,24 @@ class XcpMaster:
         if answer[0] != _ANSWER_PID:
             raise InputError(
                 f"{self.url}: XCP command {command:#04x} was refused with error {answer[1]:#04x}; "
-                "see that the firmware is of this version of anhyst",
+                "check that the firmware belongs to this version of anhyst",
                 code="xcp-refused",
             )
         return answer
 
 
 _POLL_INTERVAL_S = 0.002
-"""Between two questions for samples while none come, s."""
+"""Interval of requests for samples while none arrive, s."""
 
 _MASTER_TIMEOUT_S = 5.0
-"""How long a master may take no byte, s."""
+"""Longest time without a byte accepted by a master, s."""
 
 
 class XcpBridge:
-    """A port of this machine on which a master of XCP reaches the controller behind a link.
+    """A local port on which an XCP master reaches the controller behind a link.
 
-    One master at a time. What it sends goes to the controller as it is, so that every rule of the
-    firmware holds: its key, its limits, its heartbeat, which this does not keep for it.
+    It serves one master at a time. Commands are forwarded unchanged, so that all rules of the
+    firmware apply: key, limits and heartbeat. The bridge sends no heartbeat of its own.
     """
 
     def __init__(self, controller: ControllerLink, port: int) -> None:
@@ -417,16 +434,16 @@ class XcpBridge:
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            text = f"port {port}: {error.strerror}; name another, or 0"
+            text = f"port {port}: {error.strerror}; enter another port, or 0"
             raise InputError(text, code="port-not-open", key="port") from error
         self.port = int(self._listener.getsockname()[1])
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the listening port."""
         self._listener.close()
 
     def serve_one(self) -> None:
-        """Wait for a master and serve it until it is gone."""
+        """Wait for a master and serve it until it disconnects."""
         master, _ = self._listener.accept()
         with master:
             master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -434,45 +451,48 @@ class XcpBridge:
             try:
                 self._serve(master)
             except OSError:
-                pass  # it hung up, or takes nothing any more
+                pass  # the master disconnected or stopped reading
             finally:
                 self._disconnect()
 
     def _serve(self, master: socket.socket) -> None:
-        arrived = b""
+        incomplete = b""
         counter = 0
-        wait = _POLL_INTERVAL_S
+        wait_s = _POLL_INTERVAL_S
         while True:
             commands: list[bytes] = []
-            if select.select([master], [], [], wait)[0]:
+            if select.select([master], [], [], wait_s)[0]:
                 data = master.recv(4096)
                 if not data:
                     return
-                commands, arrived, _, broken = split_packets(arrived + data)
-                if broken:
+                commands, incomplete, _, is_broken = split_packets(incomplete + data)
+                if is_broken:
                     return
             packets = [packet for command in commands or [b""] for packet in self._forward(command)]
-            wait = 0.0 if packets else _POLL_INTERVAL_S
+            wait_s = 0.0 if packets else _POLL_INTERVAL_S
             if packets:
                 master.sendall(
-                    b"".join(frame_packet(one, counter + n) for n, one in enumerate(packets))
+                    b"".join(
+                        frame_packet(packet, counter + index)
+                        for index, packet in enumerate(packets)
+                    )
                 )
                 counter += len(packets)
 
     def _forward(self, command: bytes) -> list[bytes]:
-        """Return the packets that the slave answers to a command, or to nothing."""
+        """Return the packets with which the slave answers a command, or an empty command."""
         answer = self._controller.request(
             frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer
         )
-        rest, packets = bytes(answer.packets), []
-        while rest:
-            end = 1 + rest[0]
-            packets.append(rest[1:end])
-            rest = rest[end:]
+        remaining, packets = bytes(answer.packets), []
+        while remaining:
+            end = 1 + remaining[0]
+            packets.append(remaining[1:end])
+            remaining = remaining[end:]
         return packets
 
     def _disconnect(self) -> None:
-        """Let no master find what another left behind: its key, its samples."""
+        """Disconnect the slave, so that the next master finds neither key nor samples of the last."""
         try:
             self._forward(bytes((_DISCONNECT,)))
             while self._forward(b""):
@@ -481,6 +501,6 @@ class XcpBridge:
             if refused.reason is not Reason.TYPE:
                 raise
             raise InputError(
-                f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst",
+                f"{self._controller.url}: this firmware has no XCP; build it with this anhyst",
                 code="no-xcp",
             ) from None

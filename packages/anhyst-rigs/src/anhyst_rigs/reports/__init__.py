@@ -1,1 +1,1 @@
-"""Reports of studies: a self-contained HTML page for each, its pictures, and what a terminal shows."""
+"""Reports of studies: a self-contained HTML page each, its figures, and the terminal output."""

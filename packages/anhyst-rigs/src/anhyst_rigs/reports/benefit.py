@@ -1,4 +1,8 @@
-"""The map of what compensation gains over irons: its figure and its page."""
+"""The map of the gain of compensation over different irons: its figure and its page.
+
+Each cell of the map is an iron with a certain loop width and reversible fraction. Its value is a
+figure of the run with compensation, divided by the same figure of a run without.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +46,7 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_bearing_controll
 from anhyst_rigs.study.benefit import (
     AnyRig,
     Benefit,
-    Comparison,
+    MethodComparison,
     MapCell,
     map_bearing_benefit,
     map_plant_benefit,
@@ -50,23 +54,23 @@ from anhyst_rigs.study.benefit import (
 from anhyst_rigs.study.engine.table import Metric
 
 STRONGEST_BASELINE = "the strongest baseline"
-_DARK_RATIO = 0.45  # ratio below which its colour asks for white letters
-_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
+_DARK_RATIO = 0.45  # ratio below which the text is white on a dark colour
+_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # for narrow squares
 _HATCHES: Mapping[str, dict[str, Any]] = {
     "loss": {"ec": ALARM_COLOUR, "hatch": "xxxx"},
     "no gain": {"ec": SHADE_COLOUR, "hatch": "////"},
     "nothing to gain": {"ec": SHADE_COLOUR, "hatch": "...."},
 }
-ComparedCells = Sequence[tuple[MapCell, Comparison]]
+ComparedCells = Sequence[tuple[MapCell, MethodComparison]]
 
 
 def _case_text(case: float | str) -> str:
-    """Return a case in words: the height of a step, or what is done."""
+    """Return a case as text: the height of a step, or its description."""
     return f"{1e6 * case:g} µm" if isinstance(case, float) else case
 
 
 def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]:
-    """Return for each of the baselines how every cell of the map compares with it."""
+    """Return, for each baseline, the comparison of every cell of the map with this baseline."""
     by_baseline = {
         "ratio": [cell.ratio for cell in gains.cells],
         STRONGEST_BASELINE: [cell.strongest for cell in gains.cells],
@@ -83,7 +87,7 @@ def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]
 
 @use_report_style
 def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
-    """Draw ratios over irons: one row of maps a baseline, one column a case."""
+    """Draw ratios over irons: one row of maps per baseline, and one column per case."""
     baselines = compare_with_baselines(gains, metric.key)
     cases = list(dict.fromkeys(cell.case for cell in gains.cells))
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
@@ -101,7 +105,7 @@ def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
     bar.set_label(f"{metric.title} of full / that of the baseline")
     figure.legend(
         [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
-        ["certain loss", "neither is certain", "nothing to gain: both are small"],
+        ["significant loss", "not significant", "nothing to gain: both are small"],
         loc="outside lower center",
         ncols=3,
     )
@@ -117,7 +121,7 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
         x = shares.index(cell.iron.reversible_fraction)
         ratios[y, x] = _ratio_or_nan(comparison)
         _label_cell(ax, (x, y), baseline, cell, comparison)
-    # Squares and not an image: a page has each of its identifiers once.
+    # Squares instead of an image, because identifiers must be unique on a page.
     mesh = ax.pcolormesh(
         np.arange(len(shares) + 1) - 0.5,
         np.arange(len(widths) + 1) - 0.5,
@@ -128,21 +132,21 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
     )
     ax.grid(visible=False)
     ax.set_xticks(
-        range(len(shares)), ["as it is" if share is None else f"{share:g}" for share in shares]
+        range(len(shares)), ["unchanged" if share is None else f"{share:g}" for share in shares]
     )
     ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
     return mesh
 
 
-def _ratio_or_nan(comparison: Comparison) -> float:
-    """Return the figure with compensation over that without; nan where one lost the armature."""
+def _ratio_or_nan(comparison: MethodComparison) -> float:
+    """Return the ratio of a figure with and without compensation; NaN if a run was lost."""
     return math.nan if comparison.quotient is None else comparison.quotient.value
 
 
 def _label_cell(
-    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: Comparison
+    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
 ) -> None:
-    """Write the ratio into its square; hatch the square where no gain is certain."""
+    """Write the ratio into its square, and hatch the square if no gain is certain."""
     x, y = position
     ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
     text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
@@ -167,10 +171,10 @@ def _label_cell(
 
 
 _COMPARISON_TEXT = (
-    "Every iron is measured and identified again and all variants are fitted to the same loops, {} "
-    f"“{STRONGEST_BASELINE}” is, cell by cell, the best of ratio, linearised and single-valued, which know no "
-    "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands beside them: "
-    "it needs no model, as it measures the flux density."
+    "Every iron is measured and identified again, and all variants are fitted to the same loops, {} "
+    f"“{STRONGEST_BASELINE}” is the best of ratio, linearised and single-valued in each cell. These "
+    "variants ignore hysteresis. The selection favours this baseline a little. If there is a Hall "
+    "probe, flux is compared, too. It measures the flux density and needs no model."
 )
 
 
@@ -182,28 +186,31 @@ def _headline(gains: Benefit, title: str, description: str, run_text: str) -> He
         notes=(Note("info", "What is compared", _COMPARISON_TEXT.format(run_text)),),
         tiles=(),
         comparison=None,
-        validity="These figures hold for this plant and these settings, and for no other iron.",
+        validity="These figures apply only to this plant, its iron and these settings.",
     )
 
 
 def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, command: str) -> str:
-    """Return the page of the map of a bearing."""
+    """Return the page of the benefit map of a bearing."""
     compensation = controller.settings.compensation.model_copy(update={"variant": "full"})
     table_of_full = controller.settings.model_copy(update={"compensation": compensation})
-    what = f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full."
+    description = f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full."
     runs = f"run with the same gains, {gains.seeds} noise seeds each."
-    variants = ["full", *(one.baseline for cell in gains.cells for one in cell.strongest.values())]
+    variants = [
+        "full",
+        *(comparison.baseline for cell in gains.cells for comparison in cell.strongest.values()),
+    ]
     sections = (
         structure_section(rig, table_of_full, [*variants, "ratio"]),
         _benefit_section(gains),
         origin_section(file_hashes([rig.path, controller.path]), command, rig.settings.seed),
     )
-    head = _headline(gains, rig.settings.name, what, runs)
+    head = _headline(gains, rig.settings.name, description, runs)
     return page_text("Magnetic bearing", head, sections)
 
 
 def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
-    """Return what compensation gains over width and reversible part of the loops, and its page."""
+    """Return the benefit map of a bearing over loop width and reversible fraction, and its page."""
     ready = check_inputs(rig, read_bearing_controller(rig, task.controller))
     gains = map_bearing_benefit(ready.rig, ready.controller, progress=task.progress)
     command = task.command(" --benefit")
@@ -211,13 +218,13 @@ def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
 
 
 def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
-    """Return what compensation gains on plants of a rig with other irons, and its page."""
+    """Return the benefit map of a rig with other irons, and its page."""
     gains, command = map_plant_benefit(rig, progress=task.progress), task.command(" --benefit")
     kind = rig.settings.kind.title
     cases = ", ".join(dict.fromkeys(_case_text(cell.case) for cell in gains.cells))
-    what = f"{kind.capitalize()}, judged in: {cases}."
-    runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."
-    head = _headline(gains, rig.settings.name, what, runs)
+    description = f"{kind.capitalize()}, judged in: {cases}."
+    runs = f"each with its own gains, if it has any, {gains.seeds} noise seeds each."
+    head = _headline(gains, rig.settings.name, description, runs)
     sections = (
         _benefit_section(gains),
         origin_section(file_hashes([rig.path]), command, rig.settings.seed),
@@ -236,31 +243,28 @@ def _benefit_section(gains: Benefit) -> Section:
                 figure_benefit(gains, metric),
                 f"benefit-{metric.key}",
                 f"Maps of the ratio of {title} over loop width and reversible fraction, one "
-                "column a case, one row a baseline; hatched where no gain is certain.",
-                f"{title.capitalize()} of full over that of the baseline, same gains; "
-                "below 1 (violet) compensation gains. Crossed red: it loses for certain, or "
-                "was lost; hatched grey: neither is certain, the 95 % confidence interval of the "
-                "difference reaches zero; dotted: both overshoots of a step are less than three "
-                "times the rms of the standstill, there is nothing to gain. †: pathological iron, which "
-                "hardly answers just after a reversal. The name in a square is that of the baseline "
-                "there; lin. is linearised.",
+                "column a case, one row a baseline; hatched if no gain is significant.",
+                f"{title.capitalize()} of full over that of the baseline, same gains. "
+                "Below 1 (violet), compensation is better. Crossed red: a significant loss, or the run "
+                "was lost. Hatched grey: not significant, because the 95 % confidence interval of the "
+                "difference contains zero. Dotted: nothing to gain, because both overshoots of a step "
+                "are less than three times the rms at standstill. †: pathological iron, whose slope is "
+                "small just after a reversal. The name in a square is its baseline; lin. is linearised.",
             )
         )
-    return Section(
-        "benefit", "Where compensation gains, and where not", (*blocks, _iron_table(gains))
-    )
+    return Section("benefit", "Gain of compensation", (*blocks, _iron_table(gains)))
 
 
 def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) -> str:
-    """Say how many cells of one map gain, how many lose, and the best of them."""
+    """Return a sentence with the number of cells that gain and lose, and the largest gain."""
     gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
     loss_count, no_potential_count = (
-        sum(comparison.outcome == what for _, comparison in cells)
-        for what in ("loss", "nothing to gain")
+        sum(comparison.outcome == outcome for _, comparison in cells)
+        for outcome in ("loss", "nothing to gain")
     )
     text = (
-        f"{title} against {baseline}: a certain gain in {len(gain_cells)} of {len(cells)} cells, a "
-        f"certain loss in {loss_count}, in {no_potential_count} there is nothing to gain"
+        f"{title} against {baseline}: a significant gain in {len(gain_cells)} of {len(cells)} cells, a "
+        f"significant loss in {loss_count}, nothing to gain in {no_potential_count}"
     )
     if gain_cells:
         cell, best = min(gain_cells, key=lambda one: _ratio_or_nan(one[1]))
@@ -278,7 +282,7 @@ def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) 
 
 
 def _iron_table(gains: Benefit) -> PageTable:
-    """Describe every iron by what loops show of it."""
+    """Return a table that describes each iron by its loops."""
     rows = [
         [
             format_number(iron.pinning_scale, short=True),

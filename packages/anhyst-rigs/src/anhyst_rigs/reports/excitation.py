@@ -1,4 +1,4 @@
-"""The picture of an excitation: the drive, and the loops it measured."""
+"""The figure of an excitation: the drive over time, and the measured loops."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ if TYPE_CHECKING:
     from anhyst_rigs.study.excite.excite import Excitation
 
 _MAX_LINE_POINTS = 20_000
-"""Lines are drawn with at most about this many points."""
+"""Maximum number of points per line."""
 
 
 def figure_excitation(excitation: Excitation) -> Figure:
-    """Draw the drive over time, with the warmth of the winding, beside the loops it measured."""
+    """Draw the drive over time with the I^2 t of the winding, and the measured loops next to it."""
     from matplotlib.figure import Figure
 
     played = excitation.drive_history
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    drive_ax, loop_ax = figure.subplots(1, 2)
     thinning = slice(None, None, 1 + played.time.size // _MAX_LINE_POINTS)
-    left.plot(played.time[thinning], played.current[thinning], lw=0.6, color="0.3")
-    left.axhline(excitation.specimen.max_current.value, color="tab:red", lw=0.8, ls="--")
-    left.set_xlabel("time [s]")
-    left.set_ylabel(f"{excitation.specimen.drive} [{excitation.specimen.units[0]}]")
-    left.set_title("driven, rests and conditioning included", loc="left", fontsize="medium")
+    drive_ax.plot(played.time[thinning], played.current[thinning], lw=0.6, color="0.3")
+    drive_ax.axhline(excitation.specimen.max_current.value, color="tab:red", lw=0.8, ls="--")
+    drive_ax.set_xlabel("time [s]")
+    drive_ax.set_ylabel(f"{excitation.specimen.drive} [{excitation.specimen.units[0]}]")
+    drive_ax.set_title("drive, including rests and conditioning", loc="left", fontsize="medium")
     if np.isfinite(played.warmth).all():
-        warm = left.twinx()
+        warm = drive_ax.twinx()
         warm.plot(
             played.time[thinning], 100.0 * played.warmth[thinning], color="tab:orange", lw=1.0
         )
-        warm.set_ylabel("I²t [% of what trips]")
+        warm.set_ylabel("I²t [% of the trip level]")
         warm.set_ylim(0.0, 105.0)
-    excitation.loops.plot(right)
-    right.set_title("measured", loc="left", fontsize="medium")
+    excitation.loops.plot(loop_ax)
+    loop_ax.set_title("measured", loc="left", fontsize="medium")
     return figure

@@ -1,4 +1,4 @@
-"""The page about a fleet: how many are good, who does not belong, how parameters scatter."""
+"""The page of a fleet of magnets: good magnets, outliers, and the scatter of the parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MAX_ROWS = 200
 
 
 def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
-    """Write the report of a fleet: one HTML file that needs nothing else."""
+    """Write the report of a fleet as a self-contained HTML file."""
     sections = [_error_section(fleet), _scatter_section(fleet), _magnet_section(fleet)]
     write_page(path, page_text("Fleet of magnets", _headline(fleet), sections, "their loops"))
 
@@ -34,29 +34,33 @@ def _headline(fleet: Fleet) -> Headline:
     count, good, shared = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
     notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
     if fleet.failed:
-        notes.append(Note("bad", "Not judged", f"{', '.join(fleet.failed)}: see below."))
+        notes.append(Note("bad", "Not evaluated", f"{', '.join(fleet.failed)}: see below."))
     if fleet.outliers:
         notes.append(
-            Note("warn", "Do not belong", f"{', '.join(fleet.outliers)}: far from the others.")
+            Note(
+                "warn",
+                "Outliers",
+                f"{', '.join(fleet.outliers)}: their parameters are far from the others.",
+            )
         )
     if shared >= good:
-        text = f"with the model of '{fleet.typical}' as many keep the tolerance as with their own"
+        text = f"as many magnets keep the tolerance with the model of '{fleet.typical}' as with their own"
         notes.append(Note("good", "One model is enough", f"{text}."))
     else:
-        text = f"{good} keep the tolerance with a model of their own, {shared} with one for all"
-        notes.append(Note("info", "Measuring each pays", f"{text}."))
+        text = f"{good} keep the tolerance with their own model, {shared} with one for all"
+        notes.append(Note("info", "Individual models help", f"{text}."))
     return Headline(
         title="Fleet of magnets",
         description=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
         f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
         basis=f"A good magnet: its verified controller is at most "
-        f"{fleet.settings.tolerance:g} % of the largest output off, rms over its loops.",
+        f"{fleet.settings.tolerance:g} % of the largest output in error, rms over its loops.",
         notes=tuple(notes),
         tiles=(
-            Tile(f"{good} of {count}", "good", "each with a controller of its own"),
+            Tile(f"{good} of {count}", "good", "each with its own controller"),
             Tile(f"{shared} of {count}", "good", f"all with the model of '{fleet.typical}'"),
             Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
-            Tile(str(len(fleet.failed)), "not judged", "bad files"),
+            Tile(str(len(fleet.failed)), "not evaluated", "bad files"),
         ),
         comparison=None,
         validity="",
@@ -66,21 +70,23 @@ def _headline(fleet: Fleet) -> Headline:
 def _error_section(fleet: Fleet) -> Section:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
     fleet.plot(figure.add_subplot())
-    shown = picture(
+    error_picture = picture(
         figure,
         "errors",
         "Error of each magnet, with its own controller and with one model for all.",
-        "What each magnet's loops are off, with its own compiled controller and with the model of "
+        "Error on the loops of each magnet, with its own compiled controller and with the model of "
         f"the most typical one, '{fleet.typical}'.",
     )
-    return Section("errors", "How good they are", (shown,))
+    return Section("errors", "Errors", (error_picture,))
 
 
 def _scatter_section(fleet: Fleet) -> Section:
     spread = fleet.spread
     if spread is None:
-        text = "Too few magnets, or magnets of different laws or gaps: no scatter is stated."
-        return Section("scatter", "How they scatter", (Text(text),))
+        text = (
+            "There are too few magnets, or they have different laws or gaps. No scatter is stated."
+        )
+        return Section("scatter", "Scatter of the parameters", (Text(text),))
     figure = Figure(figsize=(7.2, 0.35 * len(fleet.quantities) + 1.2), layout="constrained")
     ax = figure.add_subplot()
     columns = fleet.to_columns()
@@ -97,17 +103,17 @@ def _scatter_section(fleet: Fleet) -> Section:
     ax.grid(visible=True, alpha=0.25, lw=0.6)
     blocks: tuple[Block, ...] = (
         Text(
-            "Mean and scatter of the magnets themselves: what the loops of one leave open is taken "
-            "off, and outliers have no say."
+            "Mean and scatter of the magnets, without the uncertainty of each fit and without "
+            "outliers."
         ),
         picture(figure, "scatter", "Fitted quantities of all magnets.", "Crosses: outliers."),
         scatter_table(fleet, spread),
     )
-    return Section("scatter", "How they scatter", blocks)
+    return Section("scatter", "Scatter of the parameters", blocks)
 
 
 def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
-    """Return mean and scatter of every quantity."""
+    """Return a table of the mean and the scatter of each quantity."""
     rows = [
         (
             name,
@@ -124,8 +130,8 @@ def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
 def _magnet_section(fleet: Fleet) -> Section:
     columns = fleet.to_columns()
     rows = [
-        (name, "yes" if good else "no", f"{own:.2f}", f"{shared:.2f}", f"{distance:.1f}")
-        for name, good, own, shared, distance in zip(
+        (name, "yes" if good else "no", f"{own_error:.2f}", f"{shared:.2f}", f"{distance:.1f}")
+        for name, good, own_error, shared, distance in zip(
             *(
                 columns[key]
                 for key in ("magnet", "good", "own_percent", "shared_percent", "distance")
@@ -136,13 +142,13 @@ def _magnet_section(fleet: Fleet) -> Section:
     rows.sort(key=lambda row: -float(row[2]))
     head = ("magnet", "good", "own, %", "shared, %", "distance")
     caption = (
-        "The worst first; rms of the largest output, per cent; distance from the mean in standard "
+        "The worst come first. Rms errors in % of the largest output; distance from the mean in standard "
         "deviations."
     )
     blocks: list[Block] = [make_table("Magnets", head, rows[:_MAX_ROWS], caption, texts=2)]
     if len(rows) > _MAX_ROWS:
         blocks.append(Text(f"The other {len(rows) - _MAX_ROWS} are in fleet.csv."))
     if fleet.failed:
-        reasons = tuple(f"{name}: {why}" for name, why in fleet.failed.items())
-        blocks.append(Items("Not judged", reasons))
-    return Section("magnets", "Magnet by magnet", tuple(blocks))
+        reasons = tuple(f"{name}: {reason}" for name, reason in fleet.failed.items())
+        blocks.append(Items("Not evaluated", reasons))
+    return Section("magnets", "Magnets", tuple(blocks))

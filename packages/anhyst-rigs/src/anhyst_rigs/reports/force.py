@@ -1,4 +1,4 @@
-"""Figures and page of the paper's section III, from recordings, and its hardware structure."""
+"""Figures and page of open-loop force control (section III of the paper), from recordings."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ from anhyst_rigs.study.force_trials import (
 
 @use_report_style
 def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
-    """Draw what is connected to what."""
+    """Draw the hardware: PC, controller, amplifier, actuator and sensors."""
     settings = rig.settings
     amplifier, force = settings.amplifier, settings.force_sensor
     gap = settings.gap_sensor
@@ -144,44 +144,44 @@ _DRAWN_ERRORS: Mapping[str, MethodName] = {
     "simplified": "simplified",
     "single": "single-valued",
 }
-"""Whose errors are drawn, where they are: the models, and the strongest curve without memory."""
+"""Controllers whose errors are drawn, if they ran: the models, and the best single-valued curve."""
 MAX_TITLE_LETTERS = 62
-"""Of a line above a panel."""
+"""Maximum length of a line above a panel, in letters."""
 
-MAX_CURVE_POINTS = 1500
-"""Points of a curve in a figure at most."""
+MIN_THINNED_POINTS = 1500
+"""A thinned curve has at least this number of points, and less than twice this number."""
 
 
 CAPTIONS: Mapping[str, str] = {
-    "fig7": "At the stroke's end: forces above, true force less demand below.",
-    "fig8": "At a row of positions, the armature held.",
-    "moving": "The armature moving over its stroke.",
-    "fig6": "What is connected to what.",
+    "fig7": "At the stroke's end: forces above, true force minus demand below.",
+    "fig8": "At several positions of a fixed armature.",
+    "moving": "With the armature moving over its stroke.",
+    "fig6": "Hardware.",
 }
-"""What the figures of the page show, in its order."""
+"""Captions of the figures on the page, in their order."""
 
 
 def simulate(task: SimulationTask) -> ForceControl:
-    """Command forces to the firmware, which runs in this process."""
+    """Run the firmware in this process on the demands of a rig."""
     if not task.writes_files:
-        raise InputError("force control: needs a place to write to", code="missing", key="--out")
+        raise InputError("force control: needs an output folder", code="missing", key="--out")
     return run_firmware(task, "library")
 
 
 def run_firmware(task: SimulationTask, board: str) -> ForceControl:
-    """Command forces to the firmware on a board."""
+    """Run the firmware on a board on the demands of a rig."""
     controlled = force_control(task.rig, task.out, board=board, progress=task.progress)
     draw_all(controlled)
     return controlled
 
 
 def map_benefit(rig: ForceControlRig, task: SimulationTask) -> tuple[Benefit, str]:
-    """Return what compensation gains on other irons of an actuator, and its page."""
+    """Return the benefit map of an actuator with other irons, and its page."""
     return map_plants(complete_rig(rig, read_rig_loops(rig)), task)
 
 
 def written_files(result: ForceControl, _: Path | None = None) -> str:
-    """Say what was written."""
+    """Return a text that names the files that were written."""
     return (
         f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one "
         "recording of each trial"
@@ -189,7 +189,7 @@ def written_files(result: ForceControl, _: Path | None = None) -> str:
 
 
 def terminal_summary(result: ForceControl) -> TerminalSummary:
-    """Return what a terminal shows of force control."""
+    """Return the terminal output of force control."""
     figures = result.figures
     agreement = (
         f"firmware on {figures['board']} against the simulated program: "
@@ -199,7 +199,7 @@ def terminal_summary(result: ForceControl) -> TerminalSummary:
 
 
 def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
-    """Draw every figure as PNG and SVG into the folder of a run, and the page with all of them."""
+    """Write all figures as PNG and SVG into the folder of a run, and the page with them."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
         stages.setdefault(outcome.trial.stage, []).append(outcome)
@@ -230,14 +230,18 @@ def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
 
 def _headline(result: ForceControl, verified: bool) -> Headline:
     rig, figures = result.rig, result.figures
-    lost = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
-    notes = lost if result.lost_in else [verdict_note(result.verdict)]
+    loss_notes = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
+    notes = loss_notes if result.lost_in else [verdict_note(result.verdict)]
     if verified:
-        notes.append(Note("good", "C verified", "The same bits wherever it ran; tables below."))
+        notes.append(
+            Note(
+                "good", "C verified", "The same bits on all targets that ran; see the tables below."
+            )
+        )
     return Headline(
         title=rig.settings.name,
         description="The force of a magnet, controlled open loop by firmware that was compiled from "
-        "models of its loops; beside it what knows less.",
+        "models of its loops, compared with simpler controllers.",
         basis=f"Simulated, seed {rig.settings.seed}: a virtual magnet, amplifier and sensors; "
         f"firmware on {figures['board']}, {figures['rate_Hz']:g} ticks a second. "
         + "; ".join(result.plant.report_lines)
@@ -245,21 +249,21 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
         notes=tuple(notes),
         tiles=_tiles(result),
         comparison=comparison_table(result),
-        validity="Errors of the true force after the lead-in, which a simulation alone knows; the tick "
-        "of delay and the lag of the amplifier are in them.",
+        validity="Errors of the true force after the lead-in, which only a simulation knows. They "
+        "include the delay of one tick and the lag of the amplifier.",
     )
 
 
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
-    """Return the worst errors of the fastest demand while the armature is held."""
+    """Return the largest errors of the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
-    held = (
+    fixed_trials = (
         trial
         for trial in result.figures["trials"]
         if trial["demand"] == fastest and trial["stage"] != "moving"
     )
-    errors = worst_errors(held, lambda _: fastest)[fastest]
+    errors = worst_errors(fixed_trials, lambda _: fastest)[fastest]
     detail = f"worst error, {fastest}, held, % of {result.figures['force_max_N']:g} N"
     return tuple(
         Tile(format_number(errors[name]["worst_percent"], 2), CONTROLLER_TITLES[name], detail)
@@ -269,7 +273,7 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
 
 
 def comparison_table(result: ForceControl) -> PageTable:
-    """Return worst and rms errors of every controller, by group of trials and demand."""
+    """Return the largest and rms errors of each controller, by group of trials and demand."""
     groups = worst_errors(
         result.figures["trials"],
         lambda trial: f"{STAGE_TITLES[stage_key(trial)]}, {trial['demand']}",
@@ -291,14 +295,16 @@ def comparison_table(result: ForceControl) -> PageTable:
 
 @use_report_style
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces and errors at the stroke's end, one column a demand (the paper's Fig. 7)."""
-    shown = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
-    return _draw_columns(rig, shown, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
+    """Draw forces and errors at the end of the stroke, one column per demand (paper, Fig. 7)."""
+    unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
+    return _draw_columns(
+        rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0
+    )
 
 
 @use_report_style
 def figure_moving(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces, errors and position with the armature moving, one column a demand."""
+    """Draw forces, errors and position with a moving armature, one column per demand."""
     rows = {"force (N)": 3.0, "true force - demand (N)": 2.0, "gap (mm)": 1.2}
     return _draw_columns(rig, outcomes, rows, 7.0)
 
@@ -306,7 +312,7 @@ def figure_moving(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Fig
 def _draw_columns(
     rig: ForceControlRig, outcomes: Sequence[ForceOutcome], rows: Mapping[str, float], height: float
 ) -> Figure:
-    """Draw forces and errors, and the gap where that has a row, one column a demand."""
+    """Draw forces and errors, and the gap if it has a row, one column per demand."""
     figure = new_figure(height, width=4.8 * len(outcomes))
     axes = figure.subplots(
         len(rows), len(outcomes), squeeze=False, sharex="col", height_ratios=[*rows.values()]
@@ -327,9 +333,9 @@ def _draw_columns(
 
 @use_report_style
 def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw the same at a row of positions: for each demand a row of forces and one of errors.
+    """Draw forces and errors at several positions: a row of forces and a row of errors per demand.
 
-    The paper's Fig. 8 has the forces alone, under which good compensation cannot be seen.
+    Fig. 8 of the paper shows only the forces, in which good compensation is not visible.
     """
     names = list(dict.fromkeys(outcome.trial.demand.name for outcome in outcomes))
     columns = max(sum(o.trial.demand.name == name for o in outcomes) for name in names)
@@ -344,7 +350,10 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
             ax.set_title(f"{_position_text(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
             _draw_deviations(below, rig, outcome, title=False)
-            worst = (f"{one} {_worst_percent(rig, outcome, one):.1f}" for one in ("full", "single"))
+            worst = (
+                f"{controller} {_worst_percent(rig, outcome, controller):.1f}"
+                for controller in ("full", "single")
+            )
             below.set_title(f"{'; '.join(worst)} %", fontsize=8.0, weight="normal")
             below.set_xlabel("time (s)")
         for empty in (*row[len(members) :], *errors[len(members) :]):
@@ -356,7 +365,7 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
 
 
 def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
-    """Draw the demand (pale, below), what was measured, the simulated program, the constant ratio."""
+    """Draw the demand, the measured force, the simulated program, and the constant ratio."""
     curves = (
         ("demand", outcome.trial.demand.force, DEMAND_COLOUR, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING_COLOUR, 0.9, "-"),
@@ -404,8 +413,8 @@ def _worst_percent(rig: ForceControlRig, outcome: ForceOutcome, name: str) -> fl
 def _thin_curve(
     rig: ForceControlRig, outcome: ForceOutcome, values: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Time and values, no more of them than a figure can show."""
-    step = max(1, values.size // MAX_CURVE_POINTS)
+    """Return time and values with no more points than a figure can show."""
+    step = max(1, values.size // MIN_THINNED_POINTS)
     time = np.asarray((np.arange(values.size) - outcome.trial.demand.lead_in) * rig.dt, np.float64)
     return time[::step], values[::step]
 

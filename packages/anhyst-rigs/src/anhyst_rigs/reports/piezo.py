@@ -1,4 +1,4 @@
-"""The page of a piezo stage that follows a triangle, and its figure."""
+"""The page and the figure of a piezo stage that follows a triangle."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 @use_report_style
 def figure_tracking(tracked: PiezoTracking) -> Figure:
-    """Draw the reference and what each way deviates from it, over the cycles that are judged."""
+    """Draw the reference and the deviation of each controller over the evaluated cycles."""
     figure = new_figure(6.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
     judged = slice(tracked.first_evaluated_tick, None)
@@ -52,7 +52,7 @@ def figure_tracking(tracked: PiezoTracking) -> Figure:
 
 
 def comparison_table(tracked: PiezoTracking) -> PageTable:
-    """Return how far each way deviates from the triangle."""
+    """Return the deviations of each controller from the triangle."""
     errors = {COMPENSATION_TITLES[name]: figures for name, figures in tracked.errors.items()}
     return method_table(
         "Deviation from the triangle",
@@ -62,7 +62,7 @@ def comparison_table(tracked: PiezoTracking) -> PageTable:
 
 
 def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
-    """Return what a terminal shows of a piezo stage."""
+    """Return the terminal output of a piezo stage."""
     return TerminalSummary(
         [comparison_table(tracked)],
         [f"rms with compensation over without: {tracked.deviation_ratio():.2f}"],
@@ -72,38 +72,38 @@ def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
 def render(tracked: PiezoTracking, command: str) -> str:
     """Return the page of a piezo stage."""
     file = tracked.rig.settings
-    moved, plain = file.displacement_case, tracked.errors["none"]
+    moved, baseline = file.displacement_case, tracked.errors["none"]
     head = Headline(
         title=file.name,
         description=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
         f"{moved.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
-        basis="Simulated. What makes the voltage of a displacement is identified from loops that "
-        "the virtual stage gives, with the noise of its sensor.",
+        basis="Simulated. The inverse model is identified from loops of the simulated stage, with "
+        "the noise of its sensor.",
         notes=(verdict_note(tracked.verdict),),
         tiles=tuple(
             comparison_tile(
-                metric, tracked.errors["full"][metric.key], plain[metric.key], "a constant"
+                metric, tracked.errors["full"][metric.key], baseline[metric.key], "a constant"
             )
             for metric in DEVIATION_METRICS
         ),
         comparison=comparison_table(tracked),
-        validity="These figures hold for this stage and this triangle.",
+        validity="These figures apply only to this stage and this triangle.",
     )
-    shown = picture(
+    tracking_picture = picture(
         figure_tracking(tracked),
         "tracking",
-        "Reference, and deviation of every way from it, over time.",
-        "True position less the reference as late as delay and amplifier make it.",
+        "Reference, and deviation of each controller from it, over time.",
+        "True position minus the reference, delayed by controller and amplifier.",
     )
     sections = [
-        Section("tracking", "Following the triangle", (shown,)),
+        Section("tracking", "Following the triangle", (tracking_picture,)),
         origin_section(file_hashes([tracked.rig.path]), command, file.seed),
     ]
     return page_text("Piezo stage", head, sections)
 
 
 def simulate(task: SimulationTask) -> PiezoTracking:
-    """Follow the triangle of a piezo stage with and without compensation."""
+    """Simulate a piezo stage that follows its triangle, with and without compensation."""
     rig, picture = read_piezo_rig(task.rig), task.out.with_suffix(".svg")
     if task.writes_files:
         check_writable(picture, [rig.path])
@@ -114,5 +114,5 @@ def simulate(task: SimulationTask) -> PiezoTracking:
 
 
 def written_files(result: PiezoTracking, out: Path) -> str:
-    """Say what was written."""
+    """Return a text that names the files that were written."""
     return f"{files_written(result, out)}, {out.with_suffix('.svg')}"

@@ -1,4 +1,4 @@
-"""The page of plants that have drifted, whichever rig they are, and its figure."""
+"""The page and the figure of a Monte Carlo study: plants of any kind of rig with random drift."""
 
 from __future__ import annotations
 
@@ -41,15 +41,13 @@ from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantF
 
 
 def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
-    """Return what a terminal shows of a Monte Carlo."""
-    count = (
-        f"{len(runs.drifts)} plants, seed {runs.plants.seed}; judged is '{runs.plants.own_method}'"
-    )
+    """Return the terminal output of a Monte Carlo study."""
+    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; evaluated is '{runs.plants.own_method}'"
     return TerminalSummary([percentile_table(runs)], [count])
 
 
 def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
-    """Return the page of a Monte Carlo."""
+    """Return the page of a Monte Carlo study."""
     sections = [_drift_section(runs), origin_section(file_hashes(files), command, runs.plants.seed)]
     return page_text("Drifted plants", _headline(runs), sections)
 
@@ -60,20 +58,20 @@ def _headline(runs: MonteCarlo) -> Headline:
         f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}"
         for name in in_report_order(runs.runs)
     ]
-    lost = any(runs.lost_count(name) for name in runs.runs)
+    has_losses = any(runs.lost_count(name) for name in runs.runs)
     return Headline(
         title=file.name,
-        description=f"{len(runs.drifts)} plants of {file.kind.title}, each with a noise of its own, "
-        f"whose properties are off by chance: {_spread_text(runs)} (standard deviations). What "
-        "controls them was made for the nominal one and knows nothing of it.",
-        basis=f"Simulated, seed {runs.plants.seed}; all variants meet the same plants.",
+        description=f"{len(runs.drifts)} plants of {file.kind.title}, each with its own noise, "
+        f"whose properties have random deviations: {_spread_text(runs)} (standard deviations). Their "
+        "controllers were designed for the nominal plant.",
+        basis=f"Simulated, seed {runs.plants.seed}; all variants control the same plants.",
         notes=(
             verdict_note(runs.verdict),
-            Note("bad" if lost else "good", "Plants lost", f"{'; '.join(counts)}."),
+            Note("bad" if has_losses else "good", "Plants lost", f"{'; '.join(counts)}."),
         ),
         tiles=(),
         comparison=None,
-        validity="These figures hold for these plants, and for no other spread.",
+        validity="These figures apply only to this spread.",
     )
 
 
@@ -97,20 +95,21 @@ def _drift_section(runs: MonteCarlo) -> Section:
         for figure in runs.plants.figures
         for case, name in enumerate(figure.case_names)
     }
-    shown = picture(
+    drift_picture = picture(
         figure_drift(spreads),
         "drift",
-        "Shares of plants that stay below a figure, with percentiles marked: "
-        f"{', '.join(spreads)}.",
+        f"Distribution of figures over the plants, with percentiles marked: {', '.join(spreads)}.",
         "Share of plants below each figure; dots at "
-        f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
-        "infinitely bad.",
+        f"{', '.join(str(percent) for percent in PERCENTILES)} %. A lost plant counts as "
+        "infinite.",
     )
-    return Section("drift", "Drifted plants", (shown, percentile_table(runs), _worst_plants(runs)))
+    return Section(
+        "drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs))
+    )
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
-    """Return what so many per cent of the plants stay below, figure by figure."""
+    """Return a table of percentiles over the plants, for each figure and variant."""
     rows = [
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
@@ -119,7 +118,7 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
         for values in (runs.values(name, figure.key, case_index),)
         for percentiles in ([figure.factor * percentile(values, p) for p in PERCENTILES],)
     ]
-    head = ["figure", "variant", *(f"{part:g} %" for part in PERCENTILES)]
+    head = ["figure", "variant", *(f"{percent:g} %" for percent in PERCENTILES)]
     return make_table("Percentiles", head, rows, texts=2)
 
 
@@ -128,7 +127,7 @@ def _figure_title(figure: PlantFigure, case: str) -> str:
 
 
 def _worst_plants(runs: MonteCarlo) -> Items:
-    """Say what the worst plants of a variant have in common with nobody else: their drift."""
+    """Return the worst plant of each case of the first figure, with its drift."""
     figure, own = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
@@ -146,16 +145,18 @@ def _drift_text(drift: Drift) -> str:
     changes = []
     for key, value in drift.as_dict().items():
         name, _, unit = key.rpartition("_")
-        shown = f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
-        changes.append(f"{name.replace('_', ' ')} {shown}")
+        value_text = (
+            f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
+        )
+        changes.append(f"{name.replace('_', ' ')} {value_text}")
     return ", ".join(changes).replace("-", MINUS)
 
 
 @use_report_style
 def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
-    """Draw the share of plants that stay below a figure, by its title, with percentiles marked.
+    """Draw the distribution of figures over the plants, with percentiles marked.
 
-    Of every variant there is a value a plant, infinite where the plant failed.
+    Each variant has one value per plant. It is infinite if the plant failed.
     """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))
@@ -165,7 +166,7 @@ def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figu
             share = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
             ax.plot(values[finite], share[finite], **line_style(name), label=name)
-            marks = [percentile(values.tolist(), part) for part in PERCENTILES]
+            marks = [percentile(values.tolist(), percent) for percent in PERCENTILES]
             ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
         ax.set_title(title)
         ax.set_ylim(0.0, 102.0)

@@ -1,4 +1,4 @@
-"""What a verb asks of a kind of rig to simulate it, and studies that are the same for all kinds."""
+"""Protocols of a kind of rig for `simulate`, and the studies that are the same for all kinds."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from anhyst_rigs.study.tracking.simulate import TrackingStudy
 def study_output(
     result: StudyResult, printed: TerminalSummary, written: str
 ) -> Iterator[str | PageTable]:
-    """Return what a terminal shows of a study: losses, verdict, what was written, tables."""
+    """Return the terminal output of a study: losses, verdict, files written, tables."""
     tables, lines = printed
     yield from (f"lost: {loss}" for loss in result.lost_in)
     yield f"verdict: {result.verdict.sentence}"
@@ -45,21 +45,21 @@ class HasSimulation(Protocol):
     """A kind of rig that can be simulated."""
 
     def simulate(self, task: SimulationTask) -> Simulated:
-        """Run it with and without compensation.
+        """Simulate the rig with and without compensation.
 
-        It also writes ``task.out`` with figures and page, where ``task.written`` says so;
+        If ``task.writes_files`` is true, also write ``task.out``, the figures and the page;
         :meth:`anhyst_rigs.reports.study.task.SimulationTask.study` does this.
         """
 
     def printed(self, result: StudyResult) -> TerminalSummary:
-        """Return what a terminal shows of that, beside losses and verdict."""
+        """Return the terminal output of the study, except losses and verdict."""
 
     def written(self, result: StudyResult, out: Path) -> str:
-        """Say what was written of that."""
+        """Return a text that names the files that were written."""
 
 
 class HasPlants(Protocol):
-    """A kind of rig whose drifted plants can be run."""
+    """A kind of rig that can be simulated with drifted plants."""
 
     def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
         """Return the rig file, and all files that it and a controller file name."""
@@ -67,11 +67,11 @@ class HasPlants(Protocol):
     def plants(
         self, rig: PathLike, controller: PathLike | None, progress: Progress | None
     ) -> Plants:
-        """Read what plants that have drifted are run with."""
+        """Read the data for simulating drifted plants."""
 
 
 class HasBenefit(Protocol):
-    """A kind of rig of which a map of the benefit can be made."""
+    """A kind of rig that has a benefit map."""
 
     def read(self, rig: PathLike) -> AnyRig:
         """Read a rig file."""
@@ -80,18 +80,18 @@ class HasBenefit(Protocol):
         """Return the rig file, and all files that it and a controller file name."""
 
     def benefit(self, rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
-        """Return what compensation gains on other irons, and its page."""
+        """Return the gain of compensation on other irons, and its page."""
 
 
 class HasBoard(Protocol):
-    """A kind of rig whose firmware runs in the simulation."""
+    """A kind of rig whose firmware can run in the simulation."""
 
     def run_board(self, task: SimulationTask, board: str) -> Studied:
         """Run the firmware on a board."""
 
 
 def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
-    """Run plants that have drifted; goes on with what the file holds."""
+    """Simulate drifted plants, and continue with the results that the file already contains."""
     task.require_suffix(".jsonl", "results of a Monte Carlo are")
     figures, files = task.out.parent / MONTE_CARLO_NAME, kind.files(task.rig, task.controller)
     for path in (figures, task.report_path):
@@ -108,7 +108,7 @@ def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo
 
 
 def map_benefit(kind: HasBenefit, task: SimulationTask) -> Benefit:
-    """Map what compensation gains on other irons."""
+    """Map the gain of compensation on other irons."""
     task.require_suffix(".json", "the map is")
     files = kind.files(task.rig, task.controller)
     for path in (task.out, task.report_path):

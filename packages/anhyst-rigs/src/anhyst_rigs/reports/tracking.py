@@ -1,4 +1,4 @@
-"""The page about a stage: whether compensation pays, against which baseline, and where not."""
+"""The page of a stage: the gain of compensation over the best baseline, and its limits."""
 
 from __future__ import annotations
 
@@ -60,14 +60,16 @@ from anhyst_rigs.study.tracking.simulate import (
 
 
 def limit_texts(study: TrackingStudy) -> list[str]:
-    """Say what is gained with small forces, at a standstill and on one repeated set-point."""
+    """Return sentences about the gain with small forces, at standstill and on one set-point."""
     own, best = study.variants[COMPENSATOR], study.variants[study.memoryless]
     name = study.memoryless
 
     def compare(own_value: float, baseline: float, title: str) -> str:
         word = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
         if baseline <= SETTLING_BANDS_M[-1]:
-            word = f"little to gain: that is within {1e9 * SETTLING_BANDS_M[-1]:g} nm without it"
+            word = (
+                f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
+            )
         return (
             f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {word}"
         )
@@ -76,19 +78,19 @@ def limit_texts(study: TrackingStudy) -> list[str]:
         compare(
             own.small_force_measures.peak_m,
             best.small_force_measures.peak_m,
-            "A tenth of the forces, the same gains, peak",
+            "Peak with a tenth of the forces and the same gains",
         ),
-        compare(own.standstill_m, best.standstill_m, "Standstill, the long stroke moving, rms"),
+        compare(own.standstill_m, best.standstill_m, "Rms at standstill with moving long stroke"),
         compare(
             own.repeated_setpoint_measures.average_m,
             best.repeated_setpoint_measures.average_m,
-            "One set-point repeated, gains found on that very one, moving average",
+            "Moving average on one repeated set-point, with gains found on it",
         ),
     ]
 
 
 _SHOWN_BEFORE_S = 5e-3
-"""Shown before the turnaround."""
+"""Time shown before the turnaround, s."""
 
 
 @use_report_style
@@ -122,7 +124,7 @@ def figure_scan(tried: Mapping[MethodName, VariantResult], motion: SetPoint, sli
 
 
 def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
-    """Return the moving mean in the middle of its window, ms and nm."""
+    """Return the moving average at the middle of its window: time in ms, error in nm."""
     mean, _ = moving_statistics(run["error_m"], round(slit / run.dt))
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
     shown = time >= -1e3 * _SHOWN_BEFORE_S
@@ -131,7 +133,7 @@ def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArr
 
 @use_report_style
 def figure_settling(tried: Mapping[MethodName, VariantResult], cruise: float) -> Figure:
-    """Draw how long the scans of all seeds take to settle, a row a variant."""
+    """Draw histograms of the settling times of all scans and seeds, one row per variant."""
     figure = new_figure(0.9 * len(tried) + 1.0)
     axes = figure.subplots(len(tried), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
@@ -148,7 +150,7 @@ def figure_settling(tried: Mapping[MethodName, VariantResult], cruise: float) ->
 
 @use_report_style
 def figure_learning(tried: Mapping[MethodName, VariantResult]) -> Figure:
-    """Draw the peak of the error over the trials of learning control."""
+    """Draw the peak error over the trials of learning control."""
     figure = new_figure(3.2)
     ax = figure.subplots()
     for name, variant in tried.items():
@@ -163,14 +165,14 @@ def figure_learning(tried: Mapping[MethodName, VariantResult]) -> Figure:
 
 
 def terminal_summary(study: TrackingStudy) -> TerminalSummary:
-    """Return what a terminal shows of a stage."""
+    """Return the terminal output of a stage."""
     lines = [
         f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains found "
         "on the training set-point",
         *(f"against '{name}': {verdict.sentence}" for name, verdict in study.verdicts.items()),
         *([] if study.lost_in else limit_texts(study)),
         *(
-            f"learnt: {name}: {variant.calibration.summary}"
+            f"estimated: {name}: {variant.calibration.summary}"
             for name, variant in study.variants.items()
             if variant.calibration
         ),
@@ -186,7 +188,7 @@ def render(study: TrackingStudy, command: str) -> str:
         figure_settling(study.variants, study.rig.settings.scan.cruise_s),
         "settling",
         "Histograms of the settling time into 50 and 10 nm, a row a variant.",
-        "Every scan of every noise seed; at the right end those that never settled.",
+        "All scans of all noise seeds. Scans that never settle are at the right end.",
     )
     sections = [
         _scan_section(study),
@@ -194,7 +196,7 @@ def render(study: TrackingStudy, command: str) -> str:
         Section("settling", "Settling", (settled,)),
         _limit_section(study),
         _learning_section(study),
-        Section("losses", "What is lost, and lift-off", tuple(loss_tables(study))),
+        Section("losses", "Loss of magnets, and lift-off", tuple(loss_tables(study))),
         origin_section(file_hashes([study.rig.path, *study.rig.measured_loops.files]), command),
     ]
     return page_text("Short-stroke stage", _headline(study), sections)
@@ -207,20 +209,20 @@ def comparison_table(study: TrackingStudy) -> PageTable:
         f"{study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
         {name: variant.interval for name, variant in study.variants.items()},
-        "The first scan is left out. Moving average and deviation over a slit of "
+        "Without the first scan. Moving average and deviation over a slit of "
         f"{1e3 * study.rig.settings.scan.slit_s:g} ms, from 5 ms after the acceleration on; "
         "largest of all scans. A scan that does not settle counts with its whole cruise.",
     )
 
 
 def cross_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return what each coordinate does that the set-point does not move; none of a body of one."""
+    """Return tables of coordinates that the set-point does not move; none for one coordinate."""
     metrics = cross_talk_metrics(study.rig.settings)
     if not metrics:
         return []
     at_rest = study.variants[COMPENSATOR].standstill_by_axis
     rest_table = make_table(
-        "Every coordinate at rest, rms",
+        "Rms of each coordinate at rest",
         ["variant", *(f"{axis.replace('_', ' (n')})" for axis in at_rest)],
         [
             [name, *(format_number(1e9 * rest, 3) for rest in variant.standstill_by_axis.values())]
@@ -229,16 +231,16 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
         "The long stroke moves.",
     )
     cross_table = method_table(
-        "Largest error of every coordinate that the set-point does not move",
+        "Largest error of each coordinate that the set-point does not move",
         metrics,
         {name: variant.interval for name, variant in study.variants.items()},
-        "On the test set-point, the first scan left out.",
+        "On the test set-point, without the first scan.",
     )
     return [cross_table, rest_table]
 
 
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return what became of a stage without each of its magnets, where the rig file loses any."""
+    """Return a table of the stage after the loss of each magnet, if the rig file requests this."""
     rows = [loss.table_cells() for loss in study.losses]
     return (
         [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
@@ -256,11 +258,11 @@ def _headline(study: TrackingStudy) -> Headline:
         title=plant.name,
         description=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {free}, between "
         f"{_COUNT_WORDS.get(len(plant.body_magnets), str(len(plant.body_magnets)))} magnets at "
-        f"{1e3 * study.rig.gap:g}{NBSP}mm, which ride on a long stroke that is off by "
+        f"{1e3 * study.rig.gap:g}{NBSP}mm on a long stroke with an error of "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
         basis="Simulated. The gains of the feedforward were found for every variant by the same "
-        "search on a training set-point; all figures are of another one that was never tuned on. "
+        "search on a training set-point. All figures are for a test set-point that was not used for it. "
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
         tiles=tuple(
@@ -273,7 +275,7 @@ def _headline(study: TrackingStudy) -> Headline:
             for metric in _TILE_METRICS
         ),
         comparison=comparison_table(study),
-        validity="These figures hold for this plant and these settings, and for no other iron.",
+        validity="These figures apply only to this plant, its iron and these settings.",
     )
 
 
@@ -295,9 +297,9 @@ def _scan_section(study: TrackingStudy) -> Section:
     figure = figure_scan(shown, scan_motion(scan, scan.test_m_per_s2), scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
-        "over the slit, and true force less what was demanded a delay earlier. Error and mean are "
-        "linear to 100 nm and logarithmic beyond. Grey: where the moving average is judged. Variants "
-        "that were lost are left out."
+        "over the slit, and true force minus the demand one delay earlier. Error and mean are "
+        "linear to 100 nm and logarithmic beyond. Grey: evaluated part of the moving average. Lost "
+        "variants are left out."
     )
     alt = f"Set-point, error, moving average and force error over time: {names}."
     blocks = (picture(figure, "scan", alt, caption), legend_table(list(study.variants)))
@@ -325,9 +327,9 @@ def _limit_section(study: TrackingStudy) -> Section:
         "limits",
         "Small forces, standstill, one repeated set-point",
         (
-            Items("Against the best curve without memory", tuple(limit_texts(study))),
+            Items("Compared with the best single-valued curve", tuple(limit_texts(study))),
             make_table(
-                "The same gains with a tenth of the accelerations; standing still; gains found on "
+                "The same gains with a tenth of the accelerations; at standstill; gains found on "
                 "the test set-point itself",
                 head,
                 rows,
@@ -344,16 +346,16 @@ def _learning_section(study: TrackingStudy) -> Section:
     ]
     blocks = (
         Text(
-            "The test set-point repeated; after each trial the force that the model of the loop "
-            "asks for is added, below 200 Hz. It converges where the law is good enough."
+            "The test set-point is repeated. After each trial, the force that the model of the loop "
+            "requires is added, below 200 Hz. This converges if the law is accurate enough."
         ),
         picture(
             figure_learning(study.variants),
             "learning",
             "Peak error over the trials of learning control.",
-            "Learning control on every variant.",
+            "Learning control with each variant.",
         ),
-        Items("Peak of the first and of the last trial", tuple(lines)),
+        Items("Peak error of the first and the last trial", tuple(lines)),
     )
     return Section("learning", "Learning control", blocks)
 

@@ -1,4 +1,4 @@
-"""The picture of what tuning could choose from, and chose."""
+"""The figure of all gains that tuning tried, and of those that it selected."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_ai
 
 @dataclass(frozen=True)
 class GainsPoint:
-    """A set of gains that tuning looked at."""
+    """A set of gains that tuning tried."""
 
-    variant: MethodName  # what it was tried with
-    reached: float  # longest settling, s, or what else was made small; infinite if it has none
-    peak: float  # of the sensitivity
-    meets_other_aims: bool  # whether it keeps the other aims (overshoot, noise, effort)
+    variant: MethodName  # variant with which it was tried
+    reached: float  # minimised figure, such as the longest settling time, s; infinite if it failed
+    peak: float  # peak of the sensitivity
+    meets_other_aims: bool  # whether it meets the other requirements (overshoot, noise, effort)
 
 
 @use_report_style
@@ -41,7 +41,7 @@ def figure_pareto(
     metric: Metric,
     limits: tuple[float | None, float | None],
 ) -> Figure:
-    """Draw what was made small against peak sensitivity, and the aims of both, where there are any."""
+    """Draw peak sensitivity over the minimised figure, and the requirements for both, if any."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
     finite = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
@@ -85,7 +85,7 @@ def figure_pareto(
 
 
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
-    """Return those that no other one beats in both settling and peak, the fastest first."""
+    """Return the candidates that no other one beats in both figures, ascending in the first."""
     front: list[GainsPoint] = []
     for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
         if not front or candidate.peak < front[-1].peak:
@@ -94,7 +94,7 @@ def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
 
 
 def write_pareto(tuning: Tuning, folder: Path) -> None:
-    """Draw what was made small against peak sensitivity of all that was tried: ``pareto.png``."""
+    """Draw the minimised figure and the peak sensitivity of all gains tried: ``pareto.png``."""
 
     def gains_point(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
         has_met_other_aims = meets_other_aims(aims, figures)

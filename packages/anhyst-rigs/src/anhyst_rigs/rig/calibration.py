@@ -1,4 +1,4 @@
-"""What motion taught of the magnets of a rig: the file that its ``[control]`` names."""
+"""Read calibration files: parameters of a rig that were estimated from its motions."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -19,25 +19,32 @@ from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_
 from anhyst_rigs.rig.file import RigFile
 
 ParameterName = str
-"""Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` and ``fused`` its
-probe) does more than it says, ``gap_zero``, what its gap reads too much, and ``width``, the part by
-which its loop is wider; those of a bearing share the gap sensor, and one number where there is one
-iron. Of all magnets, ``lag_s`` of the flux behind the current. Of the body: ``bias_N``, a force that
-no magnet makes, ``payload``, the part by which it is heavier, ``centre``, by which its centre of mass
-is off, and ``cable_N_per_m``, the stiffness that pulls it back to where a motion begins."""
+"""Name of an estimated parameter:
+
+- ``scale_i``: relative error of the current of magnet i; for ``flux`` and ``fused`` of its probe
+- ``gap_zero_i_m``: offset of the gap reading; the magnets of a bearing share ``gap_zero_m``
+- ``width_i``: relative change of the loop width; a bearing with a single iron has ``width``
+- ``lag_s``: lag of the flux behind the current, for all magnets
+- ``bias_N``: constant force on the body
+- ``payload``: relative change of the mass
+- ``centre_x_m`` to ``centre_z_m``: displacement of the centre of mass
+- ``cable_N_per_m``: stiffness that pulls the body back to the start of a motion
+"""
 CENTRE_PARAMETERS: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
 BEARING_PARAMETERS: Mapping[int, tuple[ParameterName, ...]] = {
     1: ("scale_1", "gap_zero_m", "width", "bias_N"),
     2: ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N"),
 }
-"""All numbers of a bearing of one or two magnets, as in files."""
+"""Parameters of a bearing with one or two magnets, in the order of the file."""
 
 
 def stage_parameter_names(magnets: int) -> tuple[ParameterName, ...]:
-    """Return all numbers of a stage with so many magnets, as in files."""
-    each = ("scale_{}", "gap_zero_{}_m", "width_{}")
-    of_magnets = (kind.format(one) for kind in each for one in range(1, magnets + 1))
-    return (*of_magnets, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
+    """Return the parameters of a stage, in the order of the file."""
+    patterns = ("scale_{}", "gap_zero_{}_m", "width_{}")
+    magnet_parameters = (
+        pattern.format(magnet) for pattern in patterns for magnet in range(1, magnets + 1)
+    )
+    return (*magnet_parameters, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
 
 
 PARAMETER_LIMITS: Mapping[str, float] = {
@@ -50,31 +57,29 @@ PARAMETER_LIMITS: Mapping[str, float] = {
     "cable_N_per_m": math.inf,
     **dict.fromkeys(CENTRE_PARAMETERS, 0.1),
 }
-"""Beyond which no number of a stage is: what is farther off is no calibration."""
+"""Largest absolute value of each kind of parameter; a larger one is not a valid calibration."""
 
 
 def parameter_kind(name: ParameterName) -> str:
-    """Return what a number is, whichever magnet it is of."""
+    """Return the kind of a parameter, which is its name without the number of the magnet."""
     return re.sub(r"_\d+", "", name)
 
 
 class CalibratedParameter(Table):
-    """One number that a method was corrected by."""
+    """An estimated parameter of a method."""
 
     name: ParameterName
-    value: Number  # 0: as it was fitted
-    sigma: NotNegative  # standard deviation that is left of it
-    prior: NotNegative  # the one that the rig file states
-    frozen: bool  # nothing moved it
+    value: Number  # 0: as fitted to the loops
+    sigma: NotNegative  # posterior standard deviation
+    prior: NotNegative  # prior standard deviation, from the rig file
+    frozen: bool  # whether it was not identifiable
 
     @model_validator(mode="after")
     def _check_limit(self) -> Self:
         if (kind := parameter_kind(self.name)) not in PARAMETER_LIMITS:
-            raise InputError(
-                f"{self.name} is no number of a stage; calibrate again", code="unknown-name"
-            )
-        if abs(self.value) > (most := PARAMETER_LIMITS[kind]):
-            text = f"{self.name} must be within {most:g} of 0; calibrate again"
+            raise InputError(f"unknown parameter {self.name}; calibrate again", code="unknown-name")
+        if abs(self.value) > (limit := PARAMETER_LIMITS[kind]):
+            text = f"{self.name} must be within {limit:g} of 0; calibrate again"
             raise InputError(text, code="beyond-any-calibration")
         return self
 
@@ -82,104 +87,103 @@ class CalibratedParameter(Table):
 def _check_unique(names: Iterable[str]) -> None:
     for name, count in Counter(names).items():
         if count > 1:
-            raise InputError(f"{name} stands {count} times; keep one", code="name-twice")
+            raise InputError(f"{name} occurs {count} times; keep one", code="name-twice")
 
 
 class CalibratedMethod(Table):
-    """What one method is corrected by, and how well the motion then agrees with it."""
+    """Estimated parameters of a method, and their residual."""
 
     name: MethodName
-    residual_N: NotNegative  # force of the motion less that of the law, root mean square
-    force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
-    fits: bool  # whether what is left is of the size that a law of the right kind leaves
-    refused: Annotated[int, Field(ge=0)] = (
-        0  # motions that taught nothing, since the law did not explain them
-    )
-    mass_kg: Positive | None = None  # of the body, with which the law explains the last of these
+    residual_N: NotNegative  # rms of measured minus predicted force
+    force_N: NotNegative  # rms of the measured force; 0 if it was too small for an estimate
+    fits: bool  # whether the residual is as small as that of a suitable law
+    # number of motions that were rejected because the law did not explain them
+    refused: Annotated[int, Field(ge=0)] = 0
+    mass_kg: Positive | None = None  # mass with which the law explains the last rejected motion
     parameter: list[CalibratedParameter]
 
     @model_validator(mode="after")
     def _check_unique_parameters(self) -> Self:
-        _check_unique(one.name for one in self.parameter)
+        _check_unique(parameter.name for parameter in self.parameter)
         return self
 
     @property
     def is_applied(self) -> bool:
-        """Whether anything corrects the method: what does not fit does not."""
+        """Whether any parameter corrects the method; none does if the law does not fit."""
         return self.fits and any(not number.frozen for number in self.parameter)
 
     @property
     def summary(self) -> str:
-        """What is left of the force, and what that means."""
+        """Residual force and its interpretation."""
         if self.force_N == 0.0:
-            left = "too little force was asked for"
+            text = "the demanded force was too small"
         else:
-            left = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
+            text = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
             if not self.fits:
-                left += ": more than a law of the right kind leaves"
+                text += ": more than with a suitable law"
         if self.refused and self.is_applied:
-            left += f"; {self.refused} other motions were not explained and taught nothing"
+            text += f"; {self.refused} other motions were rejected"
         if self.mass_kg is not None:
-            left += f"; a body of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
-        return left if self.is_applied else f"{left}; nothing is taken"
+            text += f"; a mass of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
+        return text if self.is_applied else f"{text}; no correction is applied"
 
     def value(self, name: ParameterName) -> float:
-        """Return a number that corrects it."""
+        """Return the value of a parameter; 0 if it is absent or the law does not fit."""
         numbers = self.parameter if self.fits else []
         return next((number.value for number in numbers if number.name == name), 0.0)
 
     def width_changes(self, count: int) -> list[float]:
-        """Return by how much the loop of each magnet is wider."""
-        both = self.value("width")
-        return [self.value(f"width_{number}") or both for number in range(1, count + 1)]
+        """Return the relative change of the loop width of each magnet."""
+        common_change = self.value("width")
+        return [self.value(f"width_{number}") or common_change for number in range(1, count + 1)]
 
 
 class CalibrationFile(Table):
-    """The whole file."""
+    """The whole calibration file."""
 
     format: Literal["anhyst-calibration"]
     version: Literal[1]
     rig: str  # name of the rig
-    mass_kg: Positive  # by which forces were measured: their scale is as good as this number
+    mass_kg: Positive  # mass from which forces were computed; an error of it scales all forces
     method: Annotated[list[CalibratedMethod], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _check_unique_methods(self) -> Self:
-        _check_unique(one.name for one in self.method)
+        _check_unique(method.name for method in self.method)
         return self
 
     def for_method(self, method: MethodName) -> CalibratedMethod | None:
-        """Return what it says of a method; None where it says nothing."""
+        """Return the calibration of a method; None if there is none."""
         return next((table for table in self.method if table.name == method), None)
 
 
 def read_calibration(
     path: Path, rig: Path, settings: RigFile, parameter_names: Sequence[ParameterName]
 ) -> CalibrationFile:
-    """Read a file that a rig file names, whose magnets have these numbers."""
+    """Read a calibration file, and check its rig, mass and parameters against a rig file."""
     file = read_toml(path, CalibrationFile, kinds=[CALIBRATION_FILE])
     if file.rig != settings.name:
         raise InputError(
-            f"{path}: rig: is that of '{file.rig}', and {rig} is "
-            f"'{settings.name}'; calibrate this one",
+            f"{path}: rig: was calibrated for '{file.rig}', but {rig} is "
+            f"'{settings.name}'; calibrate this rig",
             code="rig-differs",
             key="rig",
         )
     if file.mass_kg != settings.body.mass_kg:
         raise InputError(
-            f"{path}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
+            f"{path}: mass_kg: was {file.mass_kg:g} kg in the calibration, but is "
             f"{settings.body.mass_kg:g} kg in {rig}; calibrate again",
             code="mass-differs",
             key="mass_kg",
         )
-    known = {*parameter_names}
+    expected = {*parameter_names}
     for method in file.method:
         names = {number.name for number in method.parameter}
         kinds = {parameter_kind(name) for name in names}
-        missing = {name for name in known - names if parameter_kind(name) in kinds}
-        for name in sorted(names - known) or sorted(missing):
+        missing = {name for name in expected - names if parameter_kind(name) in kinds}
+        for name in sorted(names - expected) or sorted(missing):
             raise InputError(
-                f"{path}: {name}: the numbers in the file are not those of {rig}; calibrate it again",
+                f"{path}: {name}: the parameters are not those of {rig}; calibrate again",
                 code="unknown-name",
                 key=name,
             )

@@ -1,4 +1,4 @@
-"""``[[case]]`` of a rig file: what is tried on it."""
+"""Define ``[[case]]`` of a rig file: the test cases."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -26,7 +26,7 @@ Peaks = Annotated[list[Positive], Field(min_length=2)]
 
 
 class StepCase(Table):
-    """``kind = "step"``: steps of the reference, half of each to either side of the gap."""
+    """``kind = "step"``: steps of the reference, half of each on either side of the gap."""
 
     kind: Literal["step"]
     heights_m: Annotated[list[Positive], Field(min_length=1)]
@@ -42,7 +42,7 @@ class LoadCase(Table):
 
 
 class TrajectoryCase(Table):
-    """``kind = "triangle"`` or ``"sine"``: a reference that moves all the time."""
+    """``kind = "triangle"`` or ``"sine"``: a periodic reference."""
 
     kind: Literal["triangle", "sine"]
     amplitude_m: Positive
@@ -50,7 +50,7 @@ class TrajectoryCase(Table):
 
 
 class ScanCase(Table):
-    """``kind = "scan"``: moves at constant speed with turnarounds whose snap is limited."""
+    """``kind = "scan"``: motions at constant speed with snap-limited turnarounds."""
 
     kind: Literal["scan"]
     speed_m_per_s: Positive
@@ -60,9 +60,9 @@ class ScanCase(Table):
     train_m_per_s2: Peaks
     test_m_per_s2: Peaks
     slit_s: Positive
-    # of the moving average beside the rms error, in what the search of feedforward gains minimises
+    # weight of the moving average relative to the rms error in the search of feedforward gains
     average_weight: NotNegative = 0.0
-    direction: Direction = OPENS_GAP  # along which the body goes
+    direction: Direction = OPENS_GAP  # direction of the motion
 
     @model_validator(mode="after")
     def _check_phases(self) -> Self:
@@ -72,7 +72,7 @@ class ScanCase(Table):
         for peak in (*self.train_m_per_s2, *self.test_m_per_s2):
             if self.speed_m_per_s / peak < self.jerk_phase_s:
                 raise InputError(
-                    f"{peak:g} m/s2 are not reached before speed_m_per_s is; lower them or "
+                    f"{peak:g} m/s2 is not reached before speed_m_per_s is; lower it or "
                     "shorten jerk_phase_s",
                     code="not-reached",
                 )
@@ -82,23 +82,23 @@ class ScanCase(Table):
 
 
 HeadFault = Literal["missing", "frozen", "jumps"]
-"""How a head fails: it says no number, or what it said last, or too much."""
+"""Failure of a position head: no reading, a constant reading, or a reading with a jump."""
 
 
 class LossCase(Table):
-    """``kind = "loss"``: amplifiers of magnets and heads fail, one in each run of the test set-point."""
+    """``kind = "loss"``: one failure of an amplifier or head per run of the test set-point."""
 
     kind: Literal["loss"]
-    circuit: Literal["open", "short"]  # as which the winding is left
-    magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # all if left out
-    heads: Annotated[list[HeadFault], Field(min_length=1)] | None = None  # each head in these ways
-    lift: bool = False  # and a run from rest to rest without a fault
-    # when a magnet pulls most, the set-point accelerates most if left out
+    circuit: Literal["open", "short"]  # state in which the winding is left
+    magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # default: all
+    heads: Annotated[list[HeadFault], Field(min_length=1)] | None = None  # failures of each head
+    lift: bool = False  # adds a run from rest to rest without a failure
+    # default: at the largest pull of a magnet, or at the largest acceleration for a head
     at_s: NotNegative | None = None
 
 
 class ForceCase(Table):
-    """``kind = "force"``: a triangle of force between two shares of the largest one."""
+    """``kind = "force"``: a triangle of force between two shares of the largest force."""
 
     kind: Literal["force"]
     name: Name
@@ -114,14 +114,14 @@ class ForceCase(Table):
 
 
 class HeldCase(Table):
-    """``kind = "held"``: gaps at which the armature is held while the force is controlled."""
+    """``kind = "held"``: gaps at which the armature is held during force control."""
 
     kind: Literal["held"]
     gaps_m: Annotated[list[Positive], Field(min_length=1)]
 
 
 class MovingCase(Table):
-    """``kind = "moving"``: the armature moves to and fro while the force is controlled."""
+    """``kind = "moving"``: a periodic motion of the armature during force control."""
 
     kind: Literal["moving"]
     low_m: Positive
@@ -137,7 +137,7 @@ class DisplacementCase(Table):
     frequency_Hz: Positive
     low_m: NotNegative
     corner_s: Positive
-    cycles: Annotated[float, Field(ge=3.0)]  # the first two are not judged
+    cycles: Annotated[float, Field(ge=3.0)]  # the first two are not evaluated
 
     @model_validator(mode="after")
     def _check_corner(self) -> Self:

@@ -1,4 +1,4 @@
-"""How far a plant is from the loops that were measured of it, and how far the compensator is."""
+"""Measure the deviation of a plant and of a compensator's model from measured loops."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 
 MAX_MEAN_DEVIATION_RATIO = 1.1
-"""A plant counts as farther from its loops than a model from this ratio of the means on."""
+"""Ratio of mean deviations above which a plant counts as less accurate than a model."""
 
 _STEADY_STATE_CYCLES = 2
-"""Of a settled loop that takes its time: what the last but one has left in solid iron is small."""
+"""Cycles of a steady-state loop with induced currents; earlier cycles have a negligible effect."""
 
 _MIN_TIME_STEP_RATIO = 1e-3
-"""Of the usual time between samples: clocks of few digits give several one time."""
+"""Smallest time step relative to the median; clocks with few digits repeat times."""
 
 PathFollower = Callable[[FloatArray, FloatArray], FloatArray]
-"""From currents, A, and gaps, m, shape (n,), to forces, N, going on from where it is."""
+"""Function from currents, A, and gaps, m, shape (n,), to forces, N; each call continues the path.
+"""
 
 
 def make_path_follower(magnet: Magnet) -> PathFollower:
-    """Return what follows currents and gaps, from demagnetised on."""
+    """Return a function that follows paths of a magnet, initially demagnetised."""
     coil = Coil(magnet)
     return lambda current, gap: coil.run(current, gap)[:, 0].copy()
 
 
 def simulate_loop(follow: PathFollower, loop: Loop, zero: float = 0.0) -> FloatArray:
-    """Return the force of a magnet along the drive of a loop, with its history."""
+    """Return the quasi-static force of a magnet along a loop, after the history of the loop."""
     assert loop.schedule is not None
     before = np.array(loop.history.turning_points) - zero
     if before.size:
@@ -43,22 +44,22 @@ def simulate_loop(follow: PathFollower, loop: Loop, zero: float = 0.0) -> FloatA
         )
     current = loop.input - zero
     if loop.history.kind == "settled":
-        follow(current, loop.schedule)  # what pinned cells remember of it does not change any more
+        follow(current, loop.schedule)  # a cycle brings the pinned cells to their steady state
     return follow(current, loop.schedule)
 
 
 def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> FloatArray:
-    """Return the same with what is induced in solid iron: the past at rest, the loop in its time."""
+    """Return the force along a loop with induced currents, after a quasi-static history."""
     assert loop.schedule is not None
     assert loop.time is not None
     coil, steps = Coil(magnet), np.diff(loop.time)
-    usual = float(np.median(steps))
-    steps = np.append(usual, np.maximum(steps, _MIN_TIME_STEP_RATIO * usual))
-    past = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
+    median_step = float(np.median(steps))
+    steps = np.append(median_step, np.maximum(steps, _MIN_TIME_STEP_RATIO * median_step))
+    history = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
     places = np.array(
         [*loop.history.schedule_at_points(loop.schedule[0]), loop.schedule[0]], dtype=np.float64
     )
-    coil.run(past, places)
+    coil.run(history, places)
     rows = np.column_stack([loop.input - zero, loop.schedule, steps]).tolist()
     for _ in range(_STEADY_STATE_CYCLES if loop.history.kind == "settled" else 1):
         force = []
@@ -70,15 +71,15 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
 
 @dataclass(frozen=True, slots=True)
 class LoopDeviation:
-    """Deviation of all samples of all loops."""
+    """Deviation over all samples of all loops."""
 
-    mean: float  # of its size, N
+    mean: float  # mean and largest absolute deviation, N
     worst: float
     force_max: float  # largest force in the loops, N
 
     @property
     def text(self) -> str:
-        """Both, in N and per cent."""
+        """Mean and largest deviation, in N and per cent."""
         parts = (
             f"{name} {value:.3g} N ({100.0 * value / self.force_max:.2g} %)"
             for name, value in (("mean", self.mean), ("worst", self.worst))
@@ -86,7 +87,7 @@ class LoopDeviation:
         return ", ".join(parts)
 
     def as_dict(self) -> dict[str, float]:
-        """Return it with units in the keys."""
+        """Return all values, with units in the keys."""
         return {
             "mean_N": self.mean,
             "worst_N": self.worst,
@@ -96,14 +97,14 @@ class LoopDeviation:
 
 
 def measure_deviation(loops: Loops, force: Callable[[Loop], FloatArray]) -> LoopDeviation:
-    """Return how far forces are from loops."""
+    """Return the deviation of predicted forces from loops."""
     misses = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
     return LoopDeviation(float(misses.mean()), float(misses.max()), largest)
 
 
 def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:
-    """Return how far a model is from loops, in their time where it depends on it."""
+    """Return the deviation of a model from loops, with their times if the model depends on time."""
 
     def force(loop: Loop) -> FloatArray:
         schedule = loop.schedule if model.needs_schedule else None
@@ -115,22 +116,20 @@ def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:
 
 @dataclass(frozen=True, slots=True)
 class PlantCheck:
-    """What the loops say about a virtual plant."""
+    """Comparison of a virtual plant and a compensator's model with measured loops."""
 
-    plant: LoopDeviation  # of the plant and of the compensator's model, from the same loops
+    plant: LoopDeviation  # deviations from the same loops
     model: LoopDeviation
-    # whether the compensator's model is the very law that makes the plant's force
+    # whether the compensator's model also determines the plant's force
     is_same_law: bool = False
-    is_fitted: bool = False  # whether the plant was fitted to them
-    guessed_keys: tuple[
-        str, ...
-    ] = ()  # keys of the rig file that the loops leave open and nobody gave
+    is_fitted: bool = False  # whether the plant was fitted to the loops
+    guessed_keys: tuple[str, ...] = ()  # keys that neither the file nor the loops determine
 
     @property
     def report_lines(self) -> list[str]:
-        """What is always said."""
+        """Lines of the report that are always given."""
         text = [
-            f"plant against its loops: {self.plant.text}; the compensator's model: "
+            f"deviation from the loops: plant: {self.plant.text}; compensator's model: "
             f"{self.model.text}"
         ]
         if self.guessed_keys:
@@ -139,25 +138,25 @@ class PlantCheck:
 
     @property
     def warnings(self) -> list[str]:
-        """What takes something from the results."""
+        """Reasons why the results are less meaningful."""
         if self.is_same_law:
             return [
-                "the plant's force is made by the compensator's own model: what compensation gains "
-                'here proves nothing; set iron = "from loops" and force = "cells"'
+                "the compensator's own model determines the plant's force, so its gain here is not "
+                'evidence; set kind = "electromagnet" and iron = "from loops"'
             ]
         if not self.plant.mean > MAX_MEAN_DEVIATION_RATIO * self.model.mean:
             return []
         remedy = 'set iron = "from loops"'
         if self.is_fitted:
-            remedy = "say what is known of the magnet, or correct the history of the loops"
+            remedy = "give more keys of the magnet, or correct the history of the loops"
         return [
-            f"the plant is {self.plant.mean:.3g} N from its loops in the mean, the "
-            f"compensator's model {self.model.mean:.3g} N: errors of that size are those of "
-            f"the plant, not of the magnet that was measured; {remedy}"
+            f"the mean deviation from the loops is {self.plant.mean:.3g} N for the plant and "
+            f"{self.model.mean:.3g} N for the compensator's model: errors of this size come from "
+            f"the plant, not from the measured magnet; {remedy}"
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON files hold it."""
+        """Return the content of JSON files."""
         return {
             "force_max_N": self.plant.force_max,
             "plant": self.plant.as_dict(),
@@ -167,18 +166,21 @@ class PlantCheck:
         }
 
 
-def thin_loops(loops: Loops, max_samples: int) -> Loops:
-    """Leave out samples evenly; where a record turns, that costs less than a step of its drive."""
-    every = -(-sum(loop.n for loop in loops.loops) // max_samples)
-    if every == 1:
+def thin_loops(loops: Loops, sample_count: int) -> Loops:
+    """Remove samples evenly so that about `sample_count` remain.
+
+    A reversal moves by less than the new distance between samples.
+    """
+    stride = -(-sum(loop.n for loop in loops.loops) // sample_count)
+    if stride == 1:
         return loops
     return loops.with_loops(
         replace(
             loop,
-            input=loop.input[::every],
-            output=loop.output[::every],
-            schedule=None if loop.schedule is None else loop.schedule[::every],
-            time=None if loop.time is None else loop.time[::every],
+            input=loop.input[::stride],
+            output=loop.output[::stride],
+            schedule=None if loop.schedule is None else loop.schedule[::stride],
+            time=None if loop.time is None else loop.time[::stride],
         )
         for loop in loops.loops
     )

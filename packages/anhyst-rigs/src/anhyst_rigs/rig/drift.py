@@ -1,4 +1,4 @@
-"""Plants that are not what their controller was made for, and rigs with something changed."""
+"""Sample plants that differ from the rig file, and change settings of a rig."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from anhyst_rigs.rig.plant import make_plant, plant_parameters
 from anhyst_rigs.rig.tables import SPREADS
 
 MAX_SAMPLE_SIGMA = 3.0
-"""Standard deviations at which the distribution of a change ends."""
+"""Truncation of the sampled normal distributions, in standard deviations."""
 _UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
 _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
 """Of what is not relative: unit and factor in files."""
@@ -32,53 +32,55 @@ _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """How far one plant is from the one in the rig file; relative where no unit is named."""
+    """Differences between a plant and the rig file; relative unless a unit is given."""
 
-    pinning: float = 0.0  # 0.1 is 10 % more
+    pinning: float = 0.0  # 0.1: 10 % more
     reversible: float = 0.0
     saturation: float = 0.0
     mass: float = 0.0
     resistance: float = 0.0
-    # gain errors of the sensors; that of the position around the operating gap
+    # gain errors of the sensors; position_gain is about the operating gap
     position_gain: float = 0.0
     current_gain: float = 0.0
     flux_gain: float = 0.0
     gap_offset: float = 0.0  # error of the position sensor at the operating gap, m
-    first_scale: float = 0.0  # of the current of the first magnet, and of a bearing's second
+    first_scale: float = 0.0  # current scale of the first magnet; second: of a bearing
     second_scale: float = 0.0
-    eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
+    eddy: float = 0.0  # unmodelled lag of the flux behind the current, s
     conductivity: float = 0.0  # of solid iron
-    cable: float = 0.0  # pulls a body back to where its motion begins, N/m
+    cable: float = 0.0  # stiffness that pulls a body back to the start of its motion, N/m
     stroke: float = 0.0  # of a piezo stack
     creep: float = 0.0
     resonance: float = 0.0
-    # by which the centre of mass is off, and of a head the place where it looks at the body, m
+    # displacement of the centre of mass, or of a head's measured point, m
     place_x: float = 0.0
     place_y: float = 0.0
     place_z: float = 0.0
-    # of a stage: what each magnet has drifted in by itself, and each position head
+    # for a stage: drift of each magnet and of each position head
     magnets: tuple[Drift, ...] = ()
     heads: tuple[Drift, ...] = ()
 
     def as_dict(self) -> dict[str, float]:
-        """Return what drifted, with units in the keys; parts of a body by their numbers."""
+        """Return all nonzero values, with units in the keys and numbers for magnets and heads."""
         values = {drift.name: getattr(self, drift.name) for drift in fields(self)}
         parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
         drifted = {name: value for name, value in values.items() if value}
         units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
-        return {f"{name}_{unit}": by * drifted[name] for name, (unit, by) in units.items()} | {
+        return {
+            f"{name}_{unit}": factor * drifted[name] for name, (unit, factor) in units.items()
+        } | {
             f"{part}_{number}_{key}": value
-            for part, several in parts.items()
-            for number, drift in enumerate(several, 1)
+            for part, drifts in parts.items()
+            for number, drift in enumerate(drifts, 1)
             for key, value in drift.as_dict().items()
         }
 
     def select(self, names: Collection[str]) -> Drift:
-        """Return a plant that has drifted in nothing but this, in each of its magnets alike."""
+        """Return a drift with only the named quantities, also for each magnet."""
         heads = self.heads if "heads" in names else ()
-        own = {name: getattr(self, name) for name in names if name != "heads"}
+        values = {name: getattr(self, name) for name in names if name != "heads"}
         return Drift(
-            **own, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads
+            **values, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads
         )
 
 
@@ -86,7 +88,10 @@ NO_DRIFT = Drift()
 
 
 def sample_drift(file: RigFile, rng: np.random.Generator) -> Drift:
-    """Draw a plant: normal, cut off at :data:`CUT` standard deviations; a lag is positive."""
+    """Sample a plant from normal distributions, truncated at :data:`MAX_SAMPLE_SIGMA`.
+
+    The lag `eddy` is the absolute value of its sample.
+    """
     spreads = SPREADS[file.control.kind]
     magnets = tuple(
         _sample_spreads(file, spreads.magnet, rng) for _ in file.body_magnets if spreads.magnet
@@ -98,28 +103,28 @@ def sample_drift(file: RigFile, rng: np.random.Generator) -> Drift:
 
 
 def _sample_spreads(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
-    drawn = {}
+    changes = {}
     for name, key in spreads.items():
         if name == "conductivity" and file.magnet.solid is None:
             continue
         share = 0.01 if key.endswith("_percent") else 1.0
         while abs(value := float(rng.standard_normal())) > MAX_SAMPLE_SIGMA:
             pass
-        drawn[name] = share * getattr(file.spread, key) * value
-    if "eddy" in drawn:
-        drawn["eddy"] = abs(drawn["eddy"])
-    return Drift(**drawn)
+        changes[name] = share * getattr(file.spread, key) * value
+    if "eddy" in changes:
+        changes["eddy"] = abs(changes["eddy"])
+    return Drift(**changes)
 
 
 def sample_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
-    """Draw the plant of a number: how far it has drifted, and the seed of its noise."""
+    """Sample the plant of a number: its drift, and the seed of its noise."""
     rng = np.random.default_rng([seed, number])
     noise = int(rng.integers(1 << 31))
     return sample_drift(file, rng), noise
 
 
 def drifted_file(file: RigFile, drift: Drift) -> RigFile:
-    """Return what the file of a plant that has drifted would say; an identified law stays."""
+    """Return the rig file of a drifted plant; an identified law is not changed."""
     changes: dict[str, Any] = {}
     if file.stacks:
         for key in ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V"):
@@ -136,18 +141,18 @@ def drifted_file(file: RigFile, drift: Drift) -> RigFile:
 
 
 def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
-    """Return the changes of a body that magnets move, of their winding, and of its sensors.
+    """Return the changed values of a body between magnets, its winding and its sensors.
 
-    The gain error of the position sensor turns its reading around the operating gap, so that gain
-    and offset are two things.
+    The gain error of the position sensor acts about the operating gap, so that it is independent of
+    the offset.
     """
     sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
-    turned = drift.position_gain * file.gap_m
+    gain_offset = drift.position_gain * file.gap_m
     changes = {
         "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
         "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
         "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
-        "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
+        "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - gain_offset,
         "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
     }
     if (solid := file.magnet.solid_iron) is not None:
@@ -159,36 +164,50 @@ def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
 
 
 def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
-    """Return a plant that has drifted, at rest; a stage is seen from the long stroke."""
-    other = replace(rig, settings=drifted_file(rig.settings, drift))
-    settings = other.settings
+    """Return a drifted plant at rest."""
+    drifted_rig = replace(rig, settings=drifted_file(rig.settings, drift))
+    settings = drifted_rig.settings
     if rig.law is not None:
-        return make_plant(other, seed, other.make_law_magnet(drifted_law(rig.law, drift)))
+        return make_plant(
+            drifted_rig, seed, drifted_rig.make_law_magnet(drifted_law(rig.law, drift))
+        )
     scales = [drift.first_scale] * len(settings.body_magnets)
     if len(scales) == 2:
         scales[1] = drift.second_scale
-    own = drift.magnets or [Drift(first_scale=scale) for scale in scales]
-    each = [replace(one, eddy=drift.eddy) for one in own]
-    made = {one: _drifted_magnet(settings, one) for one in dict.fromkeys(each)}
-    numbers = plant_parameters(other)
+    magnet_drifts = drift.magnets or [Drift(first_scale=scale) for scale in scales]
+    complete_drifts = [replace(magnet_drift, eddy=drift.eddy) for magnet_drift in magnet_drifts]
+    magnets = {
+        magnet_drift: _drifted_magnet(settings, magnet_drift)
+        for magnet_drift in dict.fromkeys(complete_drifts)
+    }
+    numbers = plant_parameters(drifted_rig)
     numbers.body["centre"] = _shift_position(settings.body.centre_m, drift)
-    for one, actuator, gap in zip(each, numbers.actuators, numbers.heads, strict=False):
+    for magnet_drift, actuator, gap in zip(
+        complete_drifts, numbers.actuators, numbers.heads, strict=False
+    ):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
-            actuator["flux_probe"] = {**probe, "gain": probe["gain"] + one.flux_gain}
-        gap["sensor"] = {**sensor, "offset": sensor["offset"] + one.gap_offset}
-    for one, head in zip(drift.heads, numbers.heads[len(each) :], strict=False):
-        head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], one)}
-    return make_plant(other, seed, *(made[one] for one in each), parameters=numbers)
+            actuator["flux_probe"] = {**probe, "gain": probe["gain"] + magnet_drift.flux_gain}
+        gap["sensor"] = {**sensor, "offset": sensor["offset"] + magnet_drift.gap_offset}
+    for magnet_drift, head in zip(drift.heads, numbers.heads[len(complete_drifts) :], strict=False):
+        head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], magnet_drift)}
+    return make_plant(
+        drifted_rig,
+        seed,
+        *(magnets[magnet_drift] for magnet_drift in complete_drifts),
+        parameters=numbers,
+    )
 
 
 def _shift_position(place: Sequence[float], drift: Drift) -> list[float]:
-    by = (drift.place_x, drift.place_y, drift.place_z)
-    return [coordinate + off for coordinate, off in zip(place, by, strict=True)]
+    shift = (drift.place_x, drift.place_y, drift.place_z)
+    return [
+        coordinate + displacement for coordinate, displacement in zip(place, shift, strict=True)
+    ]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
-    """Return a magnet that has drifted by itself."""
+    """Return a magnet with its own drift."""
     magnet = file.magnet
     steel = file.steel.model_copy(update=file.steel.drifted_keys(drift.pinning, 0.0, 0.0))
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
@@ -197,12 +216,12 @@ def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
 
 
 def map_parameter(value: Parameter, change: Callable[[float], float]) -> Parameter:
-    """Return a parameter changed, at every node of the gap if it depends on the gap."""
+    """Apply a function to a parameter, at every gap if it depends on the gap."""
     return tuple(map(change, value)) if isinstance(value, tuple) else change(value)
 
 
 def drifted_law(model: Model, drift: Drift) -> Model:
-    """Return the law of a magnet that has drifted: its pinning, reversible part and saturation."""
+    """Return an identified law with drifted pinning, reversible part and saturation."""
     if model.operator_law.cells is not None:
         return _drifted_cells(model, drift)
     factors: dict[Role, float] = {
@@ -210,48 +229,52 @@ def drifted_law(model: Model, drift: Drift) -> Model:
         "reversible": 1.0 + drift.reversible,
         "saturation": 1.0 + drift.saturation,
     }
-    changed: dict[str, Parameter] = {}
+    changed_parameters: dict[str, Parameter] = {}
     for role, factor in factors.items():
         for spec in model.operator_law.with_role(role):
             value = model.parameters[spec.name]
-            changed[spec.name] = (
+            changed_parameters[spec.name] = (
                 tuple(min(factor * coefficient, spec.high) for coefficient in value)
                 if isinstance(value, tuple)
                 else min(factor * value, spec.high)
             )
-    return replace(model, parameters={**model.parameters, **changed})
+    return replace(model, parameters={**model.parameters, **changed_parameters})
 
 
 def _drifted_cells(model: Model, drift: Drift) -> Model:
-    """Return the same of a law of cells, as weights: of cell 0, which nothing pins, and of the rest."""
+    """Return a drifted law of play cells; cell 0 has no threshold and is the reversible part."""
     cells = cell_weights(model)
     shares = cells.weights.sum(axis=1) / cells.saturation
-    free = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
-    factors = np.full(shares.size, (1.0 - free) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
-    factors[0] = free / shares[0] if shares[0] > 0.0 else 1.0
-    other = replace(
+    reversible_share = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
+    factors = np.full(
+        shares.size, (1.0 - reversible_share) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0
+    )
+    factors[0] = reversible_share / shares[0] if shares[0] > 0.0 else 1.0
+    drifted_weights = replace(
         cells,
         thresholds=(1.0 + drift.pinning) * cells.thresholds,
         weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
     )
-    gone = {spec.name for spec in model.operator_law.parameters}
-    gone -= {spec.name for spec in get_law(model.law, other).parameters}
-    kept = {name: value for name, value in model.parameters.items() if name not in gone}
-    return replace(model, cells=other, parameters=kept)
+    removed_names = {spec.name for spec in model.operator_law.parameters}
+    removed_names -= {spec.name for spec in get_law(model.law, drifted_weights).parameters}
+    parameters = {
+        name: value for name, value in model.parameters.items() if name not in removed_names
+    }
+    return replace(model, cells=drifted_weights, parameters=parameters)
 
 
 def change_rig(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
-    """Return a rig with other settings, by the names of :meth:`RigFile.changed`."""
+    """Return a rig with changed settings, named as in :meth:`RigFile.with_changes`."""
     return replace(rig, settings=rig.settings.with_changes(changes))
 
 
 def change_iron(
     rig: BodyRig, reversible_fraction: float | None = None, width: float = 1.0
 ) -> BodyRig:
-    """Return a rig with another iron of the same family, of which motion taught nothing."""
+    """Return a rig with another iron of the same family and without a calibration."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
-            f"{rig.path}: magnet.kind: other irons are tried with a magnet that has one; write "
+            f"{rig.path}: magnet.kind: a magnet with a law has no iron to change; write "
             '"electromagnet"',
             code="not-iron-of-cells",
             key="magnet.kind",
@@ -261,8 +284,8 @@ def change_iron(
     if reversible_fraction is not None:
         if not isinstance(steel, NamedCells):
             raise InputError(
-                f"{rig.path}: iron.family: cells alone have a reversible fraction; describe "
-                "an iron of cells, or leave the fraction out",
+                f"{rig.path}: iron.family: only iron of cells has a reversible fraction; use "
+                'family "cells", or omit the fraction',
                 code="not-iron-of-cells",
                 key="iron.family",
             )
@@ -273,5 +296,5 @@ def change_iron(
 
 
 def remove_calibration(rig: BodyRig) -> BodyRig:
-    """Return a rig that names nothing that motion taught."""
+    """Return a rig without a calibration file."""
     return rig if rig.calibration_path is None else change_rig(rig, {"control.calibration": None})

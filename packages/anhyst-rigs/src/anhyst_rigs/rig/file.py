@@ -1,7 +1,7 @@
-"""The rig file: magnets on a body, what drives and reads them, what is controlled and tried.
+"""Define the rig file: magnets, amplifiers, sensors, body, controlled quantity and test cases.
 
-One format for every kind of rig; ``[control]`` says which kind it is. Everything is SI and the unit
-stands in the key. Every key is described in docs/rig-file.md.
+One format serves every kind of rig, and ``[control]`` names the kind. All values are SI, and each
+key ends with its unit. docs/rig-file.md describes every key.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from anhyst_rigs.rig.measurement_table import CampaignTable, ExciteTable, LoopsT
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 
 SEED_LIMIT = 1 << 31
-"""Seeds are below it."""
+"""Exclusive upper limit of seeds."""
 
 Entry = TypeVar("Entry", bound=Table)
 
 
 class OptionalTable(Generic[Entry]):
-    """The first table of a kind among those of an attribute, or None."""
+    """Property that returns the first table of a type in an attribute, or None."""
 
     def __init__(self, attribute: str, kind: type[Entry]) -> None:
         self.attribute, self.kind = attribute, kind
@@ -39,7 +39,7 @@ class OptionalTable(Generic[Entry]):
 
 
 class RequiredTable(OptionalTable[Entry]):
-    """The same, where the kind of rig makes sure that there is one."""
+    """Property that returns the first table of a type, which the kind of rig requires."""
 
     def __get__(self, file: RigFile, owner: type[RigFile]) -> Entry:
         value = super().__get__(file, owner)
@@ -48,7 +48,7 @@ class RequiredTable(OptionalTable[Entry]):
 
 
 class TableList(Generic[Entry]):
-    """The tables of some kinds among those of an attribute, as listed."""
+    """Property that returns all tables of some types in an attribute, in the order of the file."""
 
     def __init__(self, attribute: str, *kinds: type[Entry]) -> None:
         self.attribute, self.kinds = attribute, kinds
@@ -58,7 +58,7 @@ class TableList(Generic[Entry]):
 
 
 class RigFile(Table):
-    """The whole file. A list of tables has the name of one in the file, of several here."""
+    """The whole rig file; lists of tables have plural names here, singular ones in the file."""
 
     format: Literal["anhyst-rig"]
     version: Literal[2]
@@ -81,29 +81,24 @@ class RigFile(Table):
     cases: Annotated[list[case_table.CaseEntry], Field(alias="case", min_length=1)]
     spread: rig_tables.SpreadTable = Field(default_factory=rig_tables.SpreadTable)
 
-    magnet: ClassVar = RequiredTable("magnets", MagnetTable)  # the one that others are like
-    opposite: ClassVar = OptionalTable(
-        "magnets", LikeTable
-    )  # the magnet on the other side of the body
+    magnet: ClassVar = RequiredTable("magnets", MagnetTable)  # the one that the others copy
+    # the magnet on the opposite side of the body
+    opposite: ClassVar = OptionalTable("magnets", LikeTable)
     solenoid: ClassVar = OptionalTable("magnets", SolenoidTable)
     stack: ClassVar = RequiredTable("stacks", rig_tables.StackTable)
     amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.AmplifierTable)  # of each coil
     stack_amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.StackAmplifierTable)
     body: ClassVar = RequiredTable("bodies", rig_tables.BodyTable)
-    flexure: ClassVar = RequiredTable(
-        "bodies", rig_tables.FlexureTable
-    )  # a body that a stack pushes
+    # a body that is pushed by a stack
+    flexure: ClassVar = RequiredTable("bodies", rig_tables.FlexureTable)
     gap_sensor: ClassVar = RequiredTable("sensors", sensor_table.GapSensorTable)
-    current_sensor: ClassVar = RequiredTable(
-        "sensors", sensor_table.CurrentSensorTable
-    )  # of each coil
-    force_sensor: ClassVar = RequiredTable(
-        "sensors", sensor_table.ForceSensorTable
-    )  # measures the loops
+    # of each coil
+    current_sensor: ClassVar = RequiredTable("sensors", sensor_table.CurrentSensorTable)
+    # measures the loops
+    force_sensor: ClassVar = RequiredTable("sensors", sensor_table.ForceSensorTable)
     hall_probe: ClassVar = OptionalTable("sensors", sensor_table.FluxSensorTable)
-    position_sensor: ClassVar = RequiredTable(
-        "sensors", sensor_table.PositionSensorTable
-    )  # place in space
+    # position in space
+    position_sensor: ClassVar = RequiredTable("sensors", sensor_table.PositionSensorTable)
     step: ClassVar = RequiredTable("cases", case_table.StepCase)
     load_case: ClassVar = OptionalTable("cases", case_table.LoadCase)
     scan: ClassVar = RequiredTable("cases", case_table.ScanCase)
@@ -111,12 +106,12 @@ class RigFile(Table):
     held_case: ClassVar = RequiredTable("cases", case_table.HeldCase)
     moving_case: ClassVar = RequiredTable("cases", case_table.MovingCase)
     displacement_case: ClassVar = RequiredTable("cases", case_table.DisplacementCase)
-    # everything that pulls at the body, what its pose is found from, and what is followed
+    # all magnets of the body, its position sensors, and the trajectories that it follows
     body_magnets: ClassVar = TableList[MagnetTable | LikeTable]("magnets", MagnetTable, LikeTable)
     position_sensors: ClassVar = TableList("sensors", sensor_table.PositionSensorTable)
     trajectories: ClassVar = TableList("cases", case_table.TrajectoryCase)
     force_triangles: ClassVar = TableList("cases", case_table.ForceCase)
-    loops: ClassVar = RequiredTable("given_loops", LoopsTable)  # all that a controller may know
+    loops: ClassVar = RequiredTable("given_loops", LoopsTable)  # all loops for the controller
     measurement: ClassVar = RequiredTable("given_measurement", CampaignTable)
     levitation: ClassVar = RequiredTable("control", rig_tables.LevitationTable)
     tracking: ClassVar = RequiredTable("control", rig_tables.TrackingTable)
@@ -125,76 +120,76 @@ class RigFile(Table):
 
     @property
     def kind(self) -> FileKind:
-        """The record of its kind of rig."""
+        """Registered kind of rig."""
         return rig_kinds()[self.control.kind]
 
     @property
     def iron(self) -> NamedIron | None:
-        """Iron of the electromagnet, as far as it is known."""
+        """Iron of the electromagnet; None if it is not yet fitted."""
         return next((iron for iron in self.irons if iron.name == self.magnet.iron), None)
 
     @property
     def steel(self) -> NamedIron:
-        """The same, once it is known."""
+        """Iron of the electromagnet, which must be known."""
         assert self.iron is not None
         return self.iron
 
     @property
     def gap_m(self) -> float:
-        """Gap of the first magnet where the body works."""
+        """Gap of the first magnet at the operating point, m."""
         assert self.magnet.gap_m is not None
         return self.magnet.gap_m
 
     @property
     def gap_total_m(self) -> float | None:
-        """Of both gaps of a pair; None of a single magnet."""
+        """Sum of both gaps of a pair, m; None for a single magnet."""
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
     def has_ground_heads(self) -> bool:
-        """Whether the position sensors stand on the ground and not on the body."""
+        """Whether the position sensors are fixed to the ground and not to the body."""
         return any(sensor.stands for sensor in self.position_sensors)
 
     @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file
-        """What each magnet of a pair pulls with where no net force is wanted."""
+        """Force of each magnet of a pair without a net force, N."""
         return getattr(self.control, "bias_N", None)
 
     @property
     def calibration(self) -> str | None:
-        """File of what motion taught of the magnets."""
+        """File with parameters that were estimated from motions."""
         return getattr(self.control, "calibration", None)
 
     @property
     def load(self) -> rig_tables.LoadTable:
-        """What pulls at the body."""
+        """Load drive of the body; without force if the file has none."""
         return self.given_load or rig_tables.NO_LOAD
 
     @property
     def load_steps_N(self) -> list[float]:  # noqa: N802 - as in the file
-        """Steps of the load."""
+        """Steps of the load, N."""
         return [] if self.load_case is None else self.load_case.forces_N
 
     @property
     def step_gaps_m(self) -> list[float]:
-        """Gaps around which steps go."""
+        """Gaps about which steps are made, m."""
         return [self.gap_m, *self.step.also_gaps_m]
 
     def tables(self) -> Iterator[tuple[KeyPath, Table]]:
-        """Yield the tables of all lists, each with its place in the file."""
+        """Yield the tables of all lists, each with its position in the file."""
         for key, name in _LIST_FIELDS.items():
             for number, table in enumerate(getattr(self, name)):
                 yield (key, number), table
 
     def key_path(self, table: Table, *keys: str | int) -> KeyPath:
-        """Return where a table of a list stands in the file, or a key of it, for errors."""
-        return (*next(place for place, one in self.tables() if one is table), *keys)
+        """Return the position of a listed table or its key in the file, for messages."""
+        return (*next(place for place, listed in self.tables() if listed is table), *keys)
 
     def with_changes(self, changes: Mapping[str, Any]) -> RigFile:
-        """Return a file with other values, by names of attributes: ``body.mass_kg``, ``gap_m``.
+        """Return a file with changed values, given by attribute: ``body.mass_kg``, ``gap_m``.
 
-        ``gap_m`` moves the body between its magnets: those of a pair stay where they are. An iron
-        keeps its name.
+        ``gap_m`` moves the body; the magnets of a pair keep their positions. A new iron keeps the
+        old name.
         """
         file = self
         for path, value in changes.items():
@@ -206,26 +201,28 @@ class RigFile(Table):
         return file
 
     def _with_gap(self, gap: float) -> RigFile:
-        moved, opposite = gap - self.gap_m, self.opposite
+        shift, opposite = gap - self.gap_m, self.opposite
         file = self.with_table_replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
         if opposite is None:
             return file
-        other = opposite.model_copy(update={"gap_m": opposite.gap_m - moved})
-        return file.with_table_replaced(opposite, other)
+        moved_opposite = opposite.model_copy(update={"gap_m": opposite.gap_m - shift})
+        return file.with_table_replaced(opposite, moved_opposite)
 
     def _with_value(self, path: list[str], value: Any) -> RigFile:
-        first, *inner_path = path
-        field = f"given_{first}" if f"given_{first}" in type(self).model_fields else first
-        table = getattr(self, first)
-        new = _set_nested(table, inner_path, value) if inner_path else value
-        if first == "iron":
-            new = new.model_copy(update={"name": table.name})
+        attribute, *inner_path = path
+        field = (
+            f"given_{attribute}" if f"given_{attribute}" in type(self).model_fields else attribute
+        )
+        table = getattr(self, attribute)
+        changed = _set_nested(table, inner_path, value) if inner_path else value
+        if attribute == "iron":
+            changed = changed.model_copy(update={"name": table.name})
         if field in type(self).model_fields:
-            return self.model_copy(update={field: new})
-        return self.with_table_replaced(table, new)
+            return self.model_copy(update={field: changed})
+        return self.with_table_replaced(table, changed)
 
     def with_table_replaced(self, table: Table, other: Table) -> RigFile:
-        """Return a file with another table in place of one of a list."""
+        """Return a file with a listed table replaced by another one."""
         key, number = self.key_path(table)
         tables = list(getattr(self, _LIST_FIELDS[str(key)]))
         tables[int(number)] = other
@@ -237,13 +234,17 @@ _LIST_FIELDS = {
     for name, field in RigFile.model_fields.items()
     if field.alias and not name.startswith("given_")
 }
-"""Attributes of what is a list of tables, by their keys in the file."""
+"""Attributes of lists of tables, by their keys in the file."""
 
 
 def _set_nested(table: Any, path: list[str], value: Any) -> Any:
-    first, *rest = path
-    if not isinstance(table, Table) or first not in type(table).model_fields:
-        raise KeyError(first)
+    attribute, *inner_path = path
+    if not isinstance(table, Table) or attribute not in type(table).model_fields:
+        raise KeyError(attribute)
     return table.model_copy(
-        update={first: _set_nested(getattr(table, first), rest, value) if rest else value}
+        update={
+            attribute: _set_nested(getattr(table, attribute), inner_path, value)
+            if inner_path
+            else value
+        }
     )

@@ -1,4 +1,4 @@
-"""What is known of a magnet: identified from its loops, corrected by its motion, fitted, checked."""
+"""Identify a magnet from its loops, calibrate it, fit compensators, and check the plant."""
 
 from __future__ import annotations
 
@@ -29,55 +29,60 @@ from anhyst_rigs.rig.measurement_table import identify_loops, squared_misclosure
 
 @dataclass(frozen=True)
 class IdentifiedMagnet:
-    """What a controller knows of its magnet: measured loops, and the model identified from them."""
+    """A magnet as its controller knows it: measured loops, and the model identified from them."""
 
     loops: Loops  # force over current at several gaps
     model: Model  # identified from them
-    # part by which the loop of a map with one play is wider; that of the model is so already
+    # relative change of the loop width of a single-play map; the model includes it already
     loop_width_change: float = 0.0
 
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
-    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
+    """Identify the model of a bearing's magnet, with a gap map for a moving armature."""
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
 _ACCOMMODATING_LAW: LawName = "effective-field"
-_NOISE_MEAN_SQUARE, _OPEN_LOOP_MEAN_SQUARE = 1.0, 2.0
-"""Mean square of what play cells leave of the closings of small loops, in squares of its error: of
-noise, and from where on nobody takes it for noise."""
+_NOISE_MEAN_SQUARE = 1.0
+"""Expected mean square of misclosures that are only noise, in units of their variance."""
+_MAX_NOISE_MEAN_SQUARE = 2.0
+"""Largest mean square that may still be noise."""
 _MIN_STANDARD_ERRORS = 2.0
-"""Standard errors by which a law that forgets must be nearer to them."""
+"""Standard errors by which a law without return-point memory must fit the misclosures better."""
 
 
 def identify_magnet_with_ripple(
     loops: Loops, options: IdentifyTable, is_usable: Callable[[IdentifiedMagnet], bool]
 ) -> IdentifiedMagnet:
-    """Identify a magnet whose current ripples, by the law as which its small loops close.
+    """Identify a magnet whose current ripples; the closing of minor loops selects the law.
 
-    Cells keep every turning point, and lead astray on iron that forgets them with every ripple.
+    Play cells have return-point memory. They fail on iron whose minor loops do not close.
     """
-    known = identify_magnet(loops, options)
-    model = known.model
+    cell_magnet = identify_magnet(loops, options)
+    model = cell_magnet.model
     if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
-        return known
-    alone = squared_misclosures(loops, [model])
-    if alone.size == 0 or alone.mean() <= _NOISE_MEAN_SQUARE:
-        return known
-    other = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
-    left = squared_misclosures(loops, [model, other.model])
-    own, its = left.mean(axis=0).tolist()
-    nearer = len(left) * (own - its) / max(its, 1.0) > _MIN_STANDARD_ERRORS**2
-    if nearer and other.model.acceptance().passed is not False and is_usable(other):
-        text = f"law {_ACCOMMODATING_LAW} is taken, which forgets them too; with a probe, 'fused' leaves less"
-    elif nearer or own > _OPEN_LOOP_MEAN_SQUARE:
-        other = known
-        text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
+        return cell_magnet
+    cell_misclosures = squared_misclosures(loops, [model])
+    if cell_misclosures.size == 0 or cell_misclosures.mean() <= _NOISE_MEAN_SQUARE:
+        return cell_magnet
+    alternative = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
+    squared_errors = squared_misclosures(loops, [model, alternative.model])
+    cell_error, alternative_error = squared_errors.mean(axis=0).tolist()
+    is_better = (
+        len(squared_errors) * (cell_error - alternative_error) / max(alternative_error, 1.0)
+        > _MIN_STANDARD_ERRORS**2
+    )
+    if is_better and alternative.model.acceptance().passed is not False and is_usable(alternative):
+        text = f"law {_ACCOMMODATING_LAW} is used, which drifts as well; "
+        text += "'fused' with a probe is better"
+    elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
+        alternative = cell_magnet
+        text = "no law follows this; 'single-valued' may be better than 'full', and a probe is"
     else:
-        return known
-    text = f"small loops do not close: this iron does not keep its turning points; {text}"
+        return cell_magnet
+    text = f"minor loops do not close: this iron has no return-point memory; {text}"
     warnings.warn(text, ReturnPointMemoryWarning, stacklevel=3)
-    return other
+    return alternative
 
 
 def fit_compensators(
@@ -87,7 +92,7 @@ def fit_compensators(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> list[ForceController]:
-    """Fit one variant to what is known of each magnet, where it works."""
+    """Fit a compensation variant to each magnet at an operating point."""
     probe = calibrate_probe(rig) if variant in FLUX_PROBE_METHODS else None
     fitted = []
     for magnet in magnets:
@@ -107,44 +112,49 @@ def calibrate_magnet(
     width_change: float = 0.0,
     gap_margin: float = 0.0,
 ) -> IdentifiedMagnet:
-    """Return what is known of a magnet in the currents and gaps of its controller.
+    """Return a magnet in terms of the currents and gaps that its controller uses.
 
-    The loops and the model are those that would have been measured there: every format, block and
-    firmware that is made of them is calibrated. Scale and width are parts, the gap zero is in m, as
-    is how far over the gaps that were seen the model is believed.
+    Loops and model are those that would be measured with these signals. Therefore, every
+    compensator and parameter block made from them is calibrated. `scale` and `width_change` are
+    relative. `gap_zero` is in m, as is `gap_margin`, by which the valid range of gaps is extended
+    at both ends.
     """
-    more, known = 1.0 + scale, magnet.loops
+    current_factor, measured = 1.0 + scale, magnet.loops
     loops = [
-        replace(loop, input=loop.input / more, schedule=loop.schedule + gap_zero)
-        for loop in known.loops
+        replace(loop, input=loop.input / current_factor, schedule=loop.schedule + gap_zero)
+        for loop in measured.loops
         if loop.schedule is not None
     ]
     model = drifted_law(magnet.model, Drift(pinning=width_change)) if width_change else magnet.model
     parameters, valid = model.parameters, model.valid
-    moved = {
-        "c_H": map_parameter(parameters["c_H"], lambda value: more * value),
-        "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / more * value),
+    changed = {
+        "c_H": map_parameter(parameters["c_H"], lambda value: current_factor * value),
+        "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / current_factor * value),
     }
     if valid is not None and valid.schedule is not None:
-        (low, high), (near, far) = valid.input, valid.schedule
-        ends = near + gap_zero - gap_margin, far + gap_zero + gap_margin
-        valid = replace(valid, input=(low / more, high / more), schedule=ends)
-    nodes = tuple(node + gap_zero for node in model.nodes)
-    model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
-    return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, width_change)
+        (low_current, high_current), (near_gap, far_gap) = valid.input, valid.schedule
+        gap_range = near_gap + gap_zero - gap_margin, far_gap + gap_zero + gap_margin
+        valid = replace(
+            valid,
+            input=(low_current / current_factor, high_current / current_factor),
+            schedule=gap_range,
+        )
+    nodes = tuple(gap + gap_zero for gap in model.nodes)
+    model = replace(model, nodes=nodes, parameters={**parameters, **changed}, valid=valid)
+    return IdentifiedMagnet(replace(measured, loops=tuple(loops)), model, width_change)
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     """Measure flux density over force at several gaps, as a user would with a weight.
 
-    The series is taken on the way up from a demagnetised iron; force and flux density belong to one
-    gap flux, so that the direction does not matter.
+    The series follows the initial ascending branch of demagnetised iron. Both force and flux
+    density depend only on the gap flux, so the direction does not matter.
     """
     hall = rig.settings.hall_probe
     if hall is None:
         return None
-    high = rig.settings.measurement.current_max_A
-    current = np.linspace(-rig.settings.magnet.is_bidirectional * high, high, 60)
+    max_current = rig.settings.measurement.current_max_A
+    current = np.linspace(-rig.settings.magnet.is_bidirectional * max_current, max_current, 60)
     gaps = np.asarray(rig.settings.measurement.gaps_m)
     forces, densities = [], []
     for gap in gaps:
@@ -164,7 +174,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
 
 
 def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
-    """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
+    """Compare the plant of a rig and the model of its controller with the slow loops."""
     return check_plant_against_loops(
         rig.fitted,
         select_slow_loops(magnet.loops),
@@ -175,10 +185,12 @@ def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
 
 
 def _is_same_law(law: Model, model: Model) -> bool:
-    """Whether two models are one, or of the same law and the same measurements."""
+    """Whether two models are equal, or have the same law and a common measurement."""
     if law.law != model.law:
         return False
     sources = {source.sha256 for source in law.provenance.sources}
-    common = sources & {source.sha256 for source in model.provenance.sources}
-    alike = dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
-    return alike or bool(common)
+    common_sources = sources & {source.sha256 for source in model.provenance.sources}
+    has_same_parameters = (
+        dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
+    )
+    return has_same_parameters or bool(common_sources)

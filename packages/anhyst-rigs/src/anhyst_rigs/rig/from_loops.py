@@ -1,10 +1,9 @@
-"""The plant's iron, winding and poles, fitted to the loops that somebody measured.
+"""Fit the iron, winding and poles of the plant to measured loops.
 
-Cells that are pinned (:class:`anhyst_rigs.rig.parts.iron.CellSteel`) in the circuit of a two-pole magnet:
-never the law that a compensator is made of. What a rig file says is held. Loops of force over
-current leave two things open: where the iron does not saturate, what belongs to the turns and what
-to the size of a pole; and always what belongs to the length of the iron and what to its fields.
-Expectations of ordinary magnets, wide ones, decide there.
+The plant has pinned cells (:class:`anhyst_rigs.rig.parts.iron.CellSteel`) in the circuit of a
+two-pole magnet, and never the law of a compensator. Keys of the rig file stay fixed. Loops of force
+over current cannot separate two combinations: turns and pole size below saturation, and always iron
+length and the fields of the iron. Weak priors of ordinary magnets determine these.
 """
 
 from __future__ import annotations
@@ -41,63 +40,65 @@ from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 
 PINNED_CELL_COUNT = 24
-"""Pinned cells."""
+"""Number of pinned cells."""
 
 IRON_LENGTH_SIDES = 11.0
-"""Length of the flux path in the iron, in sides of a pole."""
+"""Length of the flux path in the iron, relative to the side of a pole."""
 
 WINDING_RESISTIVITY_OHM_M = 1.75e-8 / 0.5
-"""Ohm metres, of a window that is half filled and as large as a pole."""
+"""Resistivity of copper over a fill factor of 0.5, for a window as large as a pole, ohm m."""
 
 MEAN_TURN_SIDES = 5.0
-"""Of the winding, in sides of a pole."""
+"""Mean length of a turn, relative to the side of a pole."""
 
 MAX_FORCE_FLUX_DENSITY_T = 1.2
-"""That the largest force stands for at first, T."""
+"""Assumed flux density at the largest force for the prior of the pole area, T."""
 
 RELATIVE_DEVIATION_SIGMA = 0.003 * 0.1
-"""Deviation of all samples, over the largest force, that counts like one expectation missed."""
+"""Mean deviation relative to the largest force that costs as much as a prior deviation of one
+sigma."""
 
-COARSE_SAMPLES, FINE_SAMPLES = 600, 2400
-"""Samples on which starts are tried, and on which the fit runs."""
+COARSE_SAMPLES = 600
+"""Number of samples for comparing initial guesses."""
+FINE_SAMPLES = 2400
+"""Number of samples of the fit."""
 
 PINNING_STARTS = (-1.0, 0.5, 1.5)
-"""Of the pinning, in spreads of its expectation."""
+"""Initial values of the pinning, in standard deviations of its prior."""
 
 FAST_LOOP_SAMPLES = 100
-"""Samples of a fast loop, on which solid iron is fitted."""
+"""Average number of samples of a fast loop to which solid iron is fitted."""
 
-STEEL_CONDUCTIVITY_S_PER_M, LOG_CONDUCTIVITY_STARTS, _LOG_CONDUCTIVITY_SIGMA = (
-    5e6,
-    (-4.0, -2.0, 0.0, 2.0),
-    3.0,
-)
-"""Conductivity of plain steel, S/m; logarithms of parts of it that are tried; how widely the
-logarithm, and that of the odds of the path, are expected about zero."""
+STEEL_CONDUCTIVITY_S_PER_M = 5e6
+"""Conductivity of plain steel."""
+LOG_CONDUCTIVITY_STARTS = (-4.0, -2.0, 0.0, 2.0)
+"""Initial values of the logarithm of the conductivity, relative to plain steel."""
+_LOG_CONDUCTIVITY_SIGMA = 3.0
+"""Prior standard deviation of this logarithm, and of the log odds of the path; both means are 0."""
 
 MAX_EVALUATIONS = 60
-"""Steps of a fit at most."""
+"""Largest number of evaluations of a fit."""
 
 
 @dataclass(frozen=True)
 class FittedPlant:
-    """A magnet that makes the loops."""
+    """A magnet that was fitted to loops."""
 
     poles: Poles
     steel: NamedCells
-    zero_current: float  # what the sensors of the loops read where there is nothing, A and N
+    zero_current: float  # sensor readings at zero current and force, A and N
     zero_force: float
-    guessed_keys: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
-    solid: SolidTable | None = None  # whole
+    guessed_keys: tuple[str, ...]  # keys that neither the file nor the loops determine
+    solid: SolidTable | None = None  # with all its keys
 
     @property
     def magnet(self) -> Magnet:
-        """What the core steps."""
+        """Magnet for the core."""
         return make_iron_magnet(self.poles, self.steel)
 
     @property
     def magnet_keys(self) -> Mapping[str, Any]:
-        """What ``[[magnet]]`` of a rig file would say beside its iron."""
+        """Keys of ``[[magnet]]`` of a rig file, except its iron."""
         poles = {key: getattr(self.poles, name) for name, key in POLE_KEYS.items()}
         return {**poles, "solid": self.solid}
 
@@ -109,7 +110,10 @@ def check_plant_against_loops(
     force: Callable[[Loop, float], FloatArray],
     is_same_law: bool = False,
 ) -> PlantCheck:
-    """Hold a plant, by its force along a loop from a zero of the current, and a model against loops."""
+    """Compare a plant and a model with loops.
+
+    `force` returns the force of the plant along a loop for a zero error of the current, A.
+    """
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
     return PlantCheck(
         plant=measure_deviation(loops, lambda loop: force(loop, zeros[0]) + zeros[1]),
@@ -121,57 +125,59 @@ def check_plant_against_loops(
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
-    """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
+    """Fit the omitted keys of a magnet; solid iron is fitted to loops at several speeds."""
     return cached_result("plants", lambda: _fit_uncached(loops, table), loops, table)
 
 
 def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
-    slow = select_slow_loops(loops)
-    fit = _StaticFit(thin_loops(slow, COARSE_SAMPLES), table)
-    best = min(
+    slow_loops = select_slow_loops(loops)
+    fit = _StaticFit(thin_loops(slow_loops, COARSE_SAMPLES), table)
+    best_result = min(
         (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS),
-        key=lambda trial: trial[0],
+        key=lambda result: result[0],
     )
-    fit = _StaticFit(thin_loops(slow, FINE_SAMPLES), table)
-    _, at = fit.minimise(best[1])
-    turns = round(fit.turns(at))
+    fit = _StaticFit(thin_loops(slow_loops, FINE_SAMPLES), table)
+    _, parameters = fit.minimise(best_result[1])
+    turns = round(fit.turns(parameters))
     if table.turns is None:
         fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turns}))
-        _, at = fit.minimise(fit.initial_guess(0.0))
-    fitted = fit.make_plant(at, table)
+        _, parameters = fit.minimise(fit.initial_guess(0.0))
+    fitted = fit.make_plant(parameters, table)
     return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
 
 
 class RigWithMagnet(Protocol):
-    """A rig file of either kind, as a record."""
+    """A rig with a rig file that has magnets."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
     def settings(self) -> RigFile:
-        """What it says."""
+        """Content of the rig file."""
 
 
 AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 
 
 def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
-    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted."""
+    """Return a rig with a complete magnet; iron "from loops" is fitted to the loops."""
     file = rig.settings
     if file.solenoid is not None or not file.magnet.has_iron_from_loops or file.iron is not None:
         return rig
     fitted = fit_magnet(loops, file.magnet)
-    whole = file.with_table_replaced(file.magnet, file.magnet.model_copy(update=fitted.magnet_keys))
+    completed = file.with_table_replaced(
+        file.magnet, file.magnet.model_copy(update=fitted.magnet_keys)
+    )
     irons = [*file.irons, fitted.steel]
-    return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=fitted)
+    return replace(rig, settings=completed.model_copy(update={"irons": irons}), fitted=fitted)
 
 
 def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTable:
-    """Fit what a rig file leaves out of solid iron, conductivity and length of the path in it."""
+    """Fit the omitted keys of solid iron: conductivity and length of its flux path."""
     if (given.path_m or 0.0) > fitted.poles.iron_length:
         raise InputError(
-            f"magnet.solid.path_m is longer than the {fitted.poles.iron_length:.3g} m of the path in "
-            "the iron; lower it, or give iron_length_m",
+            f"magnet.solid.path_m is longer than the {fitted.poles.iron_length:.3g} m of the path "
+            "in the iron; lower it, or give iron_length_m",
             code="too-long",
             key="magnet.solid.path_m",
         )
@@ -180,33 +186,39 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
     speeds = group_by_speed(loops)
     if speeds is None:
         raise InputError(
-            "magnet.solid: loops at one speed do not say how late solid iron answers; give "
+            "magnet.solid: loops at one speed do not determine the eddy-current lag; give "
             "conductivity_S_per_m and path_m, or loops of several speeds with times (t_s)",
             code="one-speed",
             key="magnet.solid",
         )
-    some = [loop for group in speeds.fast for loop in group]
-    fast = thin_loops(loops.with_loops(some), FAST_LOOP_SAMPLES * len(some))
-    top = largest_output(loops)
-    weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * top * math.sqrt(sum(loop.n for loop in fast.loops)))
+    fast_loops = [loop for group in speeds.fast for loop in group]
+    fast = thin_loops(loops.with_loops(fast_loops), FAST_LOOP_SAMPLES * len(fast_loops))
+    max_force = largest_output(loops)
+    weight = 1.0 / (
+        RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fast.loops))
+    )
 
-    def table(at: FloatArray) -> SolidTable:
-        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(at[0])
-        path = given.path_m or fitted.poles.iron_length * _logistic(at[1])
+    def table(parameters: FloatArray) -> SolidTable:
+        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(
+            parameters[0]
+        )
+        path = given.path_m or fitted.poles.iron_length * _logistic(parameters[1])
         return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
-    def misses(at: FloatArray) -> FloatArray:
-        solid = table(at).make_solid_iron(fitted.poles.iron_length)
+    def misses(parameters: FloatArray) -> FloatArray:
+        solid = table(parameters).make_solid_iron(fitted.poles.iron_length)
         magnet = make_iron_magnet(fitted.poles, fitted.steel, solid=solid)
-        off = [
+        deviations = [
             simulate_loop_in_time(magnet, loop, fitted.zero_current)
             + fitted.zero_force
             - loop.output
             for loop in fast.loops
         ]
-        return np.concatenate([weight * np.concatenate(off), at / _LOG_CONDUCTIVITY_SIGMA])
+        return np.concatenate(
+            [weight * np.concatenate(deviations), parameters / _LOG_CONDUCTIVITY_SIGMA]
+        )
 
-    starts = (np.array([one, 0.0]) for one in LOG_CONDUCTIVITY_STARTS)
+    starts = (np.array([log_conductivity, 0.0]) for log_conductivity in LOG_CONDUCTIVITY_STARTS)
     start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
     return table(
         least_squares(misses, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x
@@ -214,7 +226,7 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
 
 
 class _StaticFit:
-    """Least squares of the force, with expectations of what the loops leave open."""
+    """Least-squares fit of the static force, with priors."""
 
     def __init__(self, loops: Loops, table: MagnetTable) -> None:
         self.loops = loops
@@ -223,28 +235,28 @@ class _StaticFit:
         self._max_current = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
         expected = _parameter_priors(loops, table, self._max_force)
         self._names = tuple(expected)
-        self._prior_mean = np.array([middle for middle, _ in expected.values()])
-        self._prior_sigma = np.array([spread for _, spread in expected.values()])
+        self._prior_mean = np.array([mean for mean, _ in expected.values()])
+        self._prior_sigma = np.array([sigma for _, sigma in expected.values()])
         samples = sum(loop.n for loop in loops.loops)
         self._weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * self._max_force * math.sqrt(samples))
 
     def initial_guess(self, pinning: float) -> FloatArray:
-        """Return a place to begin, in spreads from what is expected."""
-        at = np.zeros(len(self._names))
-        at[self._names.index("pinning")] = pinning
-        return at
+        """Return an initial guess in prior standard deviations from the prior mean."""
+        parameters = np.zeros(len(self._names))
+        parameters[self._names.index("pinning")] = pinning
+        return parameters
 
     def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
-        """Return the least cost that is reached from a place, and where."""
+        """Return the smallest cost from an initial guess, and its parameters."""
         best = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
         return float(best.cost), best.x
 
     def turns(self, at: FloatArray) -> float:
-        """Return the turns there, not rounded yet."""
+        """Return the number of turns for some parameters, before rounding."""
         return self._make_poles_and_steel(self._named_parameters(at))[0].turns
 
     def make_plant(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
-        """Return the magnet there."""
+        """Return the magnet for some parameters."""
         values = self._named_parameters(at)
         poles, steel = self._make_poles_and_steel(values)
         resistance = (
@@ -307,17 +319,17 @@ class _StaticFit:
         magnet = make_iron_magnet(poles, steel)
         zero_current = values["zero_current"] * self._max_current
         zero_force = values["zero_force"] * self._max_force
-        misses = [
+        deviations = [
             simulate_loop(make_path_follower(magnet), loop, zero_current) + zero_force - loop.output
             for loop in self.loops.loops
         ]
-        return np.concatenate([self._weight * np.concatenate(misses), at])
+        return np.concatenate([self._weight * np.concatenate(deviations), at])
 
 
 def _parameter_priors(
     loops: Loops, table: MagnetTable, top: float
 ) -> dict[str, tuple[float, float]]:
-    """Return middle and spread of everything that is sought; logarithms, and odds of shares."""
+    """Return prior mean and standard deviation of all parameters, as logarithms or log odds."""
     area, turns = MU_0 * top / MAX_FORCE_FLUX_DENSITY_T**2, 0.0
     width, depth = table.pole_width_m, table.pole_depth_m
     if width and depth:
@@ -339,23 +351,27 @@ def _parameter_priors(
         "zero_current": (0.0, 0.02),
         "zero_force": (0.0, 0.02),
     }
-    held = {
+    is_fixed = {
         "side": bool(width and depth),
         "turns": table.turns is not None,
         "leakage": table.leakage_H is not None,
         "joints": table.joints_m is not None,
     }
-    return {name: value for name, value in expected.items() if not held.get(name, False)}
+    return {name: value for name, value in expected.items() if not is_fixed.get(name, False)}
 
 
 def _estimate_turns_squared_area(loops: Loops) -> float:
-    """Return turns^2 times the area of a pole, m^2, as if the iron needed nothing."""
+    """Return turns^2 times the area of a pole, m^2, for iron of infinite permeability."""
     estimates = []
     for loop in loops.loops:
         assert loop.schedule is not None
-        high = float(np.max(loop.output))
-        some = (loop.output > 0.05 * high) & (loop.output < 0.4 * high) & (loop.input != 0.0)
-        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[some].tolist()
+        max_force = float(np.max(loop.output))
+        is_usable = (
+            (loop.output > 0.05 * max_force) & (loop.output < 0.4 * max_force) & (loop.input != 0.0)
+        )
+        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[
+            is_usable
+        ].tolist()
     return float(np.median(estimates)) if estimates else 1.0
 
 

@@ -1,4 +1,7 @@
-"""What each kind of rig has in its file, and how the tables of a file refer to each other."""
+"""Check that a rig file has the tables and keys of its kind, and that its names refer to something.
+
+Grids list the permitted number of tables and the required keys for each kind of rig.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,9 @@ from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, Sol
 from anhyst_rigs.rig.measurement_table import identify_faults
 
 RIG_KINDS = ("levitation", "tracking", "force", "displacement")
-"""Columns of the grids below: the words of ``control.kind``."""
+"""Columns of the grids below, as values of ``control.kind``."""
 _COUNT_LIMITS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
-"""Least and largest number of tables that a sign of a grid allows."""
+"""Smallest and largest number of tables for each symbol of a grid."""
 
 _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     MagnetTable: ("1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
@@ -48,7 +51,7 @@ _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     case_table.MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
     case_table.DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
-"""How many tables of each type a kind of rig has; the key of their list, and their name in messages."""
+"""Permitted number of each type of table by kind of rig, key of its list, and name in messages."""
 
 _SINGLE_KEY_RULES = {
     "loops": "1 1 1 .",
@@ -60,7 +63,7 @@ _SINGLE_KEY_RULES = {
     "seed": "? ? ? ?",
     "noise_seeds": "? ? . .",
 }
-"""Other tables and keys of the file: whether a kind of rig must, may or must not have them."""
+"""Grid of other tables and top-level keys: required (1), optional (?), or not permitted (.)."""
 
 _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
     tables.TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
@@ -94,29 +97,33 @@ _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
         **dict.fromkeys(("head_m_per_s", "head_s", "land_m_per_s", "lift_m_per_s"), ". ? . ."),
     },
 }
-"""Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
+"""Grid of keys that are required or not permitted for some kinds; all other keys are optional."""
 
 
 def _count_limits(file: RigFile, row: str) -> tuple[float, float]:
-    """Return the least and the largest number that a row of a grid allows the kind of a file."""
+    """Return the smallest and largest number in a row of a grid for the kind of a file."""
     return _COUNT_LIMITS[row.split()[RIG_KINDS.index(file.control.kind)]]
 
 
 def allows_key(file: RigFile, key: str) -> bool:
-    """Whether a file of its kind may have a table or key that stands alone."""
+    """Whether the kind of a file permits a single table or a top-level key."""
     return _count_limits(file, _SINGLE_KEY_RULES[key])[1] > 0
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
-    whose = file.kind.title
+    rig_title = file.kind.title
     for table, (row, key, title) in _TABLE_RULES.items():
-        places = [path for path, one in file.tables() if type(one) is table]
-        least, most = _count_limits(file, row)
-        if len(places) < least:
-            yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
-        elif len(places) > most:
-            text = f"{whose} has no use for {title}" if not most else f"{whose} has one of them"
-            yield FileFault(places[int(most)], f"{text}; remove it", code="not-for-this-kind")
+        places = [path for path, listed in file.tables() if type(listed) is table]
+        min_count, max_count = _count_limits(file, row)
+        if len(places) < min_count:
+            yield FileFault((key,), f"{rig_title} needs {title}; add one", code="missing")
+        elif len(places) > max_count:
+            text = (
+                f"{rig_title} does not use {title}"
+                if not max_count
+                else f"{rig_title} has only one of them"
+            )
+            yield FileFault(places[int(max_count)], f"{text}; remove it", code="not-for-this-kind")
     if _count_limits(file, _TABLE_RULES[SolenoidTable][0])[1] and len(file.magnets) != 1:
         text = "needs one magnet: with winding and poles, or a solenoid; correct it"
         yield FileFault(("magnet",), text, code="one-of-two")
@@ -130,7 +137,7 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
     for path, table in [*file.tables(), *single]:
         grid = _TABLE_RULES.get(type(table))
         if grid is not None and not _count_limits(file, grid[0])[1]:
-            continue  # it is not of this kind of rig at all
+            continue  # the whole table is not permitted; another fault reports it
         for key, row in _TABLE_KEY_RULES.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
@@ -142,42 +149,44 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
 def _presence_fault(
     file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
 ) -> Iterator[FileFault]:
-    """Find a key that the kind of the file must have and has not, or has no use for."""
-    whose, (least, most) = file.kind.title, _count_limits(file, row)
-    if least and not is_given:
-        text = f"{whose} {needed}" if needed else f"is missing, {whose} needs it; add it"
+    """Find a key that the kind of the file requires but lacks, or does not permit."""
+    rig_title, (min_count, max_count) = file.kind.title, _count_limits(file, row)
+    if min_count and not is_given:
+        text = f"{rig_title} {needed}" if needed else f"is missing, {rig_title} needs it; add it"
         yield FileFault(path, text, code="missing")
-    if not most and is_given:
-        text = f"{whose} has no use for it; remove it"
+    if not max_count and is_given:
+        text = f"{rig_title} does not use it; remove it"
         yield FileFault(path, text, code="not-for-this-kind")
 
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
     names = [iron.name for iron in file.irons]
-    named = {one.iron for one in file.magnets if isinstance(one, MagnetTable)}
-    named -= {None, FROM_LOOPS}
+    used_irons = {listed.iron for listed in file.magnets if isinstance(listed, MagnetTable)}
+    used_irons -= {None, FROM_LOOPS}
     for number, name in enumerate(names):
         if name == FROM_LOOPS or name in names[:number]:
-            text = f"'{name}' is taken; choose another name"
+            text = f"'{name}' is already used; choose another name"
             yield FileFault(("iron", number, "name"), text, code="name-taken")
-        if named <= {*names} and name not in named:
-            text = f"no magnet is made of '{name}'; remove it, or name it in one"
+        if used_irons <= {*names} and name not in used_irons:
+            text = f"no magnet uses '{name}'; remove it, or name it in a magnet"
             yield FileFault(("iron", number), text, code="not-used")
-    called = [magnet.name for magnet in file.magnets]
-    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
-    for number, name in enumerate(called):
-        if name in called[:number]:
-            text = f"'{name}' is taken; choose another name"
+    magnet_names = [magnet.name for magnet in file.magnets]
+    first = next((listed for listed in file.magnets if isinstance(listed, MagnetTable)), None)
+    for number, name in enumerate(magnet_names):
+        if name in magnet_names[:number]:
+            text = f"'{name}' is already used; choose another name"
             yield FileFault(("magnet", number, "name"), text, code="name-taken")
     for path, magnet in file.tables():
-        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {*called}:
-            text = f"there is no such [[magnet]]; name one or more of {', '.join(called)}"
+        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {
+            *magnet_names
+        }:
+            text = f"there is no such [[magnet]]; name one or more of {', '.join(magnet_names)}"
             yield FileFault((*path, "magnets"), text, code="unknown-name")
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"
             yield FileFault((*path, "iron"), text, code="unknown-name")
         if isinstance(magnet, LikeTable) and first is not None and magnet.like != first.name:
-            text = f"names no magnet; write '{first.name}'"
+            text = f"is not the first magnet; write '{first.name}'"
             yield FileFault((*path, "like"), text, code="unknown-name")
     if hasattr(file.control, "bias_N"):
         yield from _pair_faults(file, first)
@@ -197,21 +206,21 @@ def _pair_faults(file: RigFile, first: MagnetTable | None) -> Iterator[FileFault
 
 
 def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
-    """Find what magnets that push as well as they pull have no use for."""
+    """Find keys that bidirectional magnets do not permit."""
     if "force_min_N" in file.control.model_fields_set:
-        text = "is of magnets that only pull; remove it"
+        text = "is only for magnets that cannot push; remove it"
         yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
     if getattr(file.control, "format", "f64") == "fixed":
-        text = 'magnets that push as well as they pull have none; write "f64" or "f32"'
+        text = 'bidirectional magnets cannot use "fixed"; write "f64" or "f32"'
         yield FileFault(("control", "format"), text, code="not-for-this-kind")
     for magnet in file.magnets:
         if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:
-            text = f"'{first.name}' is made for {first.gap_m:g} m; write that"
+            text = f"'{first.name}' has a gap of {first.gap_m:g} m; make them equal"
             yield FileFault(file.key_path(magnet, "gap_m"), text, code="option-differs")
 
 
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
-    """Read the rig file of one kind of rig, named by its ``control.kind``."""
+    """Read and check the rig file of a kind, given as the value of its ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
     faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:

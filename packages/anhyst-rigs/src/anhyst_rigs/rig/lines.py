@@ -1,4 +1,4 @@
-"""Where magnets and sensors act on a body, in the coordinates in which it is free."""
+"""Describe where magnets and sensors act on a body, in its free coordinates."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from anhyst_rigs.rig.magnet_table import CLOSES_GAP, OPENS_GAP, ORIGIN
 from anhyst_rigs.rig.sensor_table import PositionSensorTable
 
 Line = Mapping[str, list[float]]
-"""A place ``r`` on the body, m, and a unit vector ``d`` along which something acts there."""
+"""A point ``r`` on the body, m, and a unit vector ``d`` of the force or reading at this point."""
 
 ALONG_X: Line = {"r": ORIGIN, "d": OPENS_GAP}
 AGAINST_X: Line = {"r": ORIGIN, "d": CLOSES_GAP}
-"""Lines through the origin."""
+"""Lines through the origin, as is :data:`ALONG_X`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """A coordinate in which a body is free, with its end stops, m or rad."""
+    """A free coordinate of a body with its end stops, m or rad."""
 
     axis: int  # 0 to 5: along and about x, y, z
     low: float
     high: float
-    rest: float  # where the body lies before anything moves it
+    rest: float  # initial position of the body
 
 
 @dataclass(frozen=True, slots=True)
 class LinesOfAction:
-    """Where everything acts on a body; gaps are those with the body at its origin, m."""
+    """Lines of all forces and sensors of a body; gaps are those of the body at its origin, m."""
 
     coordinates: Sequence[Coordinate]
     magnets: Sequence[tuple[Line, float]]
     gap_sensors: Sequence[tuple[Line, float]]
     gravity: list[float]  # m/s2
-    force_along: list[float]  # unit vector of the force that is recorded
+    force_along: list[float]  # unit vector of the recorded force
     load: Line
-    load_rest: float  # where the spring of the load drive is without force, m
+    load_rest: float  # position at which the load drive's spring is without force, m
     heads: Sequence[tuple[Line, PositionSensorTable]] = ()

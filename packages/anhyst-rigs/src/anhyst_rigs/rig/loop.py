@@ -1,4 +1,4 @@
-"""A plant and its controller in lock-step: what happens tick by tick goes in, a recording comes out."""
+"""Run a plant and its controller in lock-step from a scenario to a recording."""
 
 from __future__ import annotations
 
@@ -18,25 +18,28 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.plant import current_controllers, make_plant
 from anhyst_rigs.rig.recording import Recording, column_name
 
-DROP_SAMPLE_BIT, SHORT_CIRCUIT_BIT, FIRST_FAILURE_BIT = 256, 512, 16
-"""Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;
-``plant/include/anhyst_plant/loop.h``."""
+DROP_SAMPLE_BIT = 256
+"""Command bit of a dropped sample; see ``plant/include/anhyst_plant/loop.h`` for all bits."""
+SHORT_CIRCUIT_BIT = 512
+"""Command bit of a short circuit."""
+FIRST_FAILURE_BIT = 16
+"""Position of the command bit of the first magnet or head; a set bit makes it fail."""
 HEAD_FAULT_BITS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
-"""Bits of the ways in which heads fail instead of amplifiers."""
+"""Command bits of the failures of heads instead of amplifiers."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceStep:
-    """A step of the reference within a scenario."""
+    """A step of the reference in a scenario."""
 
-    begin: int  # ticks: of the step, and of the end of its hold
+    begin: int  # ticks: start of the step, and end of its hold
     end: int
-    before: float  # reference, m of gap
+    before: float  # reference gaps before and after, m
     after: float
 
     @property
     def height(self) -> float:
-        """Size of the step, m."""
+        """Height of the step, m."""
         return abs(self.after - self.before)
 
 
@@ -46,26 +49,24 @@ def _empty_array() -> FloatArray:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What happens at each of n ticks, a row each; what is left out is nothing at all of them.
+    """Inputs of a run, one row per tick; omitted inputs are zero.
 
-    Targets, what is injected and fed and the frame have a column each free coordinate, or are flat
-    where there is one.
+    Target, injected signal, feedforward and frame have one column per free coordinate, or are
+    one-dimensional for a single coordinate.
     """
 
-    target: FloatArray  # wanted position, m: of a bearing the gap
-    # force commanded to the load drive, N; shape (n,)
+    target: FloatArray  # reference position, m; for a bearing the gap
+    # commanded force of the load drive, N; shape (n,)
     load: FloatArray = field(default_factory=_empty_array)
-    # added to the position that the controller sees, m
+    # added to the position that the controller reads, m
     inject: FloatArray = field(default_factory=_empty_array)
-    feed: FloatArray = field(default_factory=_empty_array)  # force that the controller is given, N
-    # :class:`Command`, :data:`DROP`; shape (n,)
+    feed: FloatArray = field(default_factory=_empty_array)  # feedforward force, N
+    # :class:`Command` and bits such as :data:`DROP_SAMPLE_BIT`; shape (n,)
     command: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
-    # where it is at n + 1 ticks, m; empty: it stands still
+    # position at n + 1 ticks, m; empty: at rest
     frame: FloatArray = field(default_factory=_empty_array)
-    steps: tuple[ReferenceStep, ...] = ()  # steps of the reference in it
-    lift_end_tick: int = (
-        0  # tick from which on the armature should levitate; 0 if nothing lifts it here
-    )
+    steps: tuple[ReferenceStep, ...] = ()  # steps of the reference
+    lift_end_tick: int = 0  # tick at which the armature should levitate; 0 without a lift-off
 
     def __post_init__(self) -> None:
         n = len(self.target)
@@ -78,20 +79,20 @@ class Scenario:
 
     @property
     def ticks(self) -> int:
-        """How long it is."""
+        """Number of ticks."""
         return len(self.target)
 
     def slice_ticks(self, begin: int, end: int) -> Scenario:
-        """Return what happens from one tick up to another; nothing is lifted or stepped in it."""
-        each = ("target", "load", "inject", "feed", "command")
-        ticks = {name: getattr(self, name)[begin:end] for name in each}
-        return Scenario(**ticks, frame=self.frame[begin : end + 1])
+        """Return the inputs of ticks begin to end (exclusive), without lift-off and steps."""
+        fields = ("target", "load", "inject", "feed", "command")
+        inputs = {name: getattr(self, name)[begin:end] for name in fields}
+        return Scenario(**inputs, frame=self.frame[begin : end + 1])
 
 
 class ClosedLoop:
-    """A plant and its controller, from power on; scenarios follow each other.
+    """A plant and its controller from power-on; successive scenarios continue the run.
 
-    Before each amplifier stands a current loop, which does nothing where it takes a current.
+    A digital current loop precedes each amplifier; it is inactive for a current amplifier.
     """
 
     def __init__(
@@ -103,13 +104,16 @@ class ClosedLoop:
     ) -> None:
         self._loop = PlantLoop(plant, controller, current_loops)
         self._signals = [column_name(*signal) for signal in self._loop.signals]
-        self._recorded = recorded  # columns; all where it is None
+        self._recorded = recorded  # columns; None: all
 
     def run(self, scenario: Scenario) -> Recording:
-        """Go on with a scenario; shorter where a number ceased to be finite or nobody answered."""
+        """Run a scenario and return its recording.
+
+        The recording is shorter if a value is not finite or the controller does not answer.
+        """
         target, load, inject, feed = (
-            np.ascontiguousarray(one, dtype=np.float64).ravel()
-            for one in (scenario.target, scenario.load, scenario.inject, scenario.feed)
+            np.ascontiguousarray(signal, dtype=np.float64).ravel()
+            for signal in (scenario.target, scenario.load, scenario.inject, scenario.feed)
         )
         frame = np.ascontiguousarray(scenario.frame).ravel() if len(scenario.frame) else None
         rows = self._loop.run(target, load, inject, feed, scenario.command, frame)
@@ -119,45 +123,43 @@ class ClosedLoop:
 
 @dataclass(frozen=True)
 class Setup(ABC):
-    """All that a run of a body between magnets needs; goes to other processes."""
+    """Everything that a run of a body between magnets needs; it can be sent to other processes."""
 
-    recorded_columns: ClassVar[Sequence[str] | None] = (
-        None  # columns of a recording; all where it is None
-    )
+    recorded_columns: ClassVar[Sequence[str] | None] = None  # columns of a recording; None: all
 
     rig: BodyRig  # the plant
-    compensator: ForceController  # from force to current, as fitted; never run itself
-    # of every magnet, where they are not all the same
+    compensator: ForceController  # force to current, as fitted; copied for each run
+    # of every magnet, if they differ
     own_compensators: tuple[ForceController, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> MethodName:
-        """What its compensator is."""
+        """Compensation method."""
         return self.compensator.method
 
     @property
     def compensators(self) -> tuple[ForceController, ...]:
-        """The compensator of every magnet, as fitted."""
+        """Fitted compensator of every magnet."""
         return self.own_compensators or (self.compensator,) * len(self.rig.settings.body_magnets)
 
     def make_compensators(self) -> list[ForceController]:
-        """Return a force controller for every magnet, demagnetised."""
+        """Return a demagnetised force controller for every magnet."""
         return [compensator.reset_copy() for compensator in self.compensators]
 
     def make_plant(self, seed: int) -> Plant:
-        """Return the plant, at rest, its iron demagnetised."""
+        """Return the plant at rest, with demagnetised iron."""
         return make_plant(self.rig, seed)
 
     @abstractmethod
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
-        """Return the controller, just switched on.
+        """Return the controller as it is after power-on.
 
-        The drives, one a magnet, may remember something; demagnetised ones if left out.
+        The drives, one per magnet, may have a history; by default they are demagnetised.
         """
 
 
 class SimulatedLoop(ClosedLoop):
-    """The plant, or another one, and the controller of a setup."""
+    """Closed loop of a setup, optionally with another plant."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""``[[magnet]]`` of a rig file: typed by hand, fitted to measured loops, or in a file of its own."""
+"""Define ``[[magnet]]`` of a rig file: given parameters, fitted to loops, or in a separate file."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -19,12 +19,12 @@ FROM_LOOPS = "from loops"
 
 
 Place = Annotated[list[Number], Field(min_length=3, max_length=3)]
-"""On the body, along x, y, z, m."""
+"""Position on the body along x, y, z, m."""
 ORIGIN = [0.0, 0.0, 0.0]
 
 
 UNIT_LENGTH_TOLERANCE = 1e-6
-"""By which the length of a unit vector may be off."""
+"""Largest error of the length of a unit vector."""
 
 
 def _check_unit_vector(value: list[float]) -> list[float]:
@@ -36,21 +36,22 @@ def _check_unit_vector(value: list[float]) -> list[float]:
 
 Direction = Annotated[Place, AfterValidator(_check_unit_vector)]
 """Unit vector along x, y, z."""
-CLOSES_GAP, OPENS_GAP = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
-"""Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
+CLOSES_GAP = [-1.0, 0.0, 0.0]
+OPENS_GAP = [1.0, 0.0, 0.0]
+"""Directions of pull along x; the gap of the first magnet increases with x."""
 
 
 class SolidTable(Table):
-    """``magnet.solid``: what of the iron is no stack of sheets. A fit finds what is left out."""
+    """``magnet.solid``: solid part of the core; omitted keys are fitted."""
 
     depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # from the surface to the middle
     conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
-    # length of the flux path in it; none: all of iron_length_m, or what the loops say
+    # length of the flux path in it; None: iron_length_m, or fitted to the loops
     path_m: Annotated[float, Field(ge=1e-6)] | None = None
-    volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
+    volumes: Annotated[int, Field(ge=8, le=16)] = 12  # number of volumes across the depth
 
     def make_solid_iron(self, iron_length: float) -> SolidIron | None:
-        """Return it in a path of so many metres, once it is known."""
+        """Return the solid part for an iron length, m; None if the conductivity is unknown."""
         if self.conductivity_S_per_m is None:
             return None
         length = iron_length if self.path_m is None else self.path_m
@@ -58,12 +59,12 @@ class SolidTable(Table):
 
 
 LAW_KIND = "law"
-"""Kind of a magnet whose force an identified law makes."""
+"""Kind of a magnet whose force an identified law determines."""
 
 
 def _check_kind(kind: str) -> str:
-    if why := ACTUATORS.explain_unusable(kind):
-        raise InputError(why, code="not-installed")
+    if reason := ACTUATORS.explain_unusable(kind):
+        raise InputError(reason, code="not-installed")
     if kind not in (LAW_KIND, *ACTUATORS):
         names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW_KIND))
         raise InputError(f"must be one of {names}; correct it", code="unknown-choice")
@@ -71,14 +72,14 @@ def _check_kind(kind: str) -> str:
 
 
 class MagnetTable(Table):
-    """Winding, poles and iron of one magnet. What a fit finds or guesses may be left out."""
+    """Winding, poles and iron of one magnet; keys that a fit determines may be omitted."""
 
     name: Name
     kind: Annotated[str, AfterValidator(_check_kind)] = "electromagnet"
     iron: str | None = None  # name of an iron, or "from loops"
     direction: Direction = CLOSES_GAP
-    position_m: Place = ORIGIN  # of the middle of its poles, on the body
-    gap_m: Positive | None = None  # where the body works
+    position_m: Place = ORIGIN  # position of the centre of the poles on the body
+    gap_m: Positive | None = None  # operating gap
     turns: Annotated[int, Field(ge=1)] | None = None
     resistance_ohm: Positive | None = None
     pole_width_m: Positive | None = None
@@ -88,7 +89,7 @@ class MagnetTable(Table):
     joints_m: NotNegative | None = None
     eddy_time_s: NotNegative = 0.0
     solid: SolidTable | None = None
-    numbers: dict[str, Positive] = Field(default_factory=dict)  # of its kind
+    numbers: dict[str, Positive] = Field(default_factory=dict)  # parameters of a plug-in kind
     model: str | None = None
     flux_table: str | None = None
 
@@ -107,12 +108,12 @@ class MagnetTable(Table):
             raise InputError(
                 'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
-        known = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
-        for key in sorted(known.keys() - self.numbers):
-            text = f"needs numbers.{key}, {known[key]}; add it"
+        parameters = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
+        for key in sorted(parameters.keys() - self.numbers):
+            text = f"needs numbers.{key}, {parameters[key]}; add it"
             raise InputError(text, code="missing")
-        for key in sorted(self.numbers.keys() - known):
-            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
+        for key in sorted(self.numbers.keys() - parameters):
+            text = f'numbers.{key} is unknown for kind "{self.kind}"; remove it'
             raise InputError(text, code="not-for-this-kind")
         if self.has_iron_from_loops:
             return self
@@ -127,23 +128,25 @@ class MagnetTable(Table):
         if self.solid_iron is not None and self.solid_iron.length > (self.iron_length_m or 0.0):
             raise InputError("solid.path_m is longer than iron_length_m; lower it", code="too-long")
         if not self._has_circuit():
-            text = f'numbers make no circuit of a magnet of kind "{self.kind}"; correct them'
+            text = f'numbers give no valid circuit for kind "{self.kind}"; correct them'
             raise InputError(text, code="no-circuit")
         return self
 
     def _has_circuit(self) -> bool:
-        """Whether its kind makes a circuit of its numbers, with a bias where it goes both ways."""
+        """Whether the parameters make a valid circuit, with a bias if it is bidirectional."""
         try:
             poles = self.poles
         except ArithmeticError:
             return False
         if poles.outer is None:
             return not self.is_bidirectional
-        late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
-        known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
+        time_constant = (
+            poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
+        )
+        is_finite = math.isfinite(poles.bias) and math.isfinite(poles.spring)
         return (
-            known
-            and 0.0 < late <= MAX_TIME_CONSTANT_S
+            is_finite
+            and 0.0 < time_constant <= MAX_TIME_CONSTANT_S
             and self.is_bidirectional == (poles.bias != 0.0)
         )
 
@@ -154,31 +157,31 @@ class MagnetTable(Table):
 
     @property
     def is_bidirectional(self) -> bool:
-        """Whether it pushes as well as it pulls."""
+        """Whether the magnet pushes as well as pulls."""
         return not output_map(QUANTITIES[self.output]).is_even
 
     @property
     def has_iron_from_loops(self) -> bool:
-        """Whether the loops still have to say what is left out."""
+        """Whether omitted keys are fitted to the loops."""
         return self.iron == FROM_LOOPS
 
     @property
     def solid_iron(self) -> SolidIron | None:
-        """What of the iron is solid, once it is known."""
+        """Solid part of the core; None if there is none or it is not yet fitted."""
         if self.solid is None or self.iron_length_m is None:
             return None
         return self.solid.make_solid_iron(self.iron_length_m)
 
     @property
     def poles(self) -> Poles:
-        """Winding and poles, once they are known."""
+        """Winding and poles; requires that all parameters are given or fitted."""
         numbers = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
         poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
         return poles if self.kind == LAW_KIND else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
 MAX_TIME_CONSTANT_S = 1e3
-"""Inductance over resistance of a winding, beyond which nothing moves."""
+"""Largest inductance over resistance of a winding, s; a slower winding could not be simulated."""
 POLE_KEYS = {
     "turns": "turns",
     "resistance": "resistance_ohm",
@@ -188,11 +191,11 @@ POLE_KEYS = {
     "iron_length": "iron_length_m",
     "joints": "joints_m",
 }
-"""Keys of the numbers of winding and poles."""
+"""Keys of the rig file for the fields of :class:`Poles`."""
 
 
 class LikeTable(Table):
-    """A magnet that is built as another one, in another place."""
+    """A copy of another magnet at another position."""
 
     name: Name
     like: Name
@@ -202,7 +205,7 @@ class LikeTable(Table):
 
 
 class SolenoidTable(Table):
-    """A solenoid, which a file of its own describes."""
+    """A solenoid that is described in its own file."""
 
     name: Name
     kind: Literal["solenoid"]
@@ -210,7 +213,7 @@ class SolenoidTable(Table):
 
 
 def _table_tag(value: Any) -> str:
-    """Return which of the tables a magnet is."""
+    """Return the type of a magnet's table."""
     if isinstance(value, Table):
         return f"{BRANCH_PREFIX}{_TAGS[type(value)]}"
     if not isinstance(value, dict) or value.get("kind") != "solenoid":

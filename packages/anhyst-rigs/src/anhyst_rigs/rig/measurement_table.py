@@ -1,4 +1,7 @@
-"""How loops are measured, read and identified: ``[loops]``, ``[measurement]``, ``[excite]``."""
+"""Define ``[loops]``, ``[measurement]`` and ``[excite]`` of a rig file, and read its loops.
+
+The module also identifies models from these loops, and measures how well their minor loops close.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from anhyst.data import Loops
+from anhyst.data.input_files import list_input_files
 from anhyst.data.output_map import is_actuator
-from anhyst.data.reading import list_input_files
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_options
@@ -31,7 +34,7 @@ from anhyst_rigs.rig.minor_loops import find_closings
 
 
 RelativeCurrent = Annotated[float, Field(ge=-1.0, le=1.0)]
-"""Of the largest current; below zero for what goes both ways."""
+"""Current relative to the largest one; negative only for bidirectional currents."""
 
 
 def _check_file_list(value: Any) -> Any:
@@ -43,20 +46,20 @@ def _check_file_list(value: Any) -> Any:
 
 
 class LoopsTable(IdentifyTable):
-    """``[loops]``: files as the command line takes them, and how they are read and identified."""
+    """``[loops]``: files with measured loops, and options of the reader and the identification."""
 
     files: Annotated[list[str], BeforeValidator(_check_file_list), Field(min_length=1)]
 
 
 class RecordTable(Table):
-    """One of ``measurement.records``: straight from turning point to turning point."""
+    """An entry of ``measurement.records``: linear sweeps between reversals."""
 
     name: Name
     turns: Annotated[list[RelativeCurrent], Field(min_length=2)]
 
 
 class MeasurementTable(Table):
-    """``[measurement]``: how the loops are measured, with armature held."""
+    """``[measurement]``: measurement of loops with a held armature."""
 
     gaps_m: Annotated[list[Positive], Field(min_length=1)]
     current_max_A: Positive
@@ -67,12 +70,13 @@ class MeasurementTable(Table):
     records: Annotated[list[RecordTable], Field(min_length=1)]
 
 
-MIN_CYCLE_S, MAX_CYCLE_S = 1e-5, 600.0
-"""Of a full cycle at a further speed."""
+MIN_CYCLE_S = 1e-5
+MAX_CYCLE_S = 600.0
+"""Limits of the duration of a full cycle at a fast rate."""
 
 
 class CampaignTable(MeasurementTable):
-    """``[measurement]`` of a rig file: the same, and at which speeds full cycles run besides."""
+    """``[measurement]`` of a rig file, with additional full cycles at faster rates."""
 
     fast_A_per_s: list[Positive] = Field(default_factory=list)
 
@@ -83,18 +87,18 @@ class CampaignTable(MeasurementTable):
             if not MIN_CYCLE_S <= seconds <= MAX_CYCLE_S:
                 raise InputError(
                     f"fast_A_per_s: a full cycle at {speed:g} A/s takes {seconds:.3g} s; "
-                    f"{MIN_CYCLE_S:g} to {MAX_CYCLE_S:g} s are measured",
+                    f"{MIN_CYCLE_S:g} to {MAX_CYCLE_S:g} s are possible",
                     code="speed-out-of-range",
                 )
         if len({f"{speed:.4g}" for speed in self.fast_A_per_s}) < len(self.fast_A_per_s):
             raise InputError(
-                "fast_A_per_s: a speed stands there twice; name each once", code="name-twice"
+                "fast_A_per_s: a speed occurs twice; give each once", code="name-twice"
             )
         return self
 
 
 class ExciteTable(Table):
-    """``[excite]``: what a drive that measures loops must keep to, and where it measures."""
+    """``[excite]``: gaps and limits of a drive that measures loops."""
 
     gaps_m: Annotated[list[Positive], Field(min_length=1)] | None = None
     operating_N: Positive | None = None
@@ -117,11 +121,11 @@ _FILES_KEY = ("loops", "files")
 
 @dataclass(frozen=True, slots=True)
 class MeasuredLoops:
-    """Measured loops as a rig file names them."""
+    """Measured loops as named by a rig file."""
 
     rig: Path  # the rig file
-    options: LoopsTable  # what it says of them
-    output: str = "force"  # quantity that its magnets make
+    options: LoopsTable  # options from the rig file
+    output: str = "force"  # output quantity of its magnets
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -130,13 +134,13 @@ class MeasuredLoops:
 
     @property
     def description(self) -> str:
-        """For messages: the first one, and how many more there are."""
-        more = f" and {len(self.paths) - 1} more" if len(self.paths) > 1 else ""
-        return f"{self.paths[0]}{more}"
+        """First path, and the number of further ones, for messages."""
+        further_text = f" and {len(self.paths) - 1} more" if len(self.paths) > 1 else ""
+        return f"{self.paths[0]}{further_text}"
 
     @property
     def files(self) -> list[Path]:
-        """All that is read for them: tables in folders, and what describes them."""
+        """All files that are read: tables in folders, and files that describe them."""
         for number, path in enumerate(self.paths):
             if not path.exists():
                 key = (*_FILES_KEY, number) if len(self.paths) > 1 else _FILES_KEY
@@ -150,7 +154,7 @@ class MeasuredLoops:
             ) from error
 
     def read(self) -> Loops:
-        """Read and clean them."""
+        """Read and clean the loops."""
         if not self.files:
             raise InputError(f"{self.description}: no loops", code="no-loops")
         loops = self.options.read_options(self.rig.parent).read(self.paths)
@@ -162,9 +166,9 @@ class MeasuredLoops:
 
 
 def identify_faults(options: IdentifyTable) -> list[FileFault]:
-    """Find what a rig file wants of its identification and cannot have."""
+    """Find options of the identification that a rig file cannot have."""
     if options.gap_map == "free":
-        text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
+        text = "'free' is valid only at the measured gaps, but the armature moves; choose another"
         return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
     try:
         check_options(options.law, options.gap_map or "circuit", options.search)
@@ -176,34 +180,37 @@ def identify_faults(options: IdentifyTable) -> list[FileFault]:
 def identify_loops(
     loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
 ) -> Model:
-    """Identify a model as a rig file wants it; once of the same loops."""
+    """Identify a model with the options of a rig file; results are cached."""
     settings = options.search_options(gap_map)
 
     def search() -> Model:
         return require_complete(identify(loops, **settings, progress=progress)).model
 
-    # What else is registered has sources that the cache does not know.
+    # Registered plug-in laws have sources that the cache key does not cover.
     return search() if LAWS.plugins else cached_result("models", search, loops, settings)
 
 
 _MIN_RELATIVE_ERROR = 2e-4
-"""Of the largest output: loops are not known to close better, however little noise they have."""
+"""Smallest assumed error of a misclosure, relative to the largest output, also for less noise."""
 
 
 def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
-    """Return what each model leaves of how small loops close, squared, in squares of its error.
+    """Return the squared misclosure error of each model, in units of its variance.
 
-    A row a closing, a column a model, about 1 where it is noise. The first must follow the loops.
+    Each closing gives a row and each model a column. A value near 1 is noise. The first model must
+    follow the loops.
     """
-    left: list[list[float]] = []
-    least = _MIN_RELATIVE_ERROR * largest_output(loops)
+    squared_errors: list[list[float]] = []
+    min_error = _MIN_RELATIVE_ERROR * largest_output(loops)
     for loop in loops.loops:
-        given = loop.input, loop.schedule, loop.time, loop.history
-        runs = [model.predict(*given).output for model in models]
+        inputs = loop.input, loop.schedule, loop.time, loop.history
+        runs = [model.predict(*inputs).output for model in models]
         for closing in find_closings(loop):
             if (measured := closing.measure_step(loop, runs[0])) is None:
                 continue
-            step, unsure = measured
-            off = [(step - closing.output_step(loop, run)) / max(unsure, least) for run in runs]
-            left.append([one**2 for one in off])
-    return np.array(left).reshape(-1, len(models))
+            step, sigma = measured
+            errors = [
+                (step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs
+            ]
+            squared_errors.append([error**2 for error in errors])
+    return np.array(squared_errors).reshape(-1, len(models))

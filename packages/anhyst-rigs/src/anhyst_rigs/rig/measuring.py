@@ -1,4 +1,4 @@
-"""Loops of a virtual magnet, measured with the rig's own sensors while the armature is held."""
+"""Measure loops of a virtual magnet with the sensors of its rig and a held armature."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 _STEP_COUNT_ROUNDING = 1e-6
-"""Of a step: so much more than a whole number of them is rounding."""
+"""Excess over a whole number of steps that counts as rounding."""
 
 
 HeldMagnet = Coil
-"""A magnet with the memory of its iron, held at currents and gaps or moved in time."""
+"""A magnet with hysteresis at given currents and gaps, quasi-static or in time."""
 Seed = int | list[int]
-"""Of noise."""
+"""Seed of noise."""
 
 
 class HeldRig(Protocol):
-    """A rig whose armature is held."""
+    """A rig with a held armature."""
 
     def magnet(self) -> HeldMagnet:
-        """Return what pulls, demagnetised."""
+        """Return the demagnetised magnet."""
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
 
 
 def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
-    """Go straight from turning point to turning point, in steps of at most this size."""
+    """Return a path with linear sweeps between reversals, in steps of at most `step`."""
     parts = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
@@ -51,19 +51,22 @@ def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
 
 
 def conditioning_path(campaign: MeasurementTable) -> list[float]:
-    """Return the turning points before every record, A: the largest current, and the least of all.
+    """Return the reversals before every record, A: largest current, then the lowest of all records.
 
-    That is zero where no record goes below.
+    The lowest one is zero if no record goes below zero.
     """
-    least = min(0.0, *(turn for record in campaign.records for turn in record.turns))
+    lowest_ratio = min(0.0, *(turn for record in campaign.records for turn in record.turns))
     high = campaign.current_max_A
-    return [high, least * high] * campaign.conditioning_cycles
+    return [high, lowest_ratio * high] * campaign.conditioning_cycles
 
 
 def measure_path(
     magnet: HeldMagnet, sensors: Sensors, gap: float, path: FloatArray, seconds: float = math.inf
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along currents, A, at a gap, m: slowly, or in so many seconds each."""
+    """Return the readings of current, A, and force, N, along a path of currents at a gap, m.
+
+    The path is quasi-static, or each step takes the given time, s.
+    """
     force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
     return sensors["current"].read(path), sensors["force"].read(force)
 
@@ -71,22 +74,25 @@ def measure_path(
 def measure_stack_displacement(
     rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed
 ) -> FloatArray:
-    """Return the displacements, m, that the sensor of a piezo stage reads, from long rest at 0 V."""
+    """Return the readings of a piezo stage, m, along voltages, V, after long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
-    read = rig.make_motion(sample).run(voltage) + noise
-    if not np.abs(read).max() < 1.0:
+    readings = rig.make_motion(sample).run(voltage) + noise
+    if not np.abs(readings).max() < 1.0:
         raise InputError(
-            f"{rig.path}: stack[1]: stretches beyond 1 m where its loops are measured; correct its "
-            "numbers",
+            f"{rig.path}: stack[1]: extends beyond 1 m in the measurement of its loops; correct "
+            "its parameters",
             code="stack-leaves-all-bounds",
             key="stack[1]",
         )
-    return np.asarray(np.round(read / sensor.step_m) * sensor.step_m if sensor.step_m else read)
+    return np.asarray(
+        np.round(readings / sensor.step_m) * sensor.step_m if sensor.step_m else readings
+    )
 
 
-SAMPLES_PER_FAST_CYCLE, FAST_CYCLES = 200, 2
-"""Of a fast cycle, and how many of them are recorded."""
+SAMPLES_PER_FAST_CYCLE = 200
+FAST_CYCLES = 2
+"""Number of recorded cycles at each fast rate."""
 
 
 def measure_at_gap(
@@ -98,16 +104,21 @@ def measure_at_gap(
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps.
 
-    With speeds, A/s, all of them in time, and full cycles at each of these besides.
+    With `fast_rates`, A/s, all records are measured in time, and full cycles at each rate are
+    added.
     """
-    gap, past, high = campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A
-    pace, sample_s = campaign.sweep_A_per_s, campaign.sample_s
+    gap, conditioning, high = (
+        campaign.gaps_m[index],
+        conditioning_path(campaign),
+        campaign.current_max_A,
+    )
+    sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s
     runs = [
-        (record.name, [high * turn for turn in record.turns], pace, sample_s)
+        (record.name, [high * turn for turn in record.turns], sweep_rate, sample_s)
         for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
+    rounded, exact = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     runs += [
         (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * SAMPLES_PER_FAST_CYCLE))
         for speed in fast_rates
@@ -115,48 +126,48 @@ def measure_at_gap(
     loops = []
     for number, (name, turns, speed, sample) in enumerate(runs):
         specimen = held.magnet() if magnet is None else magnet
-        for turn in past:
+        for turn in conditioning:
             specimen.hold(turn, gap)
         path, sensors = sweep_path(turns, speed * sample), held.sensors([index, number], sample)
         current, force = measure_path(
             specimen, sensors, gap, path, sample if fast_rates else math.inf
         )
         loop = Loop(
-            label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
+            label=f"{rounded if float(rounded) == float(exact) else exact}mm-{name}",
             input=current,
             output=force,
             schedule=np.full(path.size, gap),
             time=np.arange(path.size, dtype=np.float64) * sample if fast_rates else None,
-            history=History("conditioned", (0.0, *past)),
+            history=History("conditioned", (0.0, *conditioning)),
         )
         loops.append(loop)
     return loops
 
 
 class HeldBearing:
-    """A bearing whose armature is held; of a pair, the magnet that closes the gap pulls alone."""
+    """A bearing with a held armature; only the magnet that closes the gap is driven."""
 
     def __init__(self, rig: BodyRig) -> None:
         self._rig = rig
 
     def magnet(self) -> Coil:
-        """Return what pulls, demagnetised."""
+        """Return the demagnetised magnet."""
         return Coil(self._rig.magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
-        own = [settings.seed, *seed]
-        shunt = current.plant_parameters(sample) | {"share": 1.0}  # slow loops pass it as they are
+        own_seed = [settings.seed, *seed]
+        shunt = current.plant_parameters(sample) | {"share": 1.0}  # no low-pass for slow loops
         return {
-            "current": NoisySensor(shunt, [*own, 0]),
-            "force": NoisySensor(force.plant_parameters(sample), [*own, 1]),
+            "current": NoisySensor(shunt, [*own_seed, 0]),
+            "force": NoisySensor(force.plant_parameters(sample), [*own_seed, 1]),
         }
 
 
 def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
-    """Return the text of each file of loops of force and current, by name; notes stand on top."""
+    """Return the texts of the files of measured loops by name, with notes at the top."""
     timed = loops.loops[0].time is not None
     rows = []
     for loop in loops.loops:
@@ -175,16 +186,16 @@ def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
 
 
 def measure_loops(rig: BodyRig) -> Loops:
-    """Measure what ``[measurement]`` of the rig file asks for.
+    """Measure the loops of ``[measurement]`` of the rig file.
 
-    Before every record the current goes to its maximum and back, as often as the file says; sensors
-    read one sample at a time, quasi-statically, or in time where fast cycles are asked for too.
+    The conditioning cycles precede every record. The loops are quasi-static, or measured in time if
+    the file has fast cycles.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
     fast = campaign.fast_A_per_s
     loops = [
-        loop for one in places for loop in measure_at_gap(held, campaign, one, fast_rates=fast)
+        loop for place in places for loop in measure_at_gap(held, campaign, place, fast_rates=fast)
     ]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

@@ -1,7 +1,7 @@
-"""A piezo stage from its rig file, its controller, and the path that both follow.
+"""Describe a piezo stage, its controller, and the path that both follow.
 
-The reference goes through the feedforward at once, and an integrator behind a notch filter at the
-resonance corrects what is left.
+The feedforward converts the reference to a voltage. An integrator with a notch filter at the
+resonance corrects the remaining error.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.recording import Loss, SignalBound, find_loss
 
 MAX_INTEGRATION_STEP_S = 25e-6
-"""Longest step of the integration, s: a fortieth of the period of 1 kHz."""
+"""Longest integration step, s: a fortieth of the period of 1 kHz."""
 NOISE_SEED = 20261125
-"""Of the noise of the sensor."""
+"""Seed of the sensor noise."""
 
 
 class PiezoControllerArguments(TypedDict):
-    """A controller of a piezo stage as the core takes it."""
+    """Arguments of the core for the controller of a piezo stage."""
 
-    filters: list[FloatArray]  # of the deviation
+    filters: list[FloatArray]  # of the control error
     pid: FloatArray
     settings: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class PiezoRig:
-    """A piezo stage as its file describes it."""
+    """A piezo stage as described by its rig file."""
 
     path: Path
     settings: RigFile
 
     def plant_parameters(self, dt: float) -> dict[str, float]:
-        """Return it as the core takes it, for ticks of a length, s, on which a command is held."""
+        """Return the core's parameters for ticks of a duration, s, with a held command."""
         stack, flexure = self.settings.stack, self.settings.flexure
         steps = integration_steps(self.settings, dt)
         return {
@@ -65,7 +65,7 @@ class PiezoRig:
         }
 
     def make_motion(self, dt: float) -> PiezoMotion:
-        """Return it for ticks of a length, s."""
+        """Return the plant for ticks of a duration, s."""
         times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
         return PiezoMotion(self.plant_parameters(dt), np.array(times), np.array(shares))
 
@@ -76,32 +76,32 @@ class PiezoRig:
 
     @property
     def corner_ticks(self) -> int:
-        """Ticks over which corners of the path are rounded."""
+        """Number of ticks over which the corners of the path are rounded."""
         return max(
             1, round(self.settings.displacement_case.corner_s * self.settings.timing.rate_Hz)
         )
 
     @property
     def response_delay(self) -> float:
-        """What the stage answers later, s: known, and the same whatever makes the voltage.
+        """Known delay of the stage's response, s, independent of the compensation.
 
-        One sample of delay and half a one of hold, the amplifier, and the slope of the phase below
-        the resonance.
+        It is the sum of one tick of delay, half a tick of hold, the time constant of the amplifier,
+        and the phase slope of the resonance at low frequency.
         """
         flexure = self.settings.flexure
-        rounded = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
-        late = self.settings.stack_amplifier.time_constant_s
-        return 1.5 / self.settings.timing.rate_Hz + late + rounded
+        resonance_delay = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
+        amplifier_delay = self.settings.stack_amplifier.time_constant_s
+        return 1.5 / self.settings.timing.rate_Hz + amplifier_delay + resonance_delay
 
     def make_loop(self, plant: PiezoRig, drive: ForceController) -> PiezoLoop:
-        """Return a stage at long rest at 0 V behind the controller of this one."""
+        """Return a plant after a long rest at 0 V with the controller of this rig."""
         loop = PiezoLoop(plant.make_motion(self.dt), self.settings.position_sensor.step_m)
         loop.control(drive.native, **controller_arguments(self, drive))
         return loop
 
 
 def integration_steps(file: RigFile, seconds: float) -> int:
-    """Return the steps in which a stage is integrated: 40 a period of its resonance, or more."""
+    """Return the number of integration steps in a time, s: at least 40 per resonance period."""
     return max(
         1,
         math.ceil(seconds / min(MAX_INTEGRATION_STEP_S, 1.0 / (40.0 * file.flexure.resonance_Hz))),
@@ -117,15 +117,15 @@ def read_piezo_rig(path: PathLike) -> PiezoRig:
 
 
 def copy_at_rest(inverse: ForceController) -> ForceController:
-    """Return another of the same parameters, for a stack that is at 0 V for long."""
-    fresh = inverse.reset_copy()
-    if fresh.format == "fixed":
-        fresh.native.commit(0, 0)
-    return fresh
+    """Return a reset inverse with the same parameters, for a stack after long rest at 0 V."""
+    copy = inverse.reset_copy()
+    if copy.format == "fixed":
+        copy.native.commit(0, 0)
+    return copy
 
 
 def notch_parameters(file: RigFile) -> dict[str, float]:
-    """Return frequency, damping and width of the notch filter: those of the resonance if left out."""
+    """Return frequency, damping and width of the notch, by default for the resonance."""
     control, flexure = file.displacement, file.flexure
     return {
         "notch_Hz": control.notch_Hz or flexure.resonance_Hz,
@@ -135,12 +135,12 @@ def notch_parameters(file: RigFile) -> dict[str, float]:
 
 
 def make_notch(file: RigFile) -> FloatArray:
-    """Return the notch filter in the feedback."""
+    """Return the notch filter of the feedback."""
     rate, (frequency, damping, width) = file.timing.rate_Hz, notch_parameters(file).values()
     if frequency >= 0.5 * rate:
         raise InputError(
-            f"timing.rate_Hz: {rate:g} ticks a second are too few for a notch filter at "
-            f"{frequency:g} Hz, the resonance; give more than twice as many",
+            f"timing.rate_Hz: {rate:g} Hz is too low for a notch filter at "
+            f"{frequency:g} Hz; choose more than twice this frequency",
             code="rate-too-low",
             key="timing.rate_Hz",
         )
@@ -148,7 +148,7 @@ def make_notch(file: RigFile) -> FloatArray:
 
 
 def controller_arguments(rig: PiezoRig, inverse: ForceController) -> PiezoControllerArguments:
-    """Return the controller of a stage behind what makes voltages of displacements."""
+    """Return the controller of a stage with an inverse from displacement to voltage."""
     settings, coded = rig.settings, inverse.format == "fixed"
     bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
     return {
@@ -168,31 +168,32 @@ def controller_arguments(rig: PiezoRig, inverse: ForceController) -> PiezoContro
 
 
 def triangle_wave(phase: FloatArray) -> FloatArray:
-    """Return what a triangle is at its phase, in periods: 0 at whole ones, 1 in between."""
+    """Return a triangle at some phases, in periods: 0 at integers, 1 halfway between."""
     wave: FloatArray = 1.0 - np.abs(1.0 - 2.0 * (phase % 1.0))
     return wave
 
 
 def round_corners(path: FloatArray, width: int) -> FloatArray:
-    """Return a path with its corners rounded over so many ticks, all but the first of which it has.
+    """Return a path with corners rounded over `width` ticks, without its first `width` ticks.
 
-    Twice the mean over half of it: what the resonance answers to is gone at whole periods.
+    The path passes twice through a moving average over half this width, which removes oscillations
+    with a whole number of periods in it.
     """
-    half = np.ones(max(1, width // 2)) / max(1, width // 2)
-    return np.asarray(np.convolve(np.convolve(path, half), half)[width : len(path)])
+    kernel = np.ones(max(1, width // 2)) / max(1, width // 2)
+    return np.asarray(np.convolve(np.convolve(path, kernel), kernel)[width : len(path)])
 
 
 def find_piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:
-    """Return where the loop was lost, by the deviation and by what the feedback asks for, m."""
+    """Return the first tick at which the error or the feedback, m, exceeds the stroke."""
     stroke = rig.settings.displacement_case.stroke_m
     bounds = (
-        SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
-        SignalBound("the feedback asked for more than the stroke", correction, -stroke, stroke),
+        SignalBound("the error reached the whole stroke", error, -stroke, stroke),
+        SignalBound("the feedback demanded more than the stroke", correction, -stroke, stroke),
     )
     return find_loss(bounds, planned=error.size)
 
 
 def files_of_piezo(path: PathLike, controller: PathLike | None) -> list[Path]:
-    """Return the rig file, which names no other."""
+    """Return the rig file, which names no other file."""
     del controller
     return [Path(path)]

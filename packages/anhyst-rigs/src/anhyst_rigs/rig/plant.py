@@ -1,4 +1,4 @@
-"""From the rig file to the plant: what :mod:`anhyst._core` steps."""
+"""Compute the parameters of the core's plant from a rig file."""
 
 from __future__ import annotations
 
@@ -14,45 +14,47 @@ from anhyst.support.numeric import first_order_share
 from anhyst_rigs.rig.body import BodyRig
 
 STOP_RESONANCE_HZ = 1600.0
-"""Of the mass on an end stop, Hz; half of critical damping while it touches."""
+"""Resonance of the mass on an end stop, Hz; the damping ratio during contact is 0.5."""
 
 INTEGRAL_CORNER_RATIO = 0.1
-"""Corner of the integral of a current controller, as a part of its bandwidth."""
+"""Corner frequency of a current controller's integral, relative to its bandwidth."""
 
 CROSSOVER_DELAY_PHASE_RAD = 0.4
-"""Of a current controller that computes, times its delay, rad."""
+"""Largest crossover of a digital current controller times its delay, rad."""
 
-ON_FRAME, ON_BODY, ON_GROUND = range(3)
+ON_FRAME = 0
+ON_BODY = 1
+ON_GROUND = 2
 """What a head is fixed to: ``anhyst_plant_base``."""
 
 
 def make_plant(
     rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParameters | None = None
 ) -> Plant:
-    """Return the plant of a rig, at rest on the stop of the largest gap; its numbers may be others.
+    """Return the plant of a rig, at rest on the stop of the largest gap.
 
-    Where fewer magnets are given than it has, all others are like the first.
+    The parameters default to those of the rig. Magnets that are not given equal the first one.
     """
-    own = magnets or (rig.magnet,)
+    given_magnets = magnets or (rig.magnet,)
     parameters = parameters or plant_parameters(rig)
     return Plant(
         parameters.body,
         parameters.actuators,
         parameters.heads,
         parameters.load,
-        (*own, *(own[0] for _ in parameters.actuators[len(own) :])),
+        (*given_magnets, *(given_magnets[0] for _ in parameters.actuators[len(given_magnets) :])),
         noise_seed(rig, seed),
     )
 
 
 def noise_seed(rig: BodyRig, seed: int) -> int:
-    """Return what the noise of all sensors begins with: the seed of the file, and of a run."""
+    """Return the seed of all sensor noise, from the seeds of the file and of a run."""
     return (rig.settings.seed << 32) + seed
 
 
 @dataclass(frozen=True, slots=True)
 class PlantParameters:
-    """All of a plant but its irons, by the names of ``plant/include/anhyst_plant/body.h``."""
+    """Parameters of a plant except its irons, by the names of ``anhyst_plant/body.h``."""
 
     body: dict[str, Any]
     actuators: list[dict[str, Any]]
@@ -61,7 +63,7 @@ class PlantParameters:
 
 
 def plant_parameters(rig: BodyRig) -> PlantParameters:
-    """Return the numbers of a plant: heads are the gap sensors and then the position sensors."""
+    """Return the parameters of a plant; its heads are gap sensors, then position sensors."""
     file, sensors, lines = rig.settings, _sensors(rig), rig.lines_of_action
     actuators = [
         {
@@ -96,25 +98,25 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
 
 
 def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
-    """Return the coordinates in which a body is free, with their end stops."""
+    """Return the free coordinates of a body with their end stops."""
     body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE_HZ
-    moved = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
+    inertias = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
     return [
         {
-            "axis": one.axis,
-            "rest": one.rest,
-            "damping": body.damping_N_s_per_m if one.axis < 3 else 0.0,
-            "stop_low": one.low,
-            "stop_high": one.high,
-            "stop_stiffness": moved[one.axis] * (omega * omega),
-            "stop_damping": moved[one.axis] * omega,
+            "axis": coordinate.axis,
+            "rest": coordinate.rest,
+            "damping": body.damping_N_s_per_m if coordinate.axis < 3 else 0.0,
+            "stop_low": coordinate.low,
+            "stop_high": coordinate.high,
+            "stop_stiffness": inertias[coordinate.axis] * (omega * omega),
+            "stop_damping": inertias[coordinate.axis] * omega,
         }
-        for one in rig.lines_of_action.coordinates
+        for coordinate in rig.lines_of_action.coordinates
     ]
 
 
 def current_controllers(rig: BodyRig) -> list[dict[str, float]]:
-    """Return the digital current controllers that stand before amplifiers of voltage."""
+    """Return the parameters of the digital current controllers of voltage amplifiers."""
     gain, reset = current_controller_gains(rig)
     loop = {
         "resistance": rig.settings.magnet.poles.resistance,
@@ -126,23 +128,23 @@ def current_controllers(rig: BodyRig) -> list[dict[str, float]]:
 
 
 def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
-    """Return gain, V/A, and integral, V/(A s), of the current controller.
+    """Return the gains of the current controller: proportional, V/A, and integral, V/(A s).
 
-    An analogue one has the bandwidth of the amplifier. A digital one, before an amplifier of
-    voltage, is no faster than its delay allows.
+    An analogue controller has the bandwidth of the amplifier. The bandwidth of a digital one, for a
+    voltage amplifier, is also limited by its delay.
     """
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
     if settings.amplifier.mode == "voltage":
-        late = rig.loop_delay + settings.amplifier.delay_s
-        omega = min(omega, CROSSOVER_DELAY_PHASE_RAD / late)
+        delay = rig.loop_delay + settings.amplifier.delay_s
+        omega = min(omega, CROSSOVER_DELAY_PHASE_RAD / delay)
     gain = omega * settings.magnet.poles.inductance(settings.gap_m)
     return gain, INTEGRAL_CORNER_RATIO * omega * gain
 
 
 def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
-    late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
+    delay_substeps = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
     return {
         "coordinate": _coordinates(rig),
         "mass": body.mass_kg,
@@ -158,20 +160,20 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
         },
         "tick": rig.dt,
         "substeps": timing.substeps,
-        "delay": round(late),
+        "delay": round(delay_substeps),
     }
 
 
 def _amplifier(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_controller_gains(rig)
-    by_current = amplifier.mode == "current"
-    low = amplifier.current_low_A if by_current else -amplifier.supply
-    high = amplifier.current_high_A if by_current else amplifier.supply
+    is_current_source = amplifier.mode == "current"
+    low = amplifier.current_low_A if is_current_source else -amplifier.supply
+    high = amplifier.current_high_A if is_current_source else amplifier.supply
     return {
         "limit": amplifier.supply,
-        "gain": gain if by_current else 0.0,
-        "reset": reset if by_current else 0.0,
+        "gain": gain if is_current_source else 0.0,
+        "reset": reset if is_current_source else 0.0,
         "low": low,
         "high": high,
         "step": (high - low) / ((1 << amplifier.dac_bits) - 1),
@@ -206,18 +208,18 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
 
 
 def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
-    """Sensor without converter, lag and errors of gain or zero."""
+    """Return a sensor without converter, lag, gain error and offset."""
     low, high = ends
-    rest = {
+    constants = {
         "gain": 1.0,
         "share": first_order_share(math.inf),
         "step": 0.0,
         "offset": 0.0,
         "delay": 0,
     }
-    return {"low": low, "high": high, "noise": noise, **rest}
+    return {"low": low, "high": high, "noise": noise, **constants}
 
 
 def _low_pass_share(bandwidth: float, seconds: float) -> float:
-    """Share of a step that a low-pass of first order passes in so many seconds."""
+    """Return the share of a step that a first-order low-pass passes within a time, s."""
     return first_order_share(2.0 * math.pi * bandwidth * seconds)

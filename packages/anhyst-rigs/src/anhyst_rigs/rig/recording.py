@@ -1,4 +1,4 @@
-"""What was recorded of a run, whichever rig ran, and the measures that are taken of it."""
+"""Store the signals of a run, detect loss of control, and compute statistics of deviations."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Phase, State
 
 LOST_DEMAND_RATIO = 10.0
-"""Demand of a loop that was lost, in parts of the largest that the rig file states."""
+"""Demand relative to the rig file's largest, above which a loop counts as lost."""
 
 
 class SignalBound(NamedTuple):
-    """What a signal of a loop that holds stays within, and what it says when it does not."""
+    """Bounds of a signal in a controlled loop, and the reason that is given outside them."""
 
     reason: str
     values: FloatArray
@@ -29,7 +29,7 @@ class SignalBound(NamedTuple):
 
 
 class Loss(NamedTuple):
-    """Since which tick a loop was lost, and how that showed."""
+    """First tick without control, and the reason."""
 
     tick: int
     reason: str
@@ -39,7 +39,7 @@ CURRENT_SIGNALS = (("command", "A"), ("current", "A"))
 
 
 def column_name(signal: str, unit: str, number: int = 1) -> str:
-    """Return what a column is called: of the first magnet without a number, further ones with it."""
+    """Return the name of a column; the number of the first magnet is omitted."""
     return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
 
 
@@ -55,42 +55,43 @@ COLUMNS: tuple[str, ...] = (
     *("load_N", "command_A", "current_A", "current_read_A", "voltage_V", "flux_Wb"),
     *("flux_density_T", *magnet_columns(CURRENT_SIGNALS, 2, POSITION_MAGNETS), "state", "flags"),
 )
-"""Of a magnet's body, the unit in the name; described in docs/simulate.md. A single magnet leaves the
-columns of others at zero."""
+"""Columns of a bearing's recording, with units in their names; docs/simulate.md describes them.
+Columns of a second magnet are zero if there is none."""
 
 
 def state_code(state: State, phase: Phase = Phase.REST) -> int:
-    """Return what the column ``state`` says of a state and a phase of the controller."""
+    """Return the value of the column ``state`` for a state and a phase of the controller."""
     return 16 * state + phase
 
 
-READY_CODE, RUN_CODE, FAULT_CODE = (
-    state_code(state) for state in (State.READY, State.RUN, State.FAULT)
-)
-"""The least that the column says in each of these states; the phase comes on top."""
+READY_CODE = state_code(State.READY)
+RUN_CODE = state_code(State.RUN)
+FAULT_CODE = state_code(State.FAULT)
+"""Smallest value of the column ``state`` in each state; the phase is added."""
 
-BREAKAWAY_CODE, RISE_CODE, HOVER_CODE, DESCEND_CODE, SET_DOWN_CODE = (
-    state_code(State.RUN, phase)
-    for phase in (Phase.BREAKAWAY, Phase.RISE, Phase.HOVER, Phase.DESCEND, Phase.SET_DOWN)
-)
-"""On its rest while the force rises; under control on its way, there, and down; let go."""
+BREAKAWAY_CODE = state_code(State.RUN, Phase.BREAKAWAY)
+RISE_CODE = state_code(State.RUN, Phase.RISE)
+HOVER_CODE = state_code(State.RUN, Phase.HOVER)
+DESCEND_CODE = state_code(State.RUN, Phase.DESCEND)
+SET_DOWN_CODE = state_code(State.RUN, Phase.SET_DOWN)
+"""Values of the column ``state`` in the phases of levitation."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Signals of one run, a value a tick."""
+    """Signals of a run, one value per tick."""
 
-    columns: Mapping[str, FloatArray]  # by header, such as ``gap_m``; the clock first
-    loss: Loss | None = None  # where the loop was lost, if that was looked for
+    columns: Mapping[str, FloatArray]  # by header, such as ``gap_m``; the time first
+    loss: Loss | None = None  # first loss of control, if it was checked
 
     @classmethod
     def from_table(cls, table: FloatArray, names: Iterable[str] = COLUMNS) -> Self:
-        """Take columns by their order, shape (ticks, columns)."""
+        """Create a recording from a table of shape (ticks, columns)."""
         return cls(dict(zip(names, table.T, strict=True)))
 
     @classmethod
     def concatenate(cls, parts: Sequence[Recording]) -> Self:
-        """Put recordings with the same columns behind each other."""
+        """Concatenate recordings with the same columns."""
         return cls.from_table(np.concatenate([part.table for part in parts]), parts[0].columns)
 
     def __getitem__(self, header: str) -> FloatArray:
@@ -101,7 +102,7 @@ class Recording:
 
     @property
     def table(self) -> FloatArray:
-        """All columns side by side, shape (ticks, columns)."""
+        """All columns, shape (ticks, columns)."""
         return np.column_stack(list(self.columns.values()))
 
     @property
@@ -112,55 +113,55 @@ class Recording:
 
     @property
     def loss_text(self) -> str:
-        """When the loop was lost, and how; empty where it held."""
+        """Time and reason of the loss of control; empty if there was none."""
         loss = self.loss
         return "" if loss is None else f"at {self.dt * loss.tick:.4f} s, {loss.reason}"
 
     def select_columns(self, names: Iterable[str]) -> Recording:
-        """Return some columns in an order; zeros for those that it does not have."""
+        """Return some columns in the given order; missing columns are zero."""
         none = np.zeros(len(self))
         return Recording({name: self.columns.get(name, none) for name in names})
 
     def slice_ticks(self, begin: int, end: int) -> Recording:
-        """Return the rows from one tick up to another."""
+        """Return the rows of ticks begin to end (exclusive)."""
         return Recording({name: values[begin:end] for name, values in self.columns.items()})
 
     def save(self, path: PathLike) -> Path:
-        """Write it in the format that the name says, whole or not at all."""
+        """Write the recording in the format of the file extension, completely or not at all."""
         check_recording(path)
         write_recording(path, self.columns)
         return Path(path)
 
 
 def peak_deviation(deviation: FloatArray) -> float:
-    """Return the largest size of a deviation."""
+    """Return the largest absolute value of a deviation."""
     return float(np.abs(deviation).max())
 
 
 def moving_statistics(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation over every window of so many ticks."""
+    """Return mean and standard deviation over all windows of a number of ticks."""
     sums = np.cumsum(np.concatenate([[0.0], deviation]))
-    squares = np.cumsum(np.concatenate([[0.0], deviation**2]))
+    squared_sums = np.cumsum(np.concatenate([[0.0], deviation**2]))
     mean = (sums[ticks:] - sums[:-ticks]) / ticks
-    square = (squares[ticks:] - squares[:-ticks]) / ticks
-    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+    mean_square = (squared_sums[ticks:] - squared_sums[:-ticks]) / ticks
+    return mean, np.sqrt(np.maximum(mean_square - mean**2, 0.0))
 
 
 def settling_tick(deviation: FloatArray, band: float) -> int:
-    """Return the tick from which on a deviation stays within a band; its length if it never does."""
-    outside = np.flatnonzero(np.abs(deviation) > band)
-    return int(outside[-1]) + 1 if outside.size else 0
+    """Return the tick after which a deviation stays within a band; its length if it never does."""
+    outside_ticks = np.flatnonzero(np.abs(deviation) > band)
+    return int(outside_ticks[-1]) + 1 if outside_ticks.size else 0
 
 
 def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
-    """Return where a loop of so many planned ticks was lost first; None where it held."""
+    """Return the first loss of control in a run of `planned` ticks; None if there is none."""
     losses = []
     for bound in bounds:
-        within = (bound.values > bound.low) & (bound.values < bound.high)  # NaN is nowhere
-        if not within.all():
-            tick = int(np.argmin(within))
+        is_within = (bound.values > bound.low) & (bound.values < bound.high)  # False for NaN
+        if not is_within.all():
+            tick = int(np.argmin(is_within))
             finite = np.isfinite(bound.values[tick])
             losses.append(Loss(tick, bound.reason if finite else "a value was not finite"))
-        if len(within) < planned:
-            losses.append(Loss(len(within), "the simulation lost all bounds"))
+        if len(is_within) < planned:
+            losses.append(Loss(len(is_within), "the simulation diverged"))
     return min(losses, key=lambda loss: loss.tick, default=None)

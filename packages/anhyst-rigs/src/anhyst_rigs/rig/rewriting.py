@@ -1,4 +1,4 @@
-"""Write a rig file again with some keys changed; comments stay next to their keys."""
+"""Rewrite a rig file with changed keys; comments stay next to their keys."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from anhyst_rigs.rig.file import RigFile
 
 
 def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any], note: str) -> None:
-    """Write a rig file with some keys changed and a note at its head.
+    """Write a rig file with changed keys, and a note as a comment at its top.
 
-    The paths in the file are adapted to the folder that the new file is in.
+    Relative paths are adapted to the folder of the new file.
     """
     check_writable(out, [source])
     file = TomlFile(source)
     text = file.text.splitlines()
-    last = {line: key for key, line in file.lines.items()}  # on a line with an inline table
-    notes = {key: split_comment(text[line - 1]) for line, key in last.items()}
+    last_keys = {line: key for key, line in file.lines.items()}  # last key of an inline table
+    notes = {key: split_comment(text[line - 1]) for line, key in last_keys.items()}
     head = [line for line in _head_comments(text) if line.startswith("#")]
     values = {**_relocated_paths(file, Path(source), Path(out)), **changes}
     for path, value in values.items():
@@ -33,16 +33,18 @@ def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any],
 
 
 def _relocated_paths(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
-    """Return the keys that name files, as seen from where a rig file goes."""
+    """Return the keys with file names, relative to the folder of the new file."""
 
     def seen(name: str) -> str:
         return relative_path(out.parent, source.parent / name)
 
     paths: dict[KeyPath, Any] = {}
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):
-        named = file.content.get(path[0], {}).get(path[1])
-        if named is not None:
-            paths[path] = [seen(one) for one in named] if isinstance(named, list) else seen(named)
+        names = file.content.get(path[0], {}).get(path[1])
+        if names is not None:
+            paths[path] = (
+                [seen(file_name) for file_name in names] if isinstance(names, list) else seen(names)
+            )
     return paths
 
 
@@ -75,14 +77,14 @@ def _table_lines(
 ) -> Iterator[str]:
     yield ""
     yield _with_note(title, notes.get(path, ("", ""))[1])
-    first = [key for key in ("name", "of", "kind", "mode") if key in table]
+    leading_keys = [key for key in ("name", "of", "kind", "mode") if key in table]
     listed = [key for key in table if (*path, key, 0) in notes]
-    for key in [*first, *(key for key in table if key not in (*first, *listed))]:
+    for key in [*leading_keys, *(key for key in table if key not in (*leading_keys, *listed))]:
         yield from _entry_lines((*path, key), table[key], notes)
     for key in listed:
         for number, row in enumerate(table[key]):
-            inner = f"[[{title.strip('[]')}.{key}]]"
-            yield from _table_lines(inner, (*path, key, number), row, notes)
+            inner_title = f"[[{title.strip('[]')}.{key}]]"
+            yield from _table_lines(inner_title, (*path, key, number), row, notes)
 
 
 def _entry_lines(
@@ -95,8 +97,8 @@ def _entry_lines(
         yield from (f"  {toml_value(row)}," for row in value)
         yield "]"
     else:
-        same = bool(before) and tomllib.loads(f"x = {before}")["x"] == value
-        yield _with_note(f"{key} = {before if same else toml_value(value)}", note)
+        is_unchanged = bool(before) and tomllib.loads(f"x = {before}")["x"] == value
+        yield _with_note(f"{key} = {before if is_unchanged else toml_value(value)}", note)
 
 
 def _with_note(text: str, note: str) -> str:
@@ -104,6 +106,6 @@ def _with_note(text: str, note: str) -> str:
 
 
 def _is_table(value: Any) -> bool:
-    """Whether a value is a table or a list of them."""
+    """Whether a value is a table or a list of tables."""
     rows = value if isinstance(value, list) else [value]
     return bool(rows) and all(isinstance(row, Mapping) for row in rows)

@@ -1,6 +1,6 @@
-"""``[[sensor]]`` of a rig file: what is read of the plant, by whom and how well.
+"""Define ``[[sensor]]`` of a rig file: measured quantity, range, noise and errors.
 
-Every reading passes bandwidth, delay, noise and converter, in this order.
+Every reading passes through bandwidth, delay, noise and converter, in this order.
 """
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -33,26 +33,26 @@ GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 
 
 class DigitisedSensorTable(Table):
-    """A sensor with a converter, which the plant computes."""
+    """A sensor with a converter that the plant simulates."""
 
     adc_bits: Bits | None = None
 
     def plant_parameters(self, seconds: float) -> dict[str, float]:
-        """Return the fields of ``anhyst_plant_sensor``, in steps of so many seconds.
+        """Return the fields of ``anhyst_plant_sensor`` for a time step, s.
 
-        A key of the file is that of the record, with its unit.
+        A key of the file is the name of the field with its unit.
         """
-        given = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
-        if (top := given.pop("range", None)) is not None:
-            given |= {"low": -top, "high": top}
-        if "step" not in given:
+        fields = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
+        if (limit := fields.pop("range", None)) is not None:
+            fields |= {"low": -limit, "high": limit}
+        if "step" not in fields:
             assert self.adc_bits is not None
-            given["step"] = (given["high"] - given["low"]) / ((1 << self.adc_bits) - 1)
-        low_pass, delay = 2.0 * math.pi * given.pop("bandwidth"), given.pop("delay", 0.0)
-        given["gain"] = 1.0 + given.get("gain", 0.0)
+            fields["step"] = (fields["high"] - fields["low"]) / ((1 << self.adc_bits) - 1)
+        low_pass, delay = 2.0 * math.pi * fields.pop("bandwidth"), fields.pop("delay", 0.0)
+        fields["gain"] = 1.0 + fields.get("gain", 0.0)
         return {
             "offset": 0.0,
-            **given,
+            **fields,
             "share": first_order_share(low_pass * seconds),
             "delay": round(delay / seconds),
         }
@@ -64,12 +64,12 @@ GAP_SENSOR_DEFAULTS: Mapping[str, Mapping[str, float]] = {
     "laser": {"step_m": 1.25e-9, "noise_m": 1e-9, "bandwidth_Hz": 50e3, "delay_s": 12.5e-6},
     "lvdt": {"adc_bits": 16, "noise_m": 50e-9, "bandwidth_Hz": 500.0, "delay_s": 0.0},
 }
-"""What each kind of sensor of the gap has where the file says nothing."""
+"""Defaults of each kind of gap sensor."""
 _RESOLUTION_KEYS = {"step_m", "adc_bits"}
 
 
 class GapSensorTable(DigitisedSensorTable):
-    """``of = "gap"``: what is left out, the kind of sensor says."""
+    """``of = "gap"``: its kind gives the defaults of omitted keys."""
 
     of: Literal["gap"]
     kind: Literal["encoder", "capacitive", "laser", "lvdt"]
@@ -87,23 +87,23 @@ class GapSensorTable(DigitisedSensorTable):
         check_order("low_m", self.low_m, "high_m", self.high_m)
         if self.step_m is not None and self.adc_bits is not None:
             raise InputError(
-                "step_m and adc_bits both say the resolution; keep one", code="both-given"
+                "step_m and adc_bits both give the resolution; keep one", code="both-given"
             )
-        left_out = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
+        missing_keys = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
         if self.step_m is not None or self.adc_bits is not None:
-            left_out -= _RESOLUTION_KEYS
-        # Not as an assignment: the file has not set them.
-        self.__dict__.update({key: GAP_SENSOR_DEFAULTS[self.kind][key] for key in left_out})
+            missing_keys -= _RESOLUTION_KEYS
+        # Set without validation, because the defaults do not count as keys of the file.
+        self.__dict__.update({key: GAP_SENSOR_DEFAULTS[self.kind][key] for key in missing_keys})
         return self
 
     @property
     def resolution(self) -> float:
-        """Its resolution, m."""
+        """Resolution, m."""
         return self.plant_parameters(1.0)["step"]
 
 
 class CurrentSensorTable(DigitisedSensorTable):
-    """``of = "current"``: the shunts, one for each coil, as the controller reads them."""
+    """``of = "current"``: shunts of all coils, as the controller reads them."""
 
     of: Literal["current"]
     low_A: Number
@@ -112,7 +112,7 @@ class CurrentSensorTable(DigitisedSensorTable):
     noise_A: NotNegative
     bandwidth_Hz: Positive = math.inf
     gain_error: GainError = 0.0
-    offset_A: Number = 0.0  # reads this at no current, and so does the amplifier that follows it
+    offset_A: Number = 0.0  # reading at zero current, which the amplifier also uses
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -121,7 +121,7 @@ class CurrentSensorTable(DigitisedSensorTable):
 
 
 class ForceSensorTable(DigitisedSensorTable):
-    """``of = "force"``: measures the loops; a position controller does not see it."""
+    """``of = "force"``: measures the loops; a position controller does not read it."""
 
     of: Literal["force"]
     low_N: Number
@@ -137,7 +137,7 @@ class ForceSensorTable(DigitisedSensorTable):
 
 
 class FluxSensorTable(DigitisedSensorTable):
-    """``of = "flux"``: Hall probes, which measure the flux density in the gap."""
+    """``of = "flux"``: Hall probes for the flux density in the gaps."""
 
     of: Literal["flux"]
     range_T: Positive
@@ -148,29 +148,29 @@ class FluxSensorTable(DigitisedSensorTable):
 
 
 class PositionSensorTable(Table):
-    """``of = "position"``: place of the body in space, as an interferometer or a stage's gauge."""
+    """``of = "position"``: position of the body in space, such as an interferometer."""
 
     of: Literal["position"]
     noise_m: NotNegative
     step_m: NotNegative = 0.0
-    # of a stage: where it looks at the body, and the way in which its reading rises
+    # for a stage: measured point of the body, and direction of increasing readings
     position_m: Place | None = None
     direction: Direction | None = None
-    stands: bool = False  # on the ground: as the body goes on, its beam meets another place of it
-    dead_path_m: NotNegative = 0.0  # of that beam, with the body where its motion begins
-    refraction_ppm: Number = 0.0  # by which air has changed since the head was zeroed
+    stands: bool = False  # fixed to the ground, so that the beam moves over the body
+    dead_path_m: NotNegative = 0.0  # length of this beam at the start of a motion
+    refraction_ppm: Number = 0.0  # change of the air since the head was zeroed
 
     @property
     def beam_gain_error(self) -> float:
-        """By what part of the length of its beam it reads too much."""
+        """Reading error relative to the length of the beam."""
         return 1e-6 * self.refraction_ppm
 
     @model_validator(mode="after")
     def _check_beam_keys(self) -> Self:
         if not self.stands and (self.dead_path_m or self.refraction_ppm):
             raise InputError(
-                "dead_path_m and refraction_ppm are of a beam from the ground; add stands = true, "
-                "or remove them",
+                "dead_path_m and refraction_ppm are only for a beam from the ground; add "
+                "stands = true, or remove them",
                 code="missing",
             )
         return self
@@ -187,21 +187,21 @@ SensorEntry = Annotated[
 
 
 class NoisySensor:
-    """A sensor that is read sample by sample; the seed decides its noise."""
+    """A sensor with seeded noise, read sample by sample."""
 
     def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
         self._sensor, self._sigma = Sensor(numbers), numbers["noise"]
         self._rng = np.random.default_rng(seed)
 
     def noise(self, count: int) -> FloatArray:
-        """Return the noise of the next samples, for who computes the sensor itself."""
+        """Return the noise of the next samples, for callers that simulate the sensor themselves."""
         noise: FloatArray = self._sigma * self._rng.standard_normal(count)
         return noise
 
     def read(self, values: FloatArray) -> FloatArray:
-        """Return what it says of the next samples of a quantity, shape (n,)."""
+        """Return the readings of the next samples of a quantity, shape (n,)."""
         return self._sensor.run(np.ascontiguousarray(values), self.noise(values.size))
 
 
 Sensors = Mapping[str, NoisySensor]
-"""By what they read: ``current``, ``force`` and perhaps ``gap``."""
+"""Sensors by quantity: ``current``, ``force`` and optionally ``gap``."""

@@ -1,4 +1,7 @@
-"""Times, amplifiers, bodies, load and stack of a rig file, and what varies between plants."""
+"""Define the tables of a rig file for timing, amplifiers, bodies, stacks, load, control and spread.
+
+The magnets, sensors, measurements and test cases are defined in modules of their own.
+"""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -29,7 +32,7 @@ Ratio = Annotated[float, Field(gt=0.0, le=1000.0)]
 
 
 class TimingTable(Table):
-    """``[timing]``: when what happens."""
+    """``[timing]``: sample rate, sub-steps and delay."""
 
     rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
     substeps: Annotated[int, Field(ge=1, le=64)] = 4
@@ -40,7 +43,7 @@ class TimingTable(Table):
         steps = self.delay_ticks * self.substeps
         if abs(steps - round(steps)) > 1e-9:
             raise InputError(
-                f"delay_ticks of {self.delay_ticks} is no whole number of sub-steps of "
+                f"delay_ticks of {self.delay_ticks} is not a whole number of sub-steps of "
                 f"1/{self.substeps} tick; correct one of them",
                 code="delay-not-whole",
             )
@@ -48,7 +51,7 @@ class TimingTable(Table):
 
 
 class AmplifierTable(Table):
-    """``[[amplifier]]``: the power stage of a coil, one for each."""
+    """``[[amplifier]]``: power stage of each coil."""
 
     mode: Literal["current", "voltage"] = "current"
     supply_V: Positive | None = None
@@ -66,19 +69,19 @@ class AmplifierTable(Table):
 
     @property
     def supply(self) -> float:
-        """Largest voltage, V; a body's rig has one."""
+        """Supply voltage, V; required for bearings and stages."""
         assert self.supply_V is not None
         return self.supply_V
 
     @property
     def slew(self) -> float:
-        """Fastest change of the current, A/s; a force rig has one."""
+        """Largest slope of the current, A/s; required for force control."""
         assert self.slew_A_per_s is not None
         return self.slew_A_per_s
 
 
 class StackAmplifierTable(Table):
-    """``[[amplifier]]`` of a stack: a voltage that follows its command."""
+    """``[[amplifier]]`` of a stack: a voltage with a first-order lag."""
 
     mode: Literal["stack"]
     low_V: Number
@@ -100,24 +103,24 @@ AmplifierEntry = Annotated[
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = get_args(Axis)
-"""Ways in which a body is free: along and about x, y, z."""
+"""Coordinates of a body: displacements along x, y, z, and rotations about them."""
 _ALONG_X: list[Axis] = ["x"]
 
 
 class BodyTable(Table):
-    """``[[body]]``: what moves, its guide and its end stops."""
+    """``[[body]]``: moving mass, guide and end stops."""
 
     mass_kg: Positive
     free: Annotated[list[Axis], Field(min_length=1)] = _ALONG_X
-    centre_m: Place = ORIGIN  # centre of mass, on the body
-    # about it, of x, y and z
+    centre_m: Place = ORIGIN  # centre of mass on the body
+    # about the centre of mass, for x, y and z
     inertia_kg_m2: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
-    tilt_rad: Positive = 1e-3  # where the end stops of the angles are, either way
+    tilt_rad: Positive = 1e-3  # end stops of the angles in both directions
     stop_low_m: Positive
     stop_high_m: Positive
     damping_N_s_per_m: NotNegative = 0.0
     gravity_m_per_s2: Number = 0.0
-    # from a place on the body to the ground: a spring and a damper, without force where it begins
+    # spring and damper from a point of the body to the ground, without force at pose 0
     cable_N_per_m: NotNegative = 0.0
     cable_N_s_per_m: NotNegative = 0.0
     cable_m: Place = ORIGIN
@@ -126,21 +129,23 @@ class BodyTable(Table):
     def _ordered(self) -> Self:
         check_order("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
         if self.free != [axis for axis in AXES if axis in self.free]:
-            raise InputError(f"free names some of {list(AXES)}, in this order", code="wrong-order")
+            raise InputError(
+                f"free must list some of {list(AXES)} in this order", code="wrong-order"
+            )
         if {*AXES[3:]} & {*self.free} and self.inertia_kg_m2 is None:
-            raise InputError("a body that turns needs inertia_kg_m2; add it", code="missing")
+            raise InputError("a body that rotates needs inertia_kg_m2; add it", code="missing")
         return self
 
     @property
     def weight_N(self) -> float:  # noqa: N802 - carries its unit
-        """Along -z, or opening the gap."""
+        """Weight along -z, or opening the gap, N."""
         return self.mass_kg * self.gravity_m_per_s2
 
 
 class FlexureTable(Table):
-    """``[[body]]`` on flexures: mass and stiffness, by what they make."""
+    """``[[body]]`` on flexures, described by its resonance."""
 
-    # as the steps of the plant's integration follow them
+    # upper limit: steps of the plant's integration
     resonance_Hz: Annotated[float, Field(gt=0.0, le=1e5)]
     damping_ratio: Annotated[float, Field(gt=0.0, le=3.0)]
 
@@ -160,37 +165,38 @@ BodyEntry = Annotated[
 
 
 MAX_CREEP_TERMS = 8
-"""Most terms of the creep of a stack, as the plant has room for."""
+"""Largest number of creep terms of a stack in the plant."""
 
 
 class StackTable(Table):
-    """``[[stack]]``: what a free piezo stack does."""
+    """``[[stack]]``: a free piezo stack."""
 
     stroke_m_per_V: Positive
     bend_m_per_V2: Number
     slope_m_per_V: Positive
     beta_per_V: Positive
     gamma_per_V: NotNegative
-    creep_times_s: list[Annotated[float, Field(ge=1e-4)]]  # as these steps follow them
+    creep_times_s: list[Annotated[float, Field(ge=1e-4)]]  # limit: integration steps
     creep_shares: list[NotNegative]
 
     @model_validator(mode="after")
     def _check_lengths(self) -> Self:
         if len(self.creep_times_s) != len(self.creep_shares):
             raise InputError(
-                "creep_shares must hold one share for each of creep_times_s", code="length-differs"
+                "creep_shares must contain one share for each of creep_times_s",
+                code="length-differs",
             )
         if len(self.creep_times_s) > MAX_CREEP_TERMS:
             raise InputError(
-                f"creep_times_s holds {len(self.creep_times_s)} times; a stack creeps in at most "
-                f"{MAX_CREEP_TERMS}, leave the smallest shares out",
+                f"creep_times_s has {len(self.creep_times_s)} times, but a stack has at most "
+                f"{MAX_CREEP_TERMS}; omit the smallest shares",
                 code="too-many-creeps",
             )
         return self
 
 
 class DisturbanceTable(Table):
-    """``[[load.disturbance]]``: a force beside the commanded one."""
+    """``[[load.disturbance]]``: a force that is added to the commanded one."""
 
     kind: Literal["step", "sine", "noise"]
     force_N: Number
@@ -207,7 +213,7 @@ class DisturbanceTable(Table):
 
 
 class LoadTable(Table):
-    """``[load]``: the load drive, which pulls the gap open."""
+    """``[load]``: load drive, whose force opens the gap."""
 
     force_N: Number
     bandwidth_Hz: Positive
@@ -219,17 +225,17 @@ class LoadTable(Table):
 
 
 NO_LOAD = LoadTable(force_N=0.0, bandwidth_Hz=1e5, encoder_step_m=0.0, velocity_bandwidth_Hz=1.0)
-"""Of a body that nothing pulls at, or what a benchmark says, at once."""
+"""Load drive without force; its bandwidth lets a benchmark apply forces immediately."""
 
 
 class FrameTable(Table):
-    """``[frame]``: what the magnets ride on, and by how much it misses its path."""
+    """``[frame]``: path error of the long stroke that carries the magnets."""
 
     stray_m: NotNegative = 0.0
 
 
 class SpreadTable(Table):
-    """``[spread]``: standard deviations of what differs from what the controller was made for."""
+    """``[spread]``: standard deviations of the differences between plant and rig file."""
 
     pinning_percent: Spread = 10.0
     reversible_percent: Spread = 20.0
@@ -243,8 +249,8 @@ class SpreadTable(Table):
     eddy_s: NotNegative = 25e-6
     conductivity_percent: Spread = 10.0
     payload_percent: Spread = 0.0
-    centre_m: NotNegative = 0.0  # of the centre of mass, each coordinate
-    head_m: NotNegative = 0.0  # of the place where a position head looks at the body
+    centre_m: NotNegative = 0.0  # each coordinate of the centre of mass
+    head_m: NotNegative = 0.0  # each coordinate of a head's measured point
     cable_N_per_m: NotNegative = 0.0
     stroke_percent: Spread = 5.0
     creep_percent: Spread = 10.0
@@ -260,15 +266,15 @@ _IRON_SPREADS = {
 
 @dataclass(frozen=True)
 class Spreads:
-    """What the plants of a kind of rig differ in: names of a drift, and their keys of ``[spread]``."""
+    """Quantities that vary between plants: names in a drift, and keys of ``[spread]``."""
 
     rig_wide: Mapping[str, str]
-    magnet: Mapping[str, str] = field(default_factory=dict)  # of each magnet by itself
-    head: Mapping[str, str] = field(default_factory=dict)  # of each position head by itself
+    magnet: Mapping[str, str] = field(default_factory=dict)  # for each magnet separately
+    head: Mapping[str, str] = field(default_factory=dict)  # for each position head separately
 
     @property
     def keys(self) -> list[str]:
-        """The keys of ``[spread]`` that a rig file may give."""
+        """Keys of ``[spread]`` that a rig file of this kind may give."""
         values = (*self.rig_wide.values(), *self.magnet.values(), *self.head.values())
         return list(dict.fromkeys(values))
 
@@ -308,56 +314,56 @@ SPREADS: Mapping[str, Spreads] = {
         {"stroke": "stroke_percent", "creep": "creep_percent", "resonance": "resonance_percent"}
     ),
 }
-"""What differs from plant to plant, by the kind of ``[control]``."""
+"""Quantities that vary between plants, by ``control.kind``."""
 
 
 class LevitationTable(Table):
-    """``kind = "levitation"``: an armature in the air; what controls it, a controller file says."""
+    """``kind = "levitation"``: a levitated armature; a controller file describes its controller."""
 
     kind: Literal["levitation"]
-    bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
-    calibration: str | None = None  # file of anhyst calibrate
+    bias_N: Positive | None = None  # force of each magnet of a pair without a net force
+    calibration: str | None = None  # written by anhyst calibrate
 
 
 class TrackingTable(Table):
     """``kind = "tracking"``: a body between magnets follows a set-point."""
 
     kind: Literal["tracking"]
-    bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
+    bias_N: Positive | None = None  # force of each magnet of a pair without a net force
     format: NumberFormat = "fixed"
     crossover_Hz: Positive
-    # corner frequencies of the PID, in parts of the crossover or the crossover in parts of them
-    integral_ratio: Ratio = 5.0  # crossover over the corner of the integral
-    lead_ratio: Ratio = 3.0  # crossover over where the lead begins
-    rolloff_ratio: Ratio = 6.0  # where the lead ends over the crossover
+    # corner frequencies of the PID relative to the crossover, or the inverse
+    integral_ratio: Ratio = 5.0  # crossover over corner of the integral
+    lead_ratio: Ratio = 3.0  # crossover over start of the lead
+    rolloff_ratio: Ratio = 6.0  # end of the lead over crossover
     force_max_N: Positive
-    force_min_N: NotNegative = 0.5  # of a magnet without another against it
-    # a magnet is lost whose current is off by so much for so long; none is looked at if left out
+    force_min_N: NotNegative = 0.5  # smallest pull of a magnet without an opposing one
+    # a magnet is lost if its current deviates by lost_A for lost_s; None: not monitored
     lost_A: Positive | None = None
     lost_s: Positive = 0.25e-3
-    # a head is lost whose reading moves so much faster than the target, or does not, for so long
+    # a head is lost if its speed deviates from the target's by this for head_s; None: not monitored
     head_m_per_s: Positive | None = None
     head_s: Positive = 0.25e-3
-    land_m_per_s: Positive = 2e-3  # how fast a body is set down
-    lift_m_per_s: Positive = 2e-3  # and lifted
-    calibration: str | None = None  # file of anhyst calibrate
-    calibrate: bool = False  # every motion teaches what the next one is corrected by
+    land_m_per_s: Positive = 2e-3  # speed of landing
+    lift_m_per_s: Positive = 2e-3  # speed of lifting
+    calibration: str | None = None  # written by anhyst calibrate
+    calibrate: bool = False  # estimates corrections from every motion
 
 
 class ForceTable(Table):
-    """``kind = "force"``: the force of a held armature, open loop."""
+    """``kind = "force"``: open-loop force of a held armature."""
 
     kind: Literal["force"]
     force_max_N: Positive
-    end_m: Positive  # gap at the end of the stroke, where loops were measured
+    end_m: Positive  # gap at the end of the stroke, at which loops are required
 
 
 class DisplacementTable(Table):
-    """``kind = "displacement"``: a stage on a stack, an integrator beside the feedforward."""
+    """``kind = "displacement"``: a piezo stage with feedforward and an integrator."""
 
     kind: Literal["displacement"]
     bandwidth_Hz: Positive
-    # of the notch filter in the feedback: that of the body if left out, and what takes its place
+    # cancelled resonance, by default that of the body, and the damping ratio that replaces it
     notch_Hz: Positive | None = None
     notch_damping: Positive | None = None
     notch_width: Positive = 0.7

@@ -1,1 +1,1 @@
-"""Studies: test cases on a rig, and what comes out."""
+"""Run simulated test cases on a rig and assess their results."""

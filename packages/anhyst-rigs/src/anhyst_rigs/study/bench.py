@@ -1,8 +1,8 @@
-"""Open the bench of a rig file: compile its controller, build the firmware, switch on.
+"""Open the bench of a rig file: compile its controller, build the firmware, and switch it on.
 
-Prepared benches are kept in the user's cache under a hash over all that goes into them: the contents
-of the files that a rig names, where they lie, the sources and the binary that compute, the compiler.
-So what is kept is never stale.
+Prepared benches are cached for the user under a hash of all inputs: the contents and paths of the
+files that a rig names, the C sources, the computing binary and the compiler. Therefore, a cached
+bench is never outdated.
 """
 
 from __future__ import annotations
@@ -64,7 +64,9 @@ def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
 ) -> BearingBench | ForceBench | StageBench | PiezoBench:
     """Open the virtual bench of a rig."""
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # a firmware runs on without it
+    with tempfile.TemporaryDirectory(
+        prefix="anhyst-"
+    ) as folder:  # firmware needs it only until opened
         parts = split_progress(progress, (2.0, 1.0))
         bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
     next(parts)(1, 1)
@@ -78,10 +80,10 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
 
 
 def controller_url(xcp: str | None, port: str | None) -> str | None:
-    """Return where a controller offers XCP, by TCP or on a serial port; None where neither is given."""
+    """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
     if xcp is not None and port is not None:
         raise InputError(
-            "--port: one controller at a time; leave it or --xcp out",
+            "--port: one controller at a time; omit --port or --xcp",
             code="options-together",
             key="--port",
         )
@@ -89,7 +91,7 @@ def controller_url(xcp: str | None, port: str | None) -> str | None:
 
 
 def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
-    """Return what measures loops through a controller that runs by itself."""
+    """Return a function that measures loops with a controller that runs by itself."""
 
     def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
         with closing(open_board(folder, url)) as bench:
@@ -99,24 +101,29 @@ def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
 
 
 def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
-    """Read what a better model for a controller that runs by itself is found with."""
+    """Read the data to improve the model of a controller that runs by itself."""
     manifest = _manifest(folder)
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
         raise InputError(
-            f"{folder}: is no fixed-point controller of force; compile one",
+            f"{folder}: is not a fixed-point controller of force; compile one",
             code="not-a-compiled-folder",
         )
     loops = read_rig_loops(rig)
     signals, limits = manifest["signals"], manifest["limits"]
-    gap = signals["gap"] or {"low": 0.0, "high": 0.0}
-    kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
+    gap_signal = signals["gap"] or {"low": 0.0, "high": 0.0}
+    law_kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
     return PreparedBoard(
         complete_rig(rig, loops),
         loops,
         _find_model_file(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
-        CompileRequest(kind, manifest["io"], float(manifest["rate_Hz"])),
-        Scales(signals["demand"]["scale"], signals["current"]["scale"], gap["low"], gap["high"]),
+        CompileRequest(law_kind, manifest["io"], float(manifest["rate_Hz"])),
+        Scales(
+            signals["demand"]["scale"],
+            signals["current"]["scale"],
+            gap_signal["low"],
+            gap_signal["high"],
+        ),
         DemandLimits(tuple(limits["demand"]), tuple(limits["current"])),
     )
 
@@ -131,23 +138,23 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
         manifest = None
     if not isinstance(manifest, dict) or "signals" not in manifest:
         raise InputError(
-            f"{path}: is not there or no manifest; name the folder that anhyst compile wrote and "
-            "the firmware is built around",
+            f"{path}: is missing or not a manifest; enter the folder that anhyst compile wrote for "
+            "the firmware",
             code="not-a-compiled-folder",
         )
     return manifest
 
 
 def _find_model_file(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
-    """Find the model file that a folder was compiled from, by its checksum."""
+    """Find the model file of a compiled folder, by its checksum."""
     digest = manifest["model"]["sha256"]
     for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
             return read_model(path)
-    places = " or ".join(str(folder) for folder in folders)
+    folder_names = " or ".join(str(folder) for folder in folders)
     raise InputError(
         f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "
-        f"{places}; put it there, unchanged",
+        f"{folder_names}; put it there, unchanged",
         code="model-file-missing",
     )
 
@@ -158,7 +165,7 @@ class HasBench(Protocol):
     def prepare(
         self, rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None
     ) -> Prepared:
-        """Compile and build all that the bench needs, its firmware in a folder."""
+        """Compile and build everything that the bench needs, with the firmware in a folder."""
 
     def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
         """Return the rig file, and all files that it and a controller file name."""
@@ -167,12 +174,12 @@ class HasBench(Protocol):
 def prepare_bench(
     rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
 ) -> Prepared:
-    """Compile and build all that the virtual bench of a rig needs."""
+    """Compile and build everything that the virtual bench of a rig needs."""
     return _bench_kind(rig, controller).prepare(rig, controller, folder, progress)
 
 
 def _bench_kind(rig: PathLike, controller: PathLike | None) -> HasBench:
-    """Return the record of the kind of a rig; refuse a controller file where it takes none."""
+    """Return the kind of a rig; refuses a controller file that the kind does not use."""
     kind = require_rig(rig, "live")
     kind.refuse_options("live", {"--controller": controller})
     return require_capability(kind, HasBench)
@@ -184,12 +191,12 @@ def prepare_bearing(
     """Identify the magnet of a bearing, and build the firmware of its controller."""
     parts = split_progress(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
-    ready = check_inputs(rig, controller)
+    inputs = check_inputs(rig, controller)
     next(parts)(1, 1)
-    known = ready.identify_magnet()
-    setup, firmware = build_firmware(ready.rig, controller, known, "library", folder)
+    knowledge = inputs.identify_magnet()
+    setup, firmware = build_firmware(inputs.rig, controller, knowledge, "library", folder)
     next(parts)(1, 1)
-    return PreparedBearing(setup, known.model, firmware)
+    return PreparedBearing(setup, knowledge.model, firmware)
 
 
 def prepare_force(
@@ -213,13 +220,13 @@ def prepare_force(
 
 
 SWITCHED_METHODS: tuple[MethodName, MethodName] = ("single-valued", COMPENSATOR)
-"""Between what a stage is switched while it runs."""
+"""Methods between which a running stage can be switched."""
 
 
 def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
-    """Identify the magnets of a stage, and find the gains of both methods."""
+    """Identify the magnets of a stage, and the feedforward gains of both methods."""
     parts = split_progress(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
@@ -235,39 +242,41 @@ def prepare_stage(
 def prepare_piezo(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedPiezo:
-    """Find what makes voltages of displacements, with memory and without."""
+    """Identify the inverses of a piezo stage with and without hysteresis."""
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
 
 
 MAX_CACHED_BENCHES = 20
-"""Benches that are kept; those not opened for longest go."""
-_FIRMWARE_FILE, _PICKLE_FILE = "firmware", "prepared.pickle"
+"""Maximum number of cached benches. Those that were not opened for the longest time are removed."""
+_FIRMWARE_FILE = "firmware"
+_PICKLE_FILE = "prepared.pickle"
 
 
 @contextmanager
 def prepare_cached(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
-    """Prepare a bench, or take what was prepared of the same files before."""
-    kind = _bench_kind(rig_path, controller_path)
-    is_kept = kind.prepare.__module__.startswith("anhyst_rigs.")  # no key knows the code of others
-    place = cache_folder("benches") / _cache_key(kind.files(rig_path, controller_path))
-    prepared_before = _load_cached(place) if is_kept else None
+    """Prepare a bench, or load it from the cache if it was prepared from the same files before."""
+    bench_kind = _bench_kind(rig_path, controller_path)
+    # The hash does not cover code of other packages.
+    is_cacheable = bench_kind.prepare.__module__.startswith("anhyst_rigs.")
+    cache_entry = cache_folder("benches") / _cache_key(bench_kind.files(rig_path, controller_path))
+    prepared_before = _load_cached(cache_entry) if is_cacheable else None
     if prepared_before is not None:
         yield prepared_before
         return
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
-        if is_kept:
+        if is_cacheable:
             with suppress(OSError):
-                _store(prepared, place)
+                _store(prepared, cache_entry)
         yield prepared
 
 
 def _load_cached(folder: Path) -> Prepared | None:
-    """Return what is kept at a place, if it is there, whole and one's own."""
+    """Return the cached bench of a folder; None if it is missing, damaged or owned by another user."""
     prepared: Prepared | None = load_cached(folder / _PICKLE_FILE)
     if prepared is None:
         return None
@@ -275,35 +284,35 @@ def _load_cached(folder: Path) -> Prepared | None:
     return prepared.with_firmware(folder / _FIRMWARE_FILE) if prepared.firmware else prepared
 
 
-def _store(prepared: Prepared, folder_path: Path) -> None:
-    """Put a bench into the cache, whole or not at all."""
-    folder_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=folder_path.parent) as draft:
-        folder = Path(draft) / "whole"
+def _store(prepared: Prepared, cache_entry: Path) -> None:
+    """Write a bench into the cache, completely or not at all."""
+    cache_entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=cache_entry.parent) as draft_folder:
+        folder = Path(draft_folder) / "whole"
         folder.mkdir()
         if prepared.firmware is not None:
             shutil.copy2(prepared.firmware, folder / _FIRMWARE_FILE)
         (folder / _PICKLE_FILE).write_bytes(pickle_with_digest(prepared))
-        shutil.rmtree(folder_path, ignore_errors=True)  # one that could not be read
-        folder.rename(folder_path)
-    remove_oldest(folder_path.parent, MAX_CACHED_BENCHES)
+        shutil.rmtree(cache_entry, ignore_errors=True)  # an unreadable entry
+        folder.rename(cache_entry)
+    remove_oldest(cache_entry.parent, MAX_CACHED_BENCHES)
 
 
 def _cache_key(files: Sequence[Path]) -> str:
-    """Return a name for all that goes into a bench."""
+    """Return the hash of everything that a bench depends on."""
     digest = hashlib.sha256(code_digest())
     for path in [*files, *_source_files()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
-        with suppress(OSError):  # whoever reads it says what is wrong
+        with suppress(OSError):  # the reader reports errors
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
 def _source_files() -> Iterator[Path]:
-    """Return what firmware is made of: the C that is compiled, the compiler."""
+    """Yield the compilers and the C sources of a firmware."""
     for name in ("cc", "gcc", "clang"):
-        if tool := shutil.which(name):
-            yield Path(tool)
+        if compiler := shutil.which(name):
+            yield Path(compiler)
     for folder in (core_folder(), firmware_folder()):
         for path in sorted(folder.rglob("*")):
             if path.is_file() and path.suffix in {".c", ".h", ".ld", ".toml"}:

@@ -1,7 +1,8 @@
-"""What compensation gains over the width of the loops and the reversible part of the iron.
+"""Map the benefit of compensation over loop width and reversible fraction of the iron.
 
-Of a bearing in its steps, over their height; of any other rig in what its plants are judged by,
-without drift.
+The loops of every iron are measured, all methods are fitted to them, and all run with the same
+noise. A bearing is assessed by its steps of several heights. Other rigs are assessed by the figures
+of their random plants, without drift.
 """
 
 from __future__ import annotations
@@ -48,10 +49,10 @@ from anhyst_rigs.study.reversals import reversal_slope_ratio
 PINNING_SCALES = (0.5, 1.0, 2.0)
 """Factors on the pinning of the rig's iron."""
 REVERSIBLE_FRACTIONS = (0.05, 0.15, 0.3, 0.5)
-"""Reversible fractions of irons of cells; another family has none, and keeps its own shape."""
+"""Reversible fractions of irons of cells. Irons of other families keep their shape."""
 BASELINES = tuple(name for name in methods.BASELINE_METHODS if name not in ("secant", "play"))
-"""Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
-better one of the two straight lines."""
+"""Methods without hysteresis model and without flux measurement. ``linearised`` is the better one
+of the two straight lines."""
 
 STEP_METRICS = (
     Metric("overshoot_percent", "overshoot", "%"),
@@ -59,9 +60,10 @@ STEP_METRICS = (
 )
 """Figures of a step that are compared."""
 DEFAULT_SEED_COUNT = 4
-"""Of noise, where the rig file says none."""
+"""Number of noise seeds, if the rig file does not state it."""
 OVERSHOOT_FLOOR_FACTOR = 3.0
-"""Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
+"""Overshoots below this factor times the standstill rms count as none, so that there is nothing to
+gain."""
 
 Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 _StepPairs = Sequence[Sequence[Mapping[str, float]]]
@@ -70,39 +72,39 @@ _Values = Mapping[MethodName, Mapping[str, FloatArray]]
 
 @dataclass(frozen=True)
 class IronFigures:
-    """One iron of the map, as it shows in measurements."""
+    """One iron of the map, with its measured properties."""
 
     pinning_scale: float  # factor on the pinning
-    # weight of what nothing pins; None where the family has no such number
+    # weight of the iron without pinning; None if the family has no such parameter
     reversible_fraction: float | None
-    loop_width: float  # largest of the measured loops, in parts of the largest current
-    # slope just after a reversal over the static slope, estimated from the measured loops; None
-    # where they leave it open
+    loop_width: float  # largest width of the measured loops, relative to the largest current
+    # slope just after a reversal over the static slope, estimated from the measured loops; None if
+    # the loops do not determine it
     after_reversal: float | None
-    # the same of the virtual magnet at its operating point; of a bearing alone
+    # the same of the virtual magnet at its operating point; bearings only
     after_reversal_true: float | None
-    label: str  # ``"regular"`` or ``"pathological"``, by that; empty where nothing is known of it
+    label: str  # ``"regular"`` or ``"pathological"``; empty if the slope is unknown
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """The full compensator against a baseline, in one figure."""
+class MethodComparison:
+    """The full compensator compared with a baseline in one figure."""
 
-    # strongest of those that kept the armature in the air; None if none did
+    # strongest baseline that kept the armature levitated; None if none did
     baseline: MethodName | None
-    # figure of ``full`` over that of the baseline; None where one of them has lost the armature
+    # figure of ``full`` over that of the baseline; None if one of them lost the armature
     quotient: MeanRatio | None
-    difference: Interval | None  # figure of the baseline less that of ``full``, seed by seed
-    # Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
-    # of the two. None for other figures.
+    difference: Interval | None  # figure of the baseline minus that of ``full``, seed by seed
+    # overshoot that counts as none, % of the height: :data:`OVERSHOOT_FLOOR_FACTOR` times the
+    # larger standstill rms of both; None for other figures
     floor: float | None = None
-    is_below_floor: bool = False  # both means are below the floor
+    is_below_floor: bool = False  # whether both means are below the floor
 
     @property
     def outcome(self) -> Outcome:
-        """``gain`` or ``loss`` if it is certain: the interval of the difference leaves out zero.
+        """The outcome; ``gain`` and ``loss`` require that the interval excludes zero.
 
-        It is a loss, too, where the baseline kept the armature in the air and ``full`` did not.
+        It is also a loss if the baseline kept the armature levitated and ``full`` did not.
         """
         if self.is_below_floor:
             return "nothing to gain"
@@ -118,34 +120,34 @@ class MapCell:
     """One iron in one case."""
 
     iron: IronFigures
-    case: float | str  # height of a step, m, or what the trials of a plant are called
-    # by variant, then by key of a metric; a variant that was lost is missing
+    case: float | str  # height of a step, m, or name of the trials of a plant
+    # by variant, then by key of a metric; lost variants are missing
     figures: Mapping[MethodName, Mapping[str, Interval]]
-    # rms of the gap at the end of the holds of steps, mean over seeds and directions, m; by variant
+    # by variant: rms of the gap at the end of the holds, mean over seeds and directions, m
     standstill: Mapping[MethodName, float]
-    # by metric: against the strongest of :data:`BASELINES` in this very figure, and against ``ratio``
-    strongest: Mapping[str, Comparison]
-    ratio: Mapping[str, Comparison]
-    # against ``flux``, which measures the flux density instead; empty without a Hall probe
-    flux: Mapping[str, Comparison]
+    # by metric: compared with the strongest of :data:`BASELINES` in this figure, and with ``ratio``
+    strongest: Mapping[str, MethodComparison]
+    ratio: Mapping[str, MethodComparison]
+    # compared with ``flux``, which measures the flux density; empty without a Hall probe
+    flux: Mapping[str, MethodComparison]
 
 
 @dataclass(frozen=True)
 class Benefit:
-    """The whole map.
+    """The complete map.
 
     Parameters
     ----------
     rig : str
-        Its name in the file.
+        Name in the rig file.
     seeds : int
-        Of noise.
+        Number of noise seeds.
     cells : tuple of MapCell
         In the order scale, reversible fraction, case.
     metrics : tuple of Metric
-        What is compared.
+        The compared figures.
     bearing : mapping of str to object
-        Of a bearing the name of its controller and its operating point, m and N.
+        For a bearing: the name of its controller and its operating point, m and N.
     """
 
     rig: str
@@ -155,13 +157,13 @@ class Benefit:
     bearing: Mapping[str, Any] = field(default_factory=dict)
 
     def mean_loop_width(self, scale: float) -> float:
-        """Return the mean loop width of the irons of a scale, in parts of the largest current."""
+        """Return the mean loop width of the irons of a scale, relative to the largest current."""
         return float(
             np.mean([c.iron.loop_width for c in self.cells if c.iron.pinning_scale == scale])
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``benefit.json`` holds it."""
+        """Return the content of ``benefit.json``."""
         return {
             "format": "anhyst-benefit",
             "version": 1,
@@ -175,7 +177,7 @@ class Benefit:
 
 
 _IronCase = tuple[float, float | None]
-"""Factor on the pinning, and reversible fraction; None: as it is."""
+"""Factor on the pinning, and reversible fraction (None: unchanged)."""
 
 
 def map_bearing_benefit(
@@ -188,32 +190,32 @@ def map_bearing_benefit(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Benefit:
-    """Map what compensation gains; every magnet is measured and identified again.
+    """Map the benefit of compensation for a bearing.
 
-    Loops of each magnet are measured through the sensors of the rig, all variants are fitted to
-    these loops, and all run with the gains of the controller file.
+    The loops of each magnet are measured with the sensors of the rig, all variants are fitted to
+    them, and all run with the gains of the controller file.
     """
     check_controller(controller, rig)
-    tried = rig.settings
-    steps = tuple(tried.step.heights_m if heights is None else heights)
-    count = tried.noise_seeds if seeds is None else seeds
+    settings = rig.settings
+    steps = tuple(settings.step.heights_m if heights is None else heights)
+    seed_count = settings.noise_seeds if seeds is None else seeds
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    work = partial(_map_iron, rig, controller.settings, steps, range(count))
-    rows = map_ordered(work, irons, progress, jobs)
+    work = partial(_map_iron, rig, controller.settings, steps, range(seed_count))
+    cells_by_iron = map_ordered(work, irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
-        seeds=count,
-        cells=tuple(cell for cells in rows for cell in cells),
+        seeds=seed_count,
+        cells=tuple(cell for cells in cells_by_iron for cell in cells),
         bearing={
             "controller": controller.settings.name,
-            "gap_m": tried.gap_m,
+            "gap_m": settings.gap_m,
             "load_N": rig.settings.load.force_N,
         },
     )
 
 
 def reversible_fractions(file: RigFile) -> Sequence[float | None]:
-    """Return the reversible fractions that a map of a rig goes over."""
+    """Return the reversible fractions of the map of a rig."""
     is_of_cells = file.bodies and file.magnets and isinstance(file.iron, NamedCells)
     return REVERSIBLE_FRACTIONS if is_of_cells else (None,)
 
@@ -225,7 +227,7 @@ def _map_iron(
     seeds: Sequence[int],
     iron_case: _IronCase,
 ) -> list[MapCell]:
-    """Measure a magnet, fit everything to its loops, and step it."""
+    """Measure a magnet, fit all variants to its loops, and run its steps."""
     scale, fraction = iron_case
     rig = change_iron(nominal, fraction, scale)
     knowledge = identify_magnet(measure_loops(rig), rig.settings.loops)
@@ -239,8 +241,8 @@ def _map_iron(
         label=slopes.label,
     )
     steps: dict[MethodName, list[list[StepResult]]] = {}
-    probe = rig.settings.hall_probe is not None
-    baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if probe else BASELINES
+    has_probe = rig.settings.hall_probe is not None
+    baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if has_probe else BASELINES
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
@@ -256,26 +258,26 @@ def _make_step_cell(
     steps: Mapping[MethodName, list[list[StepResult]]],
     rig: BodyRig,
 ) -> MapCell:
-    """Return the cell of a step, whose overshoot is none within a standstill."""
+    """Return the cell of one step height."""
     runs: dict[MethodName, _StepPairs] = {  # up and down, seed by seed
         name: [
             [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
-            for run in each
+            for run in variant_runs
         ]
-        for name, each in steps.items()
+        for name, variant_runs in steps.items()
     }
     hold = rig.settings.step.hold_s
     values = {
         name: {metric.key: _step_values(pairs, metric.key, hold) for metric in STEP_METRICS}
         for name, pairs in runs.items()
     }
-    still = {
+    standstill = {
         name: float(np.mean([figures["standstill_rms_m"] for pair in pairs for figures in pair]))
         for name, pairs in runs.items()
     }
-    probed = rig.settings.hall_probe is not None
+    has_probe = rig.settings.hall_probe is not None
     return make_map_cell(
-        iron, height, values, still, probed, [metric.key for metric in STEP_METRICS]
+        iron, height, values, standstill, has_probe, [metric.key for metric in STEP_METRICS]
     )
 
 
@@ -287,9 +289,12 @@ def make_map_cell(
     has_probe: bool,
     keys: Sequence[str],
 ) -> MapCell:
-    """Return the cell of an iron from figures by method and key, one a seed; by none if all were lost."""
+    """Return the cell of an iron from figures by method and key, one value per seed.
 
-    def against(*baselines: MethodName) -> dict[str, Comparison]:
+    Methods that were lost are missing.
+    """
+
+    def against(*baselines: MethodName) -> dict[str, MethodComparison]:
         compared = {key: _compare(values, key, baselines) for key in keys}
         if isinstance(case, float):
             compared["overshoot_percent"] = _with_overshoot_floor(
@@ -301,7 +306,7 @@ def make_map_cell(
         iron=iron,
         case=case,
         figures={
-            name: {key: mean_interval(row) for key, row in rows.items()}
+            name: {key: mean_interval(values_by_seed) for key, values_by_seed in rows.items()}
             for name, rows in values.items()
         },
         standstill=standstill,
@@ -312,33 +317,37 @@ def make_map_cell(
 
 
 def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
-    """Return the larger one of up and down a seed; what did not settle did so when the hold ended."""
-    most = hold if key == "settling_in_noise_s" else math.inf
-    return np.array([max(min(figures[key], most) for figures in pair) for pair in runs])
+    """Return the larger value of up and down for each seed; the hold limits the settling time."""
+    max_value = hold if key == "settling_in_noise_s" else math.inf
+    return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
 
 
-def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
-    """Compare with the best baseline of this very cell: chance favours it a little, never ``full``."""
-    held = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
-    if not held:
-        return Comparison(None, None, None)
-    baseline = min(held, key=lambda name: float(np.mean(values[name][key])))
+def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
+    """Compare with the best baseline of this cell. The selection slightly favours the baseline."""
+    usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
+    if not usable:
+        return MethodComparison(None, None, None)
+    baseline = min(usable, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
-        return Comparison(baseline, None, None)
-    own, other = values["full"][key], values[baseline][key]
-    return Comparison(baseline, mean_ratio(own, other), mean_interval(other - own))
+        return MethodComparison(baseline, None, None)
+    full_values, baseline_values = values["full"][key], values[baseline][key]
+    return MethodComparison(
+        baseline,
+        mean_ratio(full_values, baseline_values),
+        mean_interval(baseline_values - full_values),
+    )
 
 
 def _with_overshoot_floor(
-    compared: Comparison, values: _Values, standstill: Mapping[MethodName, float], height: float
-) -> Comparison:
-    """Return a comparison of overshoots with the floor below which they are none."""
+    compared: MethodComparison, values: _Values, standstill: Mapping[MethodName, float], height: float
+) -> MethodComparison:
+    """Return a comparison of overshoots with the floor below which they count as none."""
     if compared.baseline is None or compared.quotient is None:
         return compared
     pair: tuple[MethodName, ...] = ("full", compared.baseline)
     floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill[name] for name in pair) / height
-    most = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
-    return replace(compared, floor=floor, is_below_floor=most < floor)
+    largest_overshoot = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
+    return replace(compared, floor=floor, is_below_floor=largest_overshoot < floor)
 
 
 AnyRig = BodyRig | ForceControlRig | PiezoRig
@@ -348,7 +357,7 @@ class HasIrons(Protocol):
     """A kind of rig whose plants can be run with other irons."""
 
     def with_iron(self, rig: AnyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
-        """Measure the loops of a rig with another iron; return them and its plants."""
+        """Measure the loops of a rig with another iron; returns the loops and the plants."""
 
 
 def map_plant_benefit(
@@ -359,89 +368,97 @@ def map_plant_benefit(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Benefit:
-    """Map what compensation gains on a stage, a piezo stage or a rig of force control.
+    """Map the benefit of compensation for a stage, a piezo stage or a force rig.
 
-    Loops of every iron are measured and identified anew; judged is what a plant without drift does,
-    by the figures of its kind, over some seeds of noise.
+    The loops of every iron are measured and identified. The figures are those of the random plants
+    of this kind of rig, without drift, over several noise seeds.
     """
-    own = (
+    default_count = (
         rig.settings.noise_seeds if allows_key(rig.settings, "noise_seeds") else DEFAULT_SEED_COUNT
     )
-    count = seeds or own
+    count = seeds or default_count
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    rows = map_ordered(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
+    results = map_ordered(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
-        cells=tuple(cell for cells, _ in rows for cell in cells),
-        metrics=rows[0][1],
+        cells=tuple(cell for cells, _ in results for cell in cells),
+        metrics=results[0][1],
     )
 
 
 def _map_plants(
     rig: AnyRig, seeds: Sequence[int], iron_case: _IronCase
 ) -> tuple[list[MapCell], tuple[Metric, ...]]:
-    """Run one iron behind every method."""
+    """Run one iron with every method."""
     scale, fraction = iron_case
     loops, plants = require_capability(rig.settings.kind, HasIrons).with_iron(rig, fraction, scale)
-    share = reversal_slope_ratio(loops)
-    label = "" if share is None else label_iron(share)
+    slope_ratio = reversal_slope_ratio(loops)
+    label = "" if slope_ratio is None else label_iron(slope_ratio)
     width = assess_loops(loops).width_relative
-    iron = IronFigures(scale, fraction, width, share, None, label)
+    iron = IronFigures(scale, fraction, width, slope_ratio, None, label)
     runs = {
         method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods
     }
-    held = {
-        method: each for method, each in runs.items() if not any("lost_s" in run for run in each)
+    complete_runs = {
+        method: method_runs
+        for method, method_runs in runs.items()
+        if not any("lost_s" in run for run in method_runs)
     }
     cells, keys = [], [figure.key for figure in plants.figures]
-    for case, numbers in _cases(plants).items():
+    for case, positions in _cases(plants).items():
         values = {
             method: {
-                figure.key: np.array([_largest_value(run[figure.key], numbers) for run in each])
+                figure.key: np.array(
+                    [_largest_value(run[figure.key], positions) for run in method_runs]
+                )
                 for figure in plants.figures
             }
-            for method, each in held.items()
+            for method, method_runs in complete_runs.items()
         }
         cells.append(make_map_cell(iron, case, values, {}, "flux" in plants.methods, keys))
     return cells, plants.figures
 
 
 def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
-    """Return the cases of a map, and the places of each in the figures of a plant."""
+    """Return the cases of a map, with the positions of each in the figures of a plant."""
     if plants.single_case:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
     return {
-        f"worst of {stage}": [place for place, one in enumerate(stages) if one == stage]
+        f"worst of {stage}": [
+            position for position, stage_name in enumerate(stages) if stage_name == stage
+        ]
         for stage in dict.fromkeys(stages)
     }
 
 
-def _largest_value(figure: float | Sequence[float | None] | None, numbers: Sequence[int]) -> float:
-    """Return the largest of some values of a figure; infinite where a level was not reached."""
-    row = [figure[number] for number in numbers] if isinstance(figure, Sequence) else [figure]
-    return max(math.inf if value is None else value for value in row)
+def _largest_value(
+    figure: float | Sequence[float | None] | None, positions: Sequence[int]
+) -> float:
+    """Return the largest of some values of a figure; infinite if a level was not reached."""
+    values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
+    return max(math.inf if value is None else value for value in values)
 
 
 def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
-    """Measure the loops of a stage with another iron; return them and its plants."""
-    iron = change_iron(rig, fraction, scale)
-    known = identify_stage_magnet(iron, measure_loops(iron))
-    probed: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
-    names: tuple[MethodName, ...] = (*BASELINES, "full", *probed)
-    return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
+    """Measure the loops of a stage with another iron; returns the loops and the plants."""
+    stage = change_iron(rig, fraction, scale)
+    knowledge = identify_stage_magnet(stage, measure_loops(stage))
+    probe_methods: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
+    names: tuple[MethodName, ...] = (*BASELINES, "full", *probe_methods)
+    return knowledge.loops, stage_plants(stage, knowledge, names, errors={"none": ()}, jobs=1)
 
 
 def force_with_iron(rig: ForceControlRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
-    """Measure the loops of an actuator with another iron; return them and its plants."""
-    other = drifted_rig(rig, Drift(pinning=scale - 1.0))
-    loops = excite_specimen(force_specimen(other)).loops
-    return loops, force_plants(other, loops=loops)
+    """Measure the loops of an actuator with another iron; returns the loops and the plants."""
+    drifted = drifted_rig(rig, Drift(pinning=scale - 1.0))
+    loops = excite_specimen(force_specimen(drifted)).loops
+    return loops, force_plants(drifted, loops=loops)
 
 
 def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
-    """Measure the loops of a stack that is wider by a factor; return them and the stage's plants."""
+    """Measure the loops of a stack with scaled width; returns the loops and the stage's plants."""
     slope = scale * rig.settings.stack.slope_m_per_V
     wider = replace(rig, settings=rig.settings.with_changes({"stack.slope_m_per_V": slope}))
     loops = measure_stack(wider)
@@ -459,15 +476,16 @@ def _cell_dict(cell: MapCell) -> dict[str, Any]:
         "iron": iron.label,
         "height_m" if isinstance(cell.case, float) else "case": cell.case,
         "figures": {
-            name: {measure: _interval_dict(value) for measure, value in rows.items()}
-            for name, rows in cell.figures.items()
+            name: {key: _interval_dict(value) for key, value in intervals.items()}
+            for name, intervals in cell.figures.items()
         },
         "standstill_rms_m": dict(cell.standstill),
         **{
-            f"against_{of}": {
-                name: _comparison_dict(one) for name, one in getattr(cell, of).items()
+            f"against_{opponent}": {
+                name: _comparison_dict(comparison)
+                for name, comparison in getattr(cell, opponent).items()
             }
-            for of in ("strongest", "ratio", "flux")
+            for opponent in ("strongest", "ratio", "flux")
         },
     }
 
@@ -476,7 +494,7 @@ def _interval_dict(interval: Interval) -> dict[str, float]:
     return {"mean": interval.mean, "half_width": interval.half_width}
 
 
-def _comparison_dict(comparison: Comparison) -> dict[str, Any]:
+def _comparison_dict(comparison: MethodComparison) -> dict[str, Any]:
     row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
     if comparison.floor is not None:
         row["floor_percent"] = comparison.floor

@@ -1,4 +1,4 @@
-"""A whole fleet: what ``anhyst fleet`` does."""
+"""Identify, compile, verify and compare all magnets of a folder, as ``anhyst fleet`` does."""
 
 from __future__ import annotations
 
@@ -33,29 +33,32 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_MAGNETS_FOR_SPREAD = 3
-"""Magnets of which a scatter can be stated."""
-TABLE_FILE, FIGURES_FILE = "fleet.csv", "fleet.json"
+"""Smallest number of magnets that have a stated scatter."""
+TABLE_FILE = "fleet.csv"
+"""Name of the table with one row for each magnet."""
+FIGURES_FILE = "fleet.json"
+"""Name of the file with all figures."""
 
 
 @dataclass(frozen=True, repr=False)
 class Fleet(Result):
-    """What was found.
+    """Results of a fleet of magnets.
 
     Parameters
     ----------
     out : Path
-        Folder with ``fleet.json``, ``fleet.csv``, and a folder a magnet: ``model.toml``,
+        Folder with ``fleet.json``, ``fleet.csv`` and a folder for each magnet: ``model.toml``,
         ``controller/``, ``result.json``.
     settings : FleetSettings
-        With the law and the gap map that all got.
+        With the law and the gap map of all magnets.
     results : tuple of dict
-        Of each magnet, by name; see :func:`anhyst_rigs.study.fleet_magnets.judge`.
+        Of each magnet, by name; see :func:`anhyst_rigs.study.fleet_magnets.evaluate_magnet`.
     typical : str
-        The magnet nearest to the mean, whose model stands for one model for all; empty if none.
-    shared : tuple of float
-        Rms deviation of that model on each magnet's loops, in parts of the largest output.
+        The magnet nearest to the mean, whose model is used as the common model; empty if none.
+    shared_errors : tuple of float
+        Rms error of that model on each magnet's loops, as a fraction of the largest output.
     spread : FleetSpread or None
-        Of the fitted quantities; None below :data:`FEWEST` magnets.
+        Of the fitted quantities; None below :data:`MIN_MAGNETS_FOR_SPREAD` magnets.
     quantities : tuple of str
         Their names.
     """
@@ -70,35 +73,35 @@ class Fleet(Result):
 
     @property
     def evaluated(self) -> list[dict[str, Any]]:
-        """Results of the magnets that could be judged."""
+        """Results of the magnets that could be evaluated."""
         return [result for result in self.results if "error" not in result]
 
     @property
     def failed(self) -> dict[str, str]:
-        """Why the others could not be, by name."""
+        """Errors of the other magnets, by name."""
         return {result["name"]: result["error"] for result in self.results if "error" in result}
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know before trusting the comparison."""
+        """Warnings about the comparison."""
         histories = {tuple(result["histories"]) for result in self.evaluated}
         if len(histories) == 1:
             return ()
         return (
-            "what happened before the loops was taken differently from magnet to magnet, which "
-            "moves their parameters; state it with --history, or in sidecar files",
+            "the history before the loops differs between magnets, which changes their parameters; "
+            "state it with --history, or in sidecar files",
         )
 
     @property
     def own_errors(self) -> FloatArray:
-        """Rms deviation of each judged magnet with its own controller, parts of the largest."""
+        """Rms error of each evaluated magnet with its own controller, over the largest output."""
         return np.array(
             [math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.evaluated]
         )
 
     @property
     def is_good(self) -> list[bool]:
-        """Whether each judged magnet keeps the tolerance with its own verified controller."""
+        """Whether each evaluated magnet is within the tolerance with its verified controller."""
         limit = 0.01 * self.settings.tolerance
         return [
             bool(magnet["verified"] and magnet["passed_acceptance"] and error <= limit)
@@ -107,7 +110,7 @@ class Fleet(Result):
 
     @property
     def is_good_shared(self) -> list[bool]:
-        """Whether each judged magnet keeps the tolerance with one model for all."""
+        """Whether each evaluated magnet is within the tolerance with the common model."""
         limit = 0.01 * self.settings.tolerance
         return [bool(error <= limit) for error in self.shared_errors]
 
@@ -122,10 +125,10 @@ class Fleet(Result):
         ]
 
     def facts(self) -> dict[str, str]:
-        """Return how many are good, each by itself and with one model for all."""
+        """Return the number of good magnets, with their own and with the common model."""
         count = len(self.results)
         return {
-            "magnets": f"{count}, {len(self.failed)} could not be judged",
+            "magnets": f"{count}, {len(self.failed)} could not be evaluated",
             "law": f"{self.settings.law}, gap map {self.settings.gap_map}",
             "good, each with its own controller": f"{sum(self.is_good)} of {count}",
             f"good, all with the model of '{self.typical}'": f"{sum(self.is_good_shared)} of {count}",
@@ -133,7 +136,7 @@ class Fleet(Result):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return a row for each judged magnet: errors in per cent, fitted quantities."""
+        """Return a row for each evaluated magnet: errors in per cent, fitted quantities."""
         rows = []
         distance = self.spread.distance if self.spread else np.full(len(self.evaluated), np.nan)
         for index, magnet in enumerate(self.evaluated):
@@ -165,7 +168,7 @@ class Fleet(Result):
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``fleet.json`` holds."""
+        """Return the content of ``fleet.json``."""
         count = len(self.results)
         spread = self.spread
         return {
@@ -200,7 +203,7 @@ class Fleet(Result):
         }
 
     def _pooled_dict(self, index: int) -> dict[str, Any] | None:
-        """Return what the fleet and a magnet's own loops together say of its quantities."""
+        """Return the quantities of a magnet, estimated from its own loops and from the fleet."""
         if (spread := self.spread) is None:
             return None
         return {
@@ -210,17 +213,13 @@ class Fleet(Result):
         }
 
     def draw(self, ax: Axes) -> None:
-        """Draw the error of each magnet with its own controller and with one model for all."""
+        """Draw the error of each magnet with its own controller and with the common model."""
         order = np.argsort(self.own_errors)
         positions = np.arange(len(order))
         ax.plot(
-            positions,
-            100.0 * np.array(self.shared_errors)[order],
-            "o",
-            ms=4,
-            label="one model for all",
+            positions, 100.0 * np.array(self.shared_errors)[order], "o", ms=4, label="common model"
         )
-        ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="each its own")
+        ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="own model")
         ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")
         ax.set_xlabel("magnets, by their own error")
         ax.set_ylabel("rms deviation [% of the largest output]")
@@ -234,16 +233,16 @@ def fleet(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Fleet:
-    """Identify, compile, verify and judge all magnets of a folder.
+    """Identify, compile, verify and evaluate all magnets of a folder.
 
-    A run that was stopped goes on where it was; a magnet whose files or settings have changed is
-    done again. The same files, settings and version give the same result in any order of work.
+    An interrupted run is continued; magnets whose files or settings changed are computed again. The
+    same files, settings and version give the same result in any order of work.
     """
     members = find_members(folder)
     out_folder = Path(out)
     if Path(folder).resolve() in {out_folder.resolve(), out_folder.resolve().parent}:
         raise InputError(
-            f"{out}: lies where magnets are looked for; write to another folder",
+            f"{out}: is in the folder of the magnets; write to another folder",
             code="out-among-inputs",
         )
     out_folder.mkdir(parents=True, exist_ok=True)
@@ -254,7 +253,7 @@ def fleet(
     results = map_ordered(evaluate_magnet, tasks, progress, jobs)
     if all("error" in result for result in results):
         raise NegativeResult(
-            f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}",
+            f"none of {len(members)} magnets could be evaluated; the first: {results[0]['error']}",
             code="no-magnet-judged",
         )
     result = _compare_magnets(members, results, choice.settings, out_folder, jobs)
@@ -266,7 +265,7 @@ def fleet(
 
 
 def _csv_column(column: Sequence[Any]) -> Any:
-    """Return a column as a CSV holds it: switches as 0 and 1, text as it is."""
+    """Return a column in the form of a CSV file: booleans as 0 and 1, text unchanged."""
     from anhyst.data.formats.channels import Texts
 
     if isinstance(column[0], str):
@@ -282,9 +281,9 @@ def _compare_magnets(
     out: Path,
     jobs: int | None,
 ) -> Fleet:
-    """Hold the magnets that could be judged against each other."""
+    """Compare the magnets that could be evaluated."""
     evaluated = [result for result in results if "error" not in result]
-    # An offset may be fitted to one magnet and not to another: what all have is compared.
+    # An offset may be fitted to some magnets only. Quantities that all magnets have are compared.
     quantity_sets = [set(result["quantities"]) for result in evaluated]
     names = tuple(
         name

@@ -1,4 +1,9 @@
-"""The magnets of a fleet one by one: found, a law chosen for all, identified, compiled, verified."""
+"""Process the magnets of a fleet one by one: find, identify, compile and verify them.
+
+By default, all magnets get the law and the gap map that the majority of the first ones selects.
+Results are stored for each magnet with a hash of its inputs, so that an interrupted run can
+continue.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +23,8 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
-from anhyst.data.reading import list_input_files, read_loops
+from anhyst.data.input_files import list_input_files
+from anhyst.data.reading import read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, require_complete
@@ -35,11 +41,11 @@ from anhyst.verification.verify import verify
 class Member:
     """One magnet of a fleet."""
 
-    name: str  # of its file without the ending, or of its folder
-    source: Path  # A file of loops, or a folder of them
+    name: str  # name of its file without extension, or of its folder
+    source: Path  # a file of loops, or a folder of them
 
     def digest(self) -> str:
-        """Return the SHA-256 of all that is read of it."""
+        """Return the SHA-256 of all files of the magnet."""
         digest = hashlib.sha256()
         for path in list_input_files(self.source):
             digest.update(path.name.encode())
@@ -51,11 +57,11 @@ class Member:
 
 
 def find_members(folder: PathLike) -> list[Member]:
-    """Return the magnets of a folder, by name: every file of loops, and every folder of them."""
+    """Return the magnets of a folder by name: each file of loops and each folder of them."""
     root = Path(folder)
     if not root.is_dir():
         raise InputError(
-            f"{root}: is no folder; name one that holds a file or folder a magnet",
+            f"{root}: is not a folder; give one with a file or folder for each magnet",
             code="no-such-folder",
         )
     members = [
@@ -65,7 +71,7 @@ def find_members(folder: PathLike) -> list[Member]:
     ]
     if not members:
         raise InputError(
-            f"{root}: holds no {', '.join(FORMATS)} file and no folder of them", code="no-files"
+            f"{root}: contains no {', '.join(FORMATS)} file and no folder of them", code="no-files"
         )
     names: set[str] = set()
     for member in members:
@@ -82,53 +88,54 @@ def _holds_loops(path: Path) -> bool:
     return path.is_dir() and any(file.suffix.lower() in FORMATS for file in path.iterdir())
 
 
-RESULT_FILE, MODEL_FILE, CONTROLLER_FOLDER = "result.json", "model.toml", "controller"
+RESULT_FILE = "result.json"
+MODEL_FILE = "model.toml"
+CONTROLLER_FOLDER = "controller"
 _VERIFICATION_STEPS = 20_000
 
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """What is done with every magnet."""
+    """Settings for all magnets."""
 
-    rate: float  # ticks a second of the controllers, Hz
-    kind: BlockKind = "full"  # of the compensators
+    rate: float  # tick rate of the controllers, Hz
+    kind: BlockKind = "full"  # kind of compensator
     io: Io = "q31"
-    # the same for all, so that parameters compare; ``auto``: what most of the first magnets choose
+    # the same for all magnets; ``auto``: the choice of most of the first magnets
     law: str = "auto"
     gap_map: str = "auto"
-    on: str = "host"  # targets that the C is verified on
-    # largest rms deviation of the force of a good magnet, per cent of its largest
+    on: str = "host"  # targets of the verification
+    # largest rms force error of a good magnet, per cent of its largest force
     tolerance: float = 1.0
-    seed: int = 1  # of the search
-    # what happened before every loop; None: as sidecars say, or as each record proposes
+    seed: int = 1  # seed of the search
+    # history before every loop; None: from sidecars, or proposed for each record
     history: str | None = None
 
 
 @dataclass(frozen=True)
 class FleetTask:
-    """A magnet and what to do with it."""
+    """A magnet and its settings."""
 
     member: Member
     settings: FleetSettings
-    out: Path  # results go to a folder of the magnet's name in it
-    # law and gap map to ask identification for: those of the settings, or ``auto`` for one whose
-    # own choice they are
+    out: Path  # folder that contains the magnet's folder
+    # law and gap map for the identification; for a pilot those that were given, such as ``auto``
     search: tuple[str, str]
-    identification: IdentifyResult | None = None  # what that gives, where it is known already
+    identification: IdentifyResult | None = None  # result, if it is already known
 
     @property
     def folder(self) -> Path:
-        """Where its results are."""
+        """Folder of the magnet's results."""
         return self.out / self.member.name
 
 
 def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
-    """Identify, compile and verify one magnet; what is done already is not done again.
+    """Identify, compile and verify one magnet, unless a stored result is up to date.
 
-    Whatever goes wrong with one magnet stands in its result and stops no other.
+    An error of one magnet is part of its result and does not stop the others.
     """
     settings = asdict(task.settings)
-    settings.pop("tolerance")  # has no say in the figures
+    settings.pop("tolerance")  # does not affect the figures
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()
@@ -138,7 +145,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
     except (InputError, NegativeResult) as error:
         outcome = {"error": str(error)}
     except Exception as fault:
-        outcome = {"error": f"a fault of anhyst: {type(fault).__name__}: {fault}"}
+        outcome = {"error": f"internal error of anhyst: {type(fault).__name__}: {fault}"}
     result = {"name": task.member.name, **outcome, "made_from": made_from}
     task.folder.mkdir(parents=True, exist_ok=True)
     write_json(task.folder / RESULT_FILE, result)
@@ -146,7 +153,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
 
 
 def _load_result(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a result that was made of the same files with the same settings."""
+    """Return a stored result of the same files with the same settings, otherwise None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -197,9 +204,9 @@ def _evaluate(task: FleetTask) -> dict[str, Any]:
 
 
 def shared_model_error(file: Path, history: str | None, member: Member) -> float:
-    """Return the rms deviation of another magnet's model on this one's loops, parts of the largest.
+    """Return the rms error of another magnet's model on these loops, over the largest output.
 
-    Not a number where that model cannot be computed on these loops.
+    The result is nan if the model cannot be computed on these loops.
     """
     loops = read_loops(member.source, history=history)
     model = read_model(file)
@@ -211,23 +218,23 @@ def shared_model_error(file: Path, history: str | None, member: Member) -> float
 
 
 PILOT_COUNT = 3
-"""Magnets that decide together."""
+"""Number of magnets whose choices decide."""
 CHOICE_FILE = "choice.json"
-"""Keeps the decision: a run that goes on does not make it again."""
+"""Name of the file with the decision, for runs that continue."""
 
 
 @dataclass(frozen=True)
 class FleetChoice:
-    """What was decided."""
+    """The law and the gap map of all magnets."""
 
-    settings: FleetSettings  # with the law and the gap map that all get
-    # names of those that chose just these: nothing else is to be fitted to them
+    settings: FleetSettings  # with the law and the gap map of all magnets
+    # names of the pilots that chose this law and gap map; they are not identified again
     pilots: tuple[str, ...] = ()
-    # their identifications by name, where they were made just now
+    # identifications of the pilots by name, if made in this run
     identifications: dict[str, IdentifyResult] = field(default_factory=dict)
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
-        """Return what is to be done with a magnet, given what was asked for in the first place."""
+        """Return the task of a magnet; pilots keep the settings that were given."""
         search = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
             member,
@@ -241,9 +248,9 @@ class FleetChoice:
 def choose_law(
     members: Sequence[Member], settings: FleetSettings, out: Path, jobs: int | None
 ) -> FleetChoice:
-    """Find the law and gap map that most of the first magnets choose that can be identified.
+    """Select the law and the gap map of the majority of the first identifiable magnets.
 
-    Where none can, settings stay, and each magnet says by itself what is wrong with it.
+    If none can be identified, the settings are unchanged, and each magnet reports its own error.
     """
     if "auto" not in {settings.law, settings.gap_map}:
         return FleetChoice(settings)
@@ -287,7 +294,7 @@ def choose_law(
 
 
 def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
-    """Let a magnet choose; what is wrong with one that cannot is said when it is judged."""
+    """Identify a magnet; return None on an error, which its evaluation reports later."""
     try:
         return identify_member(task)
     except Exception:
@@ -295,7 +302,7 @@ def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
 
 
 def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
-    """Return all that a decision rests on; files that cannot be read have no hash."""
+    """Return all inputs of a decision; the hash of an unreadable file is empty."""
     digests = dict.fromkeys((member.name for member in pilots), "")
     for member in pilots:
         with suppress(InputError):
@@ -310,7 +317,7 @@ def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[st
 def _load_choice(
     members: Sequence[Member], settings: FleetSettings, path: Path
 ) -> FleetChoice | None:
-    """Return a decision that was made of the same magnets with the same settings."""
+    """Return a stored decision for the same magnets and settings, otherwise None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         pilots = members[: len(content["made_from"]["sha256"])]

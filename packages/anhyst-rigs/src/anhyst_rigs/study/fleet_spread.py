@@ -1,18 +1,18 @@
-"""How the parameters of a fleet scatter: a hierarchical normal model of all magnets.
+"""Estimate how the parameters of a fleet scatter, with a hierarchical normal model.
 
-Each magnet has true values ``x_i`` out of a normal distribution with mean ``m`` and scatter ``t``
-(independent from quantity to quantity); identification gives ``y_i`` with a covariance ``S_i`` that
-the loops leave. Mean and scatter are found by expectation maximisation of their likelihood; what
-one magnet's loops do not determine is then filled from the others::
+Each magnet has true values ``x_i`` from a normal distribution with mean ``m`` and scatter ``t``,
+independent for each quantity. Identification gives ``y_i`` with covariance ``S_i``. Expectation
+maximisation of the likelihood finds mean and scatter. Values that the loops of a magnet do not
+determine are then estimated from the other magnets::
 
     V_i = (S_i^-1 + T^-1)^-1        T = diag(t^2)
     x_i = V_i (S_i^-1 y_i + T^-1 m)
     m   = mean(x_i),  t^2 = mean((x_i - m)^2 + diag V_i)
 
-(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.) All of it holds for
-the coordinates that identification moves, most of them logarithms: there the errors that loops
-leave are normal, even wide ones. In the quantities themselves ``x_i`` of noisy loops made forces
-worse than ``y_i``, in the coordinates they make them better (docs/fleet.md).
+(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.) The model applies
+to the coordinates of the identification, usually logarithms, because their errors are normal even
+if they are large. With the quantities themselves, ``x_i`` of noisy loops had larger force errors
+than ``y_i`` (docs/fleet.md).
 """
 
 from __future__ import annotations
@@ -29,20 +29,23 @@ from anhyst.identification.space import Coordinate
 from anhyst.support.numeric import FloatArray
 
 MAX_ITERATIONS = 200
+"""Largest number of iterations of the expectation maximisation."""
 
 OUTLIER_PROBABILITY = 0.01
-"""Chance that a fleet without outliers has a magnet that is called one."""
+"""Probability that a fleet without outliers has a magnet that is reported as one."""
 MIN_SCATTER = 1e-4
-"""Scatter below this part of the mean is not told from none."""
-MIN_STD, MAX_STD = 1e-9, 1e3
-"""Standard deviations that loops may leave, in parts of the mean: what is beyond counts as these."""
+"""Smallest scatter, as a fraction of the mean; smaller ones cannot be distinguished from zero."""
+MIN_STD = 1e-9
+"""Smallest standard deviation of a coordinate; smaller ones are clipped."""
+MAX_STD = 1e3
+"""Largest standard deviation of a coordinate; larger ones are clipped."""
 
 
 @dataclass(frozen=True)
 class MagnetEstimate:
-    """What identification says of one magnet."""
+    """Identified quantities of one magnet."""
 
-    # in units of the quantities; infinite where the loops leave a quantity open; shape (q,)
+    # in units of the quantities; std infinite if the loops do not determine one; shape (q,)
     values: FloatArray
     std: FloatArray
     correlation: FloatArray  # of the coordinates; shape (q, q)
@@ -51,7 +54,7 @@ class MagnetEstimate:
     def from_uncertainty(
         cls, values: ArrayLike, std: Sequence[float | None] | FloatArray, correlation: ArrayLike
     ) -> MagnetEstimate:
-        """Take an uncertainty as a model states it; a quantity without one is left open."""
+        """Convert the uncertainty of a model; a missing standard deviation becomes infinite."""
         full_std = np.array(
             [math.inf if value is None else value for value in std], dtype=np.float64
         )
@@ -63,7 +66,7 @@ class MagnetEstimate:
         return cls(np.array(values, dtype=np.float64), full_std, matrix)
 
     def select(self, positions: Sequence[int]) -> MagnetEstimate:
-        """Return some of the quantities, in the given order, whatever the others are."""
+        """Return some of the quantities, in the given order."""
         indices = list(positions)
         return MagnetEstimate(
             self.values[indices], self.std[indices], self.correlation[np.ix_(indices, indices)]
@@ -72,25 +75,25 @@ class MagnetEstimate:
 
 @dataclass(frozen=True)
 class FleetSpread:
-    """Mean and scatter of each quantity over a fleet, and each magnet in their light."""
+    """Mean and scatter of each quantity over a fleet, and the pooled estimate of each magnet."""
 
     mean: FloatArray  # in units of the quantities; shape (q,)
     scatter: FloatArray
-    # Of each magnet in the light of the fleet: its own, as far as its loops determine them, drawn
-    # towards the mean; and what is then left open. Outliers keep their own; shape (n, q)
+    # estimate of each magnet from its own loops and the fleet, with its standard deviation;
+    # outliers keep their own; shape (n, q)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray  # of what is left open; shape (n, q, q)
-    # of its own values from the mean, in standard deviations of both kinds: the root of the
-    # Mahalanobis distance over the number of quantities; shape (n,)
+    correlation: FloatArray  # of the pooled estimates; shape (n, q, q)
+    # distance from the mean: root of the Mahalanobis distance over the number of quantities; shape
+    # (n,)
     distance: FloatArray
-    # magnets that do not belong: farther than one in :data:`RARE` fleets would have one; shape (n,)
+    # magnets that do not belong to the fleet at :data:`OUTLIER_PROBABILITY`; shape (n,)
     outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True)
 class _Coordinates:
-    """Where the quantities of a fleet are normal: logarithms, or shares of a scale."""
+    """Transformation to coordinates with normal errors: logarithm, asinh or a scale."""
 
     log: np.ndarray[tuple[int], np.dtype[np.bool_]]
     asinh: np.ndarray[tuple[int], np.dtype[np.bool_]]
@@ -100,7 +103,7 @@ class _Coordinates:
     def from_values(cls, values: FloatArray, coordinates: Sequence[Coordinate]) -> _Coordinates:
         sizes = np.abs(values)
         scale = np.median(sizes, axis=0)
-        # Most may stand at the end of what is searched, which is zero.
+        # the median may be zero, the bound of the search
         scale = np.where(scale > 0.0, scale, sizes.max(axis=0))
         kinds = np.array(coordinates)
         log = (kinds == "log") & (values > 0.0).all(axis=0)
@@ -124,14 +127,14 @@ class _Coordinates:
         )
 
     def slope(self, values: FloatArray) -> FloatArray:
-        """Return the derivative of the quantities by their coordinates, at some values."""
+        """Return the derivative of the quantities with respect to their coordinates."""
         return np.where(self.log, values, np.where(self.asinh, np.hypot(1.0, values), self.scale))
 
 
 def estimate_spread(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
-    """Find mean and scatter of a fleet; outliers have no say in either."""
+    """Estimate mean and scatter of a fleet; outliers do not affect them."""
     quantities = np.array([estimate.values for estimate in estimates])
     transform = _Coordinates.from_values(quantities, coordinates or ["plain"] * quantities.shape[1])
     values = transform.to_coordinates(quantities)
@@ -185,6 +188,7 @@ def _central_half(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool
 def _expectation_maximisation(
     values: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
+    """Return mean and scatter of the magnets."""
     mean = np.median(values, axis=0)
     scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
     for _ in range(MAX_ITERATIONS):
@@ -206,7 +210,7 @@ def _expectation_maximisation(
 def _pool(
     value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a magnet's values drawn towards the mean, and their covariance."""
+    """Return a magnet's values shrunk towards the mean, and their covariance."""
     prior = np.diag(scatter**2)
     gain = np.linalg.solve(covariance + prior, prior).T
     pooled = mean + gain @ (value - mean)
@@ -216,6 +220,7 @@ def _pool(
 def _squared_distances(
     values: FloatArray, covariances: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> FloatArray:
+    """Return the squared Mahalanobis distance of each magnet from the mean."""
     prior = np.diag(scatter**2)
     deviations = values - mean
     return np.array(

@@ -1,4 +1,4 @@
-"""Open-loop force control, as in section III of the paper: from a rig file to recordings."""
+"""Run open-loop force control, as in section III of the paper, from a rig file to recordings."""
 
 from __future__ import annotations
 
@@ -55,30 +55,30 @@ if TYPE_CHECKING:
 
 
 MODEL_SCOPES: Mapping[TrialStage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
-"""Which models belong to which stage, as their folders are called."""
+"""The models of each stage, by the name of their folder."""
 _PREPARATION_WORK = 4.0
-"""Work of the models, and of the programs, in trials."""
+"""Work of the models, and of the programs, in units of one trial."""
 MAX_DEMAND_S = 120.0
-"""Seconds of a demand from a file at most."""
+"""Maximum duration of a demand from a file, s."""
 
 
 @dataclass(frozen=True, repr=False)
 class ForceControl(StudyResult):
-    """What came out.
+    """The result of force control.
 
     Parameters
     ----------
     rig : Rig
-        The rig, complete.
+        The completed rig.
     out : Path
-        Folder with everything: ``figures.json``, a recording of each trial, and below ``end/`` and
-        ``stroke/`` models and controllers; :func:`anhyst_rigs.reports.force.draw_all` adds pictures.
+        Folder of all results: ``figures.json``, a recording of each trial, and models and controllers in
+        ``end/`` and ``stroke/``; :func:`anhyst_rigs.reports.force.draw` adds pictures.
     figures : dict
-        As in ``figures.json``.
+        Content of ``figures.json``.
     outcomes : tuple of ForceOutcome
         Recordings of all trials.
     plant : PlantCheck
-        What the loops say about the actuator.
+        Comparison of the actuator with the measured loops.
     verified : Verification, optional
         Of the compiled C, if the rig was made from loops.
     """
@@ -93,26 +93,26 @@ class ForceControl(StudyResult):
 
     @property
     def compiled(self) -> Path:
-        """The folder of C that holds for the whole stroke."""
+        """The folder of C with the model of the whole stroke."""
         return self.out / "stroke" / "full" / "controller"
 
     @property
     def lost_in(self) -> list[str]:
-        """Every trial in which the controlled force was lost."""
+        """All trials in which the controlled force was lost."""
         lost: list[str] = self.figures["lost_in"]
         return lost
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where a force was lost, or the firmware and its simulation differ."""
+        """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""
         if self.lost_in:
             raise NegativeResult(
                 f"the force was lost: {'; '.join(self.lost_in)}; all files are kept",
                 code="force-lost",
             )
-        if differing := self.figures["ticks_that_differ"]:
+        if differing_ticks := self.figures["ticks_that_differ"]:
             raise NegativeResult(
-                "the firmware gave another current than the simulated program at "
-                f"{differing} ticks",
+                "the current of the firmware differs from the simulated program at "
+                f"{differing_ticks} ticks",
                 code="firmware-differs",
             )
 
@@ -124,12 +124,14 @@ class ForceControl(StudyResult):
         return judge_stages(self.figures["summary"])
 
     def facts(self) -> dict[str, str]:
-        """Return where everything is, and the error of each controller's force over all trials."""
+        """Return the folder, and the force error of each controller over all trials."""
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
-        rows = self._errors()
-        for name in dict.fromkeys(row["controller"] for row in rows):
-            mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
-            facts[name] = f"force off by {mean:.3g} N rms"
+        errors = self._errors()
+        for name in dict.fromkeys(row["controller"] for row in errors):
+            mean_error_N = np.mean(
+                [row["error_rms_N"] for row in errors if row["controller"] == name]
+            )
+            facts[name] = f"force error {mean_error_N:.3g} N rms"
         return facts | self.losses_fact()
 
     def _errors(self) -> list[dict[str, Any]]:
@@ -148,11 +150,11 @@ class ForceControl(StudyResult):
         ]
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the error of the force of each controller in each trial, N."""
+        """Return the force error of each controller in each trial, N."""
         return rows_to_columns(self._errors())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds, and the verification."""
+        """Return the content of ``figures.json``, and the verification."""
         verified = {"verified": self.verified.as_dict()} if self.verified else {}
         return self.figures | verified
 
@@ -175,21 +177,21 @@ def force_control(
     recordings: str = "csv",
     progress: Progress | None = None,
 ) -> ForceControl:
-    """Identify, compile, build, and run every trial of a rig: `anhyst.force_control`."""
-    named = read_rig(rig)
-    demands = _collect_demands(named, demand)
+    """Identify, compile and build the controllers, and run every trial: `anhyst.force_control`."""
+    rig_from_file = read_rig(rig)
+    demands = _collect_demands(rig_from_file, demand)
     check_format(Path(out) / f"recording.{recordings}")
-    check_compiler(board)  # miss a tool before the work, not after it
+    check_compiler(board)  # report a missing tool before the computation
     if board == "qemu-mps2":
         find_qemu()
-    trials = list(plan_trials(named, demands))
-    parts = split_progress(progress, [_PREPARATION_WORK, _PREPARATION_WORK, len(trials)])
-    loops = read_rig_loops(named)
-    end = loops_at_gap(loops, named.settings.force.end_m)
-    force_max = named.settings.force.force_max_N
-    ratio = fit_ratio(end, force_max)
+    trials = list(plan_trials(rig_from_file, demands))
+    progress_parts = split_progress(progress, [_PREPARATION_WORK, _PREPARATION_WORK, len(trials)])
+    loops = read_rig_loops(rig_from_file)
+    end_loops = loops_at_gap(loops, rig_from_file.settings.force.end_m)
+    force_max = rig_from_file.settings.force.force_max_N
+    ratio = fit_ratio(end_loops, force_max)
     baselines: dict[str, dict[str, Compensator]] = {
-        "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
+        "end": {"ratio": ratio, "single": fit_single_valued(end_loops, force_max)},
         "stroke": {
             "ratio": ratio,
             "ratio_over_gap": fit_ratio(loops, force_max),
@@ -197,27 +199,29 @@ def force_control(
         },
     }
     with atomic_folder(out) as folder:
-        whole = complete_rig(named, loops)
-        found_models = map_ordered(partial(identify_force_model, whole), [end, loops], next(parts))
+        complete = complete_rig(rig_from_file, loops)
+        found_models = map_ordered(
+            partial(identify_force_model, complete), [end_loops, loops], next(progress_parts)
+        )
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _build_programs(whole, models, board, folder, next(parts))
+        programs = _build_programs(complete, models, board, folder, next(progress_parts))
         controllers = {
             scope: Controllers(programs[scope], results, board)
             for scope, results in baselines.items()
         }
-        tasks = [(whole, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
-        outcomes = map_ordered(_run_trial, tasks, next(parts))
-        plant = whole.check_plant(loops, models["stroke"])
-        results = make_figures(whole, outcomes, board) | {"plant": plant.as_dict()}
+        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
+        outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
+        plant = complete.check_plant(loops, models["stroke"])
+        results = make_figures(complete, outcomes, board) | {"plant": plant.as_dict()}
         results["verdict"] = None if results["lost_in"] else verdict_dict(results["summary"])
         for outcome in outcomes:
-            _write_trial(whole, folder / f"{outcome.trial.name}.{recordings}", outcome)
+            _write_trial(complete, folder / f"{outcome.trial.name}.{recordings}", outcome)
         write_json(folder / FIGURES_FILE, results)
-    return ForceControl(whole, Path(out), results, tuple(outcomes), plant)
+    return ForceControl(complete, Path(out), results, tuple(outcomes), plant)
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:
-    """Return what is compiled of a model: where iron answers late, the same at rest besides."""
+    """Return the methods that are compiled; with eddy currents also the model without them."""
     return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
 
 
@@ -259,9 +263,10 @@ def _build_programs(
         for scope, model in models.items()
         for name in _compiled_methods(model)
     ]
-    made = iter(map_ordered(_build_program, tasks, progress))
+    programs = iter(map_ordered(_build_program, tasks, progress))
     return {
-        scope: tuple(next(made) for _ in _compiled_methods(one)) for scope, one in models.items()
+        scope: tuple(next(programs) for _ in _compiled_methods(model))
+        for scope, model in models.items()
     }
 
 
@@ -281,20 +286,20 @@ def _collect_demands(rig: ForceControlRig, path: PathLike | None) -> list[Demand
 
 
 def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
-    """Read a demand and give it the ticks of the controller."""
+    """Read a demand and sample it at the ticks of the controller."""
     table = read_columns(path)
     time, force = table.require("time", "t_s"), table.require("force", "F_N")
-    most = rig.settings.force.force_max_N
-    if force.min() < 0.0 or force.max() > most:
-        row = int(np.argmax((force < 0.0) | (force > most)))
+    force_max_N = rig.settings.force.force_max_N
+    if force.min() < 0.0 or force.max() > force_max_N:
+        row = int(np.argmax((force < 0.0) | (force > force_max_N)))
         raise InputError(
-            f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {most:g} N "
+            f"{path}: sample {row}: {force[row]:g} N is outside 0 to {force_max_N:g} N "
             f"(force_max_N of {rig.path}); lower the demand",
             code="out-of-range",
         )
     if not 0.0 < time[-1] - time[0] <= MAX_DEMAND_S:
         raise InputError(
-            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {MAX_DEMAND_S:g} s",
+            f"{path}: lasts {time[-1] - time[0]:g} s; enter a demand of at most {MAX_DEMAND_S:g} s",
             code="too-long",
         )
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)

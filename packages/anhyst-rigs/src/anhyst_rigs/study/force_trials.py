@@ -1,4 +1,8 @@
-"""Trials of force control: which there are, how one runs under every controller, its errors."""
+"""Plan and run the trials of force control, and compute their errors.
+
+A trial is one demand at one position, from one initial state of the iron. It runs with every
+controller of its stage.
+"""
 
 from __future__ import annotations
 
@@ -31,27 +35,27 @@ InitialState = Literal["unknown", "demagnetised"]
 
 @dataclass(frozen=True)
 class ForceTrial:
-    """One demand at one place."""
+    """One demand at one position."""
 
-    # ``"end"``: models of the stroke's end, there; ``"positions"``: models of the whole stroke, the
-    # armature held; ``"moving"``: the same, the armature moving
+    # ``"end"``: models of the stroke's end, at this position; ``"positions"``: models of the whole
+    # stroke, armature held; ``"moving"``: the same models, armature moving
     stage: TrialStage
-    demand: Demand  # what is wanted
-    position: float | None  # of the armature, m; None where it moves
-    # ``"unknown"``: the iron has any past, and the controller begins with its start-up sequence;
-    # ``"demagnetised"``: iron and controller begin there
+    demand: Demand  # demanded force
+    position: float | None  # position of the armature, m; None if it moves
+    # ``"unknown"``: random history of the iron, and the controller starts with its start-up
+    # sequence; ``"demagnetised"``: iron and controller start demagnetised
     initial_state: InitialState
-    number: int  # of all trials; decides the noise
+    number: int  # number of the trial, which defines the noise
 
     @property
     def name(self) -> str:
-        """For files: ``positions_1.25mm_wide``."""
-        at = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
-        past = "_demagnetised" if self.initial_state == "demagnetised" else ""
-        return f"{self.stage}{at}_{self.demand.name}{past}"
+        """Name for files: ``positions_1.25mm_wide``."""
+        position_text = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
+        history_text = "_demagnetised" if self.initial_state == "demagnetised" else ""
+        return f"{self.stage}{position_text}_{self.demand.name}{history_text}"
 
     def gap(self, rig: ForceControlRig) -> FloatArray:
-        """Return where the armature is at every tick, m."""
+        """Return the position of the armature at every tick, m."""
         ticks = self.demand.force.size
         if self.position is not None:
             return np.full(ticks, self.position)
@@ -63,33 +67,33 @@ class Controllers:
     """All controllers of one stage."""
 
     programs: tuple[Program, ...]  # firmwares
-    # ``ratio``, the paper's uncompensated case: one ratio, of the stroke's end; ``ratio_over_gap``,
-    # the same with a ratio for every gap; ``single``, the best curve without memory
+    # ``ratio``, the uncompensated case of the paper: one ratio of the stroke's end;
+    # ``ratio_over_gap``: a ratio for every gap; ``single``: the best single-valued curve
     baselines: Mapping[str, Compensator]
-    board: str  # where the firmwares run
+    board: str  # board of the firmwares
 
     @property
     def conditioning(self) -> list[float]:
-        """Turning points of the start-up sequence, A."""
+        """Reversal points of the start-up sequence, A."""
         return self.programs[0].conditioning_currents
 
 
 @dataclass(frozen=True)
 class ForceOutcome:
-    """What one trial gave."""
+    """The result of one trial."""
 
-    trial: ForceTrial  # which
-    # by controller: ``full``, ``at-rest``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``
+    trial: ForceTrial  # the trial
+    # by controller: ``full``, ``at-rest``, ``simplified``, ``ratio``, ``ratio_over_gap``,
+    # ``single``
     recordings: Mapping[str, Recording]
-    # for each firmware the force, N, that its simulated program expects: the same arithmetic, with
-    # the model instead of the solenoid
+    # by firmware: force that the model predicts for the currents of the firmware, N
     simulated_force: Mapping[str, FloatArray] = field(default_factory=dict)
-    # for each firmware the ticks at which the simulated program gave another current
+    # by firmware: number of ticks at which the simulated program gave another current
     differing_ticks: Mapping[str, int] = field(default_factory=dict)
 
 
 def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTrial]:
-    """Name all trials, in the order of the paper."""
+    """Yield all trials, in the order of the paper."""
     settings = rig.settings
     number = 0
     for demand in demands:
@@ -107,39 +111,41 @@ def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTr
 
 
 def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
-    """Run one trial under every controller of its stage; all see the same noise."""
+    """Run one trial with every controller of its stage and the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
-    demagnetised = trial.initial_state == "demagnetised"
+    is_demagnetised = trial.initial_state == "demagnetised"
     recordings: dict[str, Recording] = {}
-    simulated: dict[str, FloatArray] = {}
-    differing: dict[str, int] = {}
+    simulated_force: dict[str, FloatArray] = {}
+    differing_ticks: dict[str, int] = {}
 
-    def stand() -> ActuatorStand:
-        fresh = ActuatorStand(rig, seed)
-        if not demagnetised:
-            fresh.apply_random_history(gap[0])
-        return fresh
+    def make_stand() -> ActuatorStand:
+        new_stand = ActuatorStand(rig, seed)
+        if not is_demagnetised:
+            new_stand.apply_random_history(gap[0])
+        return new_stand
 
     for program in controllers.programs:
         recording, session = run_firmware(
-            rig, program, stand(), gap, trial.demand, controllers.board, demagnetised
+            rig, program, make_stand(), gap, trial.demand, controllers.board, is_demagnetised
         )
         recordings[program.name] = recording
-        differing[program.name] = count_differing_ticks(program, session)
-        simulated[program.name] = _predict_force(program, recording, demagnetised)
-    known = rig.make_sensors(seed)["gap"].read(gap)
+        differing_ticks[program.name] = count_differing_ticks(program, session)
+        simulated_force[program.name] = _predict_force(program, recording, is_demagnetised)
+    gap_reading = rig.make_sensors(seed)["gap"].read(gap)
     for name, baseline in controllers.baselines.items():
-        driven = stand()
-        if not demagnetised:
-            driven.condition(controllers.conditioning, gap[0])
-        recordings[name] = run_open_loop(driven, gap, baseline.run(trial.demand.force, known))
-    return ForceOutcome(trial, recordings, simulated, differing)
+        baseline_stand = make_stand()
+        if not is_demagnetised:
+            baseline_stand.condition(controllers.conditioning, gap[0])
+        recordings[name] = run_open_loop(
+            baseline_stand, gap, baseline.run(trial.demand.force, gap_reading)
+        )
+    return ForceOutcome(trial, recordings, simulated_force, differing_ticks)
 
 
-def _predict_force(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
-    """Force of the model under the currents of the program: it has neither noise nor delay."""
-    turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning_currents])
-    history = "demagnetised" if demagnetised else f"conditioned:{turns}"
+def _predict_force(program: Program, recording: Recording, is_demagnetised: bool) -> FloatArray:
+    """Return the force of the model for the currents of a program, without noise and delay, N."""
+    reversals = ",".join(repr(current) for current in [0.0, *program.conditioning_currents])
+    history = "demagnetised" if is_demagnetised else f"conditioned:{reversals}"
     model = program.model
     gap = recording["gap_read_m"] if model.needs_schedule else None
     time = recording["t_s"] if model.has_eddy_currents else None
@@ -154,33 +160,35 @@ CONTROLLER_TITLES: Mapping[str, str] = {
     "ratio": "constant ratio",
     "ratio_over_gap": "ratio for each gap",
 }
-"""Controllers, the best first, and what tables call them."""
+"""Titles of the controllers in tables, the best first."""
 STAGE_TITLES: Mapping[str, str] = {
     "end": "stroke's end, after the start-up sequence",
     "end_demagnetised": "stroke's end, from demagnetised",
     "positions": "row of positions",
     "moving": "armature moving",
 }
-"""Groups of trials as tables call them, by their keys in ``figures.json``."""
+"""Titles of the groups of trials in tables, by their keys in ``figures.json``."""
 
 
 def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
-    """Sum up how far a force is from the demand, N and per cent of the largest force of the rig."""
+    """Return figures of a force error, in N and in per cent of the largest force of the rig."""
     errors = {
         "worst": peak_deviation(deviation),
         "rms": rms(deviation),
         "mean": float(np.abs(deviation).mean()),
     }
-    newtons = {f"{name}_N": one for name, one in errors.items()}
-    return newtons | {f"{name}_percent": 100.0 * one / force_max for name, one in errors.items()}
+    newtons = {f"{name}_N": error for name, error in errors.items()}
+    return newtons | {
+        f"{name}_percent": 100.0 * error / force_max for name, error in errors.items()
+    }
 
 
 def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
-    """Score every controller of a trial, after the lead-in.
+    """Return the error figures of every controller of a trial, after the lead-in.
 
-    ``true`` is the force that only a simulation knows, ``read`` as its sensor reads it, with noise
-    and its delay, ``simulated`` what the simulated program of a firmware expects; ``differing`` are
-    the ticks at which that gave another current than the firmware.
+    ``true`` uses the exact force of the simulation, and ``read`` the sensor reading with noise and
+    delay. ``simulated`` uses the prediction of the model. ``differing`` is the number of ticks at
+    which the simulated program gave another current than the firmware.
     """
     demand, scores = outcome.trial.demand, {}
     for name, recording in outcome.recordings.items():
@@ -188,8 +196,8 @@ def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[
         if name in outcome.simulated_force:
             forces["simulated"] = outcome.simulated_force[name]
         scores[name] = {
-            what: error_figures((force - demand.force)[demand.lead_in :], force_max)
-            for what, force in forces.items()
+            kind: error_figures((force - demand.force)[demand.lead_in :], force_max)
+            for kind, force in forces.items()
         } | (
             {"differing": outcome.differing_ticks[name]} if name in outcome.differing_ticks else {}
         )
@@ -197,26 +205,26 @@ def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[
 
 
 def stage_key(trial: Mapping[str, Any]) -> str:
-    """Return the group of a trial, a key of :data:`STAGES`."""
+    """Return the group of a trial, a key of :data:`STAGE_TITLES`."""
     return str(trial["stage"]) + ("_demagnetised" if trial["start"] == "demagnetised" else "")
 
 
 def worst_errors(
     trials: Iterable[Mapping[str, Any]], group: Callable[[Mapping[str, Any]], str]
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Return the largest errors of the true force in each group of trials, by controller, per cent."""
+    """Return the largest errors of the true force in each group of trials, by controller, %."""
     groups: dict[str, dict[str, dict[str, float]]] = {}
     for trial in trials:
         errors = groups.setdefault(group(trial), {})
-        for name, scored in trial["controllers"].items():
-            new = {key: scored["true"][key] for key in ("worst_percent", "rms_percent")}
-            before = errors.get(name, new)
-            errors[name] = {key: max(before[key], one) for key, one in new.items()}
+        for name, forces in trial["controllers"].items():
+            trial_errors = {key: forces["true"][key] for key in ("worst_percent", "rms_percent")}
+            worst = errors.get(name, trial_errors)
+            errors[name] = {key: max(worst[key], value) for key, value in trial_errors.items()}
     return groups
 
 
 def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the worst errors of each stage by controller, and against the single-valued curve."""
+    """Return the worst errors of each stage by controller, also relative to ``single``."""
     return {
         stage: {
             name: {
@@ -231,26 +239,28 @@ def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
-    """Name every trial in which the force of ``full`` left all proportion, when and how."""
-    lost = []
+    """Return every trial in which the force of ``full`` was lost, with time and reason."""
+    losses = []
     for outcome in outcomes:
         demand, recording = outcome.trial.demand, outcome.recordings["full"]
-        off = (recording["force_N"] - demand.force)[demand.lead_in :]
+        error = (recording["force_N"] - demand.force)[demand.lead_in :]
         current = recording["current_A"][demand.lead_in :]
         bounds = (
-            SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
-            SignalBound("the current left all bounds", current, -math.inf, math.inf),
+            SignalBound(
+                "the force error reached the largest force of the rig", error, -force_max, force_max
+            ),
+            SignalBound("the current became infinite", current, -math.inf, math.inf),
         )
         loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
         if loss is not None:
-            lost.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
-    return lost
+            losses.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
+    return losses
 
 
 def make_figures(
     rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: str
 ) -> dict[str, Any]:
-    """Return everything measured, as ``figures.json`` holds it."""
+    """Return the content of ``figures.json``."""
     force_max = rig.settings.force.force_max_N
     trials = [
         {
@@ -282,7 +292,7 @@ Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
 
 
 def strongest_baselines(summary: Summary) -> dict[str, str]:
-    """Return for every stage the controller without a model whose worst error is least."""
+    """Return for every stage the controller without a model that has the smallest worst error."""
     return {
         stage: min(
             (name for name in errors if name not in MODEL_METHODS),
@@ -293,7 +303,7 @@ def strongest_baselines(summary: Summary) -> dict[str, str]:
 
 
 def judge_stages(summary: Summary) -> Judgement:
-    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
+    """Assess ``full`` by its worst error at every stage, against the strongest baseline."""
     compared = [
         ComparedFigure(
             stage,
@@ -310,7 +320,7 @@ def judge_stages(summary: Summary) -> Judgement:
 
 
 def verdict_dict(summary: Summary) -> dict[str, Any]:
-    """Return the verdict as ``figures.json`` holds it."""
+    """Return the verdict in ``figures.json``."""
     judged = judge_stages(summary)
     strongest = strongest_baselines(summary)
     return {"level": judged.level, "text": judged.sentence, "strongest": strongest}

@@ -1,6 +1,8 @@
-"""The model beside a bench that runs: held against its rows, and the steps to a better one.
+"""Monitor the model of a running bench, and improve it step by step.
 
-Each step goes from files to files: long work, done beside what runs.
+The model's prediction is compared with the rows of the bench. If it has drifted, loops can be
+measured, a model identified, and a parameter block compiled. Each step reads and writes files, so
+that it can run while the bench runs.
 """
 
 from __future__ import annotations
@@ -31,39 +33,40 @@ from anhyst_rigs.study.prepared_benches import Improvable, fixed_point_block
 from anhyst_rigs.study.watch import DEFAULT_RUN_LENGTH, LEARNING_CYCLES, DriftMonitor
 
 MONITOR_RATE_HZ = 250.0
-"""Rows a second that are looked at."""
+"""Rows per second that are monitored."""
 
 _MONITORED_SIGNALS = (("current_read",), ("gap_read",), ("force_read", "force"))
-"""What is held against the model; a levitated armature has no force sensor, and the virtual one's
-true force is taken."""
+"""Signals that are compared with the model. A levitated armature has no force sensor; the exact
+force of the virtual armature is used instead."""
 
 
 class BenchMonitor:
-    """Watches one model over the rows of a bench, from its first row on."""
+    """Monitors one model over the rows of a bench, from its first row."""
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
         self._columns = [_find_column(names, choice) for choice in _MONITORED_SIGNALS]
-        self._model, self._rate = model.at_rest, rate  # rows are too few to follow what is late
+        # The monitored rows are too sparse for a model with eddy-current lag.
+        self._model, self._rate = model.at_rest, rate
         self._tick_interval = max(1, round(rate / MONITOR_RATE_HZ))
         self._monitor: DriftMonitor | None = None
         self._error_text = ""
 
     def add_rows(self, rows: FloatArray) -> None:
-        """Go on by rows of the bench; does not depend on how they are cut."""
-        seen = rows[rows[:, 0] % self._tick_interval == 0]
-        if not len(seen) or self._error_text:
+        """Process rows of the bench; the result does not depend on their division into calls."""
+        samples = rows[rows[:, 0] % self._tick_interval == 0]
+        if not len(samples) or self._error_text:
             return
-        current, gap, force = (seen[:, column] for column in self._columns)
+        current, gap, force = (samples[:, column] for column in self._columns)
         try:
             if self._monitor is None:
                 self._monitor = DriftMonitor(self._model, float(gap[0]))
-            self._monitor.add_samples(seen[:, 0], current, gap, force)
+            self._monitor.add_samples(samples[:, 0], current, gap, force)
         except InputError as error:
             self._error_text = str(error)
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows."""
+        """Return the status for the page."""
         if self._error_text:
             return {"state": "ended", "text": self._error_text}
         if self._monitor is None:
@@ -93,22 +96,24 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
     )
 
 
-_DRAWN_POINTS, _COMPARED_POINTS = 200, 100
-"""Of a loop, as it is drawn, alone and with two models; a record may hold several."""
+_DRAWN_POINTS = 200
+"""Points of a drawn loop, for each loop of a record."""
+_COMPARED_POINTS = 100
+"""Points of a loop that is drawn with two models, for each loop of a record."""
 _MAX_DRAWN_LOOPS = 60
 
 
 class DrawnLoop(NamedTuple):
-    """A loop as it is drawn."""
+    """A loop for drawing."""
 
     kind: str  # ``measured`` or ``model``
-    gap: float | None  # at which it was measured, m
-    current: list[float]  # A and N
+    gap: float | None  # gap, m
+    current: list[float]  # A; the forces in N
     force: list[float]
 
 
 def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return loops of force over current, thinned; and those of a model along the same currents."""
+    """Return thinned loops of force over current, and those of a model with the same currents."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     curves = []
@@ -120,12 +125,14 @@ def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoo
 
 
 def _make_drawn_loop(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
-    kept = thin_rows(loop.input, _DRAWN_POINTS * max(1, loop.reversals // 2))
-    return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
+    indices = thin_rows(loop.input, _DRAWN_POINTS * max(1, loop.reversals // 2))
+    return DrawnLoop(
+        kind, loop.schedule_value, loop.input[indices].tolist(), force[indices].tolist()
+    )
 
 
 class ModelWithLoops(NamedTuple):
-    """A model beside a bench, and the loops that it stands for."""
+    """A model of a bench, and the loops it was identified from."""
 
     model: Model
     curves: tuple[DrawnLoop, ...]
@@ -138,27 +145,27 @@ def make_model_with_loops(loops: Loops, model: Model) -> ModelWithLoops:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """An old model and a new one."""
+    """An old and a new model on the same loops."""
 
-    loops: Loops  # both are held against them
-    old: tuple[FloatArray, ...]  # what each predicts, loop by loop
+    loops: Loops  # measured loops
+    old: tuple[FloatArray, ...]  # predictions, loop by loop
     new: tuple[FloatArray, ...]
 
     def residual_figures(
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
     ) -> dict[str, float]:
-        """Return what is left over all loops or over those of one gap, noise of sensors included."""
-        off = np.concatenate(
+        """Return rms and peak residual over all loops or those of one gap, including sensor noise."""
+        residual = np.concatenate(
             [
                 force - loop.output
                 for force, loop in zip(predicted, self.loops.loops, strict=True)
                 if gap is None or loop.schedule_value == gap
             ]
         )
-        return {"rms_N": rms(off), "worst_N": peak_deviation(off)}
+        return {"rms_N": rms(residual), "worst_N": peak_deviation(residual)}
 
     def as_dict(self) -> dict[str, Any]:
-        """Return figures, and loops to be drawn."""
+        """Return the figures, and the loops for drawing."""
         rows = [
             {"gap_m": gap, "old": self.residual_figures(self.old, gap),
              "new": self.residual_figures(self.new, gap)}
@@ -176,29 +183,31 @@ class ModelComparison:
 
 
 def compare_models(old: Model, new: Model, loops: Loops) -> ModelComparison:
-    """Hold two models against the same loops."""
+    """Compare two models on the same loops."""
     return ModelComparison(
         loops, tuple(map(old.predict_loop, loops.loops)), tuple(map(new.predict_loop, loops.loops))
     )
 
 
 def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
-    kept = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
+    indices = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
     columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
     rounded = {
-        name: [float(f"{value:.5g}") for value in values[kept]] for name, values in columns.items()
+        name: [float(f"{value:.5g}") for value in values[indices]]
+        for name, values in columns.items()
     }
     return {"label": loop.label, **rounded}
 
 
-LOOPS_FILE, MODEL_FILE = "loops.csv", "model.toml"
-"""Files that the steps leave in their folder; the sidecar of the loops lies beside them."""
+LOOPS_FILE = "loops.csv"
+"""File of the measured loops; its sidecar is next to it."""
+MODEL_FILE = "model.toml"
 _MAX_DRIVE_POINTS = 1500
-"""Points of a drive that is drawn."""
+"""Maximum number of points of a drawn drive."""
 
 
 def excitation_limits(prepared: Improvable) -> dict[str, Any]:
-    """Return what a drive will keep to, as the rig file says."""
+    """Return the limits of a drive, from the rig file."""
     specimen = prepared.specimen()
     winding = specimen.winding
     return {
@@ -220,7 +229,7 @@ def measure_loops(
 ) -> dict[str, Any]:
     """Design a drive, run it with the armature held, and write the loops.
 
-    It runs on the virtual rig, or through a controller that runs.
+    The drive runs on the virtual rig, or with a running controller.
     """
     specimen = tighten_limits(prepared.specimen(), operator_limits)
     if bench is None:
@@ -229,28 +238,28 @@ def measure_loops(
         excitation = measure_on_board(specimen, bench, progress)
     write_excitation(excitation, prepared.rig, folder / LOOPS_FILE)
     played = excitation.drive_history
-    every = max(1, played.time.size // _MAX_DRIVE_POINTS)
+    interval = max(1, played.time.size // _MAX_DRIVE_POINTS)
     columns = {"time": played.time, "current": played.current, "warmth": played.warmth}
     return {
         **excitation.as_dict(),
-        "played": {name: values[::every].tolist() for name, values in columns.items()},
+        "played": {name: values[::interval].tolist() for name, values in columns.items()},
     }
 
 
 def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> Specimen:
-    """Return a specimen with tighter limits."""
+    """Return a specimen with the tighter limits of the operator."""
     bounds = _adjustable_limits(specimen)
     for name, value in operator_limits.items():
         if name not in bounds:
             raise InputError(
-                f"limits: there is no '{name[:40]}'; choose of {', '.join(bounds)}",
+                f"limits: unknown limit '{name[:40]}'; choose from {', '.join(bounds)}",
                 code="unknown-limit",
                 key="limits",
             )
         bound = bounds[name]
         if not 0.0 < value <= bound.value:
             raise InputError(
-                f"{name}: is not above 0 and up to {bound.value:.4g}, {bound.key}",
+                f"{name}: {value:g} is not above 0 and at most {bound.value:.4g} ({bound.key})",
                 code="out-of-range",
                 key=name,
             )
@@ -265,7 +274,7 @@ def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> 
 
 
 def _adjustable_limits(specimen: Specimen) -> dict[str, Bound]:
-    """Return the limits that an operator may draw tighter."""
+    """Return the limits that an operator may tighten."""
     return {
         "current_A": specimen.max_current,
         "rate_A_per_s": specimen.max_rate,
@@ -276,7 +285,7 @@ def _adjustable_limits(specimen: Specimen) -> dict[str, Bound]:
 def identify_model(
     progress: Progress, prepared: Improvable, folder: Path, old: Model
 ) -> dict[str, Any]:
-    """Identify a model of the measured loops, as the rig file wants it; write and compare it."""
+    """Identify a model of the measured loops as the rig file states; write and compare it."""
     loops = read_loops(folder / LOOPS_FILE)
     new = prepared.identify(loops, progress)
     write_model(new, folder / MODEL_FILE)
@@ -284,12 +293,12 @@ def identify_model(
 
 
 def read_identified_model(folder: Path) -> ModelWithLoops:
-    """Read what was identified, and the loops it was identified from."""
+    """Read the identified model and its loops."""
     return make_model_with_loops(read_loops(folder / LOOPS_FILE), read_model(folder / MODEL_FILE))
 
 
 def compile_block(progress: Progress, prepared: Improvable, folder: Path) -> dict[str, Any]:
-    """Compile the model for the running board, and hold the block against it."""
+    """Compile the model for the running board, and measure the error of the block."""
     model = read_model(folder / MODEL_FILE)
     plan = prepared.compile(model)
     progress(1.0, 2.0)

@@ -1,9 +1,8 @@
-"""A piezo stage follows a triangle, with and without compensation of its hysteresis.
+"""Simulate a piezo stage that follows a triangle, with and without hysteresis compensation.
 
-Only what makes the voltage of a wanted displacement differs: a
-constant, the best single-valued curve, or the inverse of the model as it is compiled, in fixed
-point. All are identified from loops that the virtual stage gives, at a pace of their own, with the
-sensor's noise.
+Only the inverse from displacement to voltage differs: a constant, the best single-valued curve, or
+the compiled inverse of the model in fixed point. All are identified from loops that the virtual
+stage measures at a pace of their own, with sensor noise.
 """
 
 from __future__ import annotations
@@ -57,15 +56,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LOOP_PERIOD_S = 1.0
-"""A full cycle of the loops."""
+"""Duration of a full cycle of the loops, s."""
 LOOP_SAMPLE_S = 1e-3
-"""From sample to sample of the loops, s."""
+"""Sample interval of the loops, s."""
 LOOP_RANGES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
-"""Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
+"""Ends of the loops relative to the range of the amplifier: the full range, and typical minor
+ranges."""
 CURVE_SEGMENTS = 4096
-"""Straight ones of a curve without memory."""
+"""Number of linear segments of a single-valued curve."""
 SETTLING_CYCLES = 2
-"""Cycles that are not judged: the feedback finds its place."""
+"""Number of cycles before the evaluation, in which the feedback settles."""
 COMPENSATION_TITLES = {
     "none": "none (a constant)",
     "single-valued": "best single-valued curve",
@@ -77,18 +77,18 @@ DEVIATION_METRICS = (
     Metric("worst_m", "deviation, worst", "nm", 1e9),
     Metric("rms_m", "deviation, rms", "nm", 1e9),
 )
-"""How far the stage is from its reference, where that is judged."""
+"""Deviation of the stage from its reference, in the evaluated part of a run."""
 
 
 @dataclass(frozen=True, repr=False)
 class PiezoTracking(StudyResult):
-    """How a piezo stage followed its triangle, with each compensation.
+    """The tracking of a piezo stage with each compensation.
 
     Attributes
     ----------
     rig : PiezoRig
     runs : mapping of str to Recording
-        From the name of a compensation to its run.
+        By compensation.
     """
 
     kind: ClassVar = "displacement"
@@ -97,69 +97,71 @@ class PiezoTracking(StudyResult):
 
     @property
     def first_evaluated_tick(self) -> int:
-        """Tick from which on a run counts."""
+        """First tick of the evaluation."""
         return first_evaluated_tick(self.rig)
 
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
-        """Deviation of every way from the reference, by :data:`METRICS`."""
-        judged = {
+        """Deviations by compensation, in the figures of :data:`DEVIATION_METRICS`."""
+        deviations = {
             name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()
         }
         return {
-            name: {"worst_m": peak_deviation(one), "rms_m": rms(one)}
-            for name, one in judged.items()
+            name: {"worst_m": peak_deviation(deviation), "rms_m": rms(deviation)}
+            for name, deviation in deviations.items()
         }
 
     @property
     def lost_in(self) -> list[str]:
-        """Return with what the loop was lost, when and how."""
+        """Compensations with which the loop was lost, with time and reason."""
         return [f"{name} {run.loss_text}" for name, run in self.runs.items() if run.loss_text]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where the loop with compensation was lost."""
+        """Raise NegativeResult if the loop with ``full`` was lost."""
         if lost := self.runs["full"].loss_text:
             raise NegativeResult(
                 f"the loop was lost {lost}: a bandwidth of "
-                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz does not hold this stage; "
+                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz is too high for this stage; "
                 "the recording is kept",
                 code="loop-lost",
             )
 
     def deviation_ratio(self, key: str = "rms_m") -> float:
-        """Return a deviation with compensation over that without."""
+        """Return a deviation with ``full`` over that with a constant."""
         return self.errors["full"][key] / self.errors["none"][key]
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it, by the rms."""
+        """Whether compensation is worth it, by the rms deviation."""
         if self.lost_in:
             return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
         return judge_ratio(self.deviation_ratio())
 
     def facts(self) -> dict[str, str]:
-        """Return the deviation of every way from the reference."""
+        """Return the deviation with every compensation as text."""
         facts = {
-            name: f"worst {1e9 * one['worst_m']:.0f} nm, rms {1e9 * one['rms_m']:.0f} nm"
-            for name, one in self.errors.items()
+            name: f"worst {1e9 * errors['worst_m']:.0f} nm, rms {1e9 * errors['rms_m']:.0f} nm"
+            for name, errors in self.errors.items()
         }
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the deviation of every way from the reference, m."""
-        return rows_to_columns([{"compensation": name, **one} for name, one in self.errors.items()])
+        """Return the deviation with every compensation, m."""
+        return rows_to_columns(
+            [{"compensation": name, **errors} for name, errors in self.errors.items()]
+        )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the deviation of every way over time."""
+        """Draw the deviation with every compensation over time."""
         for name, run in self.runs.items():
             ax.plot(run["t_s"], 1e9 * run["error_m"], lw=0.9, label=name)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("deviation [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write time, reference, what each way did, and ``figures.json`` beside it."""
-        first = next(iter(self.runs.values()))
-        columns = {name: first[name] for name in ("t_s", "reference_m")}
+        """Write time, reference and signals of each compensation, and ``figures.json``."""
+        first_run = next(iter(self.runs.values()))
+        columns = {name: first_run[name] for name in ("t_s", "reference_m")}
         for name, run in self.runs.items():
             key = name.replace("-", "_")
             columns |= {
@@ -171,7 +173,7 @@ class PiezoTracking(StudyResult):
         return Recording(columns).save(path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures, for JSON."""
+        """Return the figures for JSON."""
         return {
             "lost_in": self.lost_in,
             "rms_with_over_without": self.deviation_ratio("rms_m"),
@@ -181,34 +183,34 @@ class PiezoTracking(StudyResult):
 
 
 def simulate_tracking(rig: PiezoRig) -> PiezoTracking:
-    """Identify, compile and follow the triangle in all ways."""
-    target, ways = make_reference(rig), find_inverses(rig)
+    """Identify and compile all inverses, and follow the triangle with each."""
+    target, inverses = make_reference(rig), find_inverses(rig)
     return PiezoTracking(
-        rig, {name: follow_reference(rig, target, way) for name, way in ways.items()}
+        rig, {name: follow_reference(rig, target, inverse) for name, inverse in inverses.items()}
     )
 
 
 def first_evaluated_tick(rig: PiezoRig) -> int:
-    """Return the tick from which on a run counts."""
+    """Return the first tick of the evaluation."""
     return round(
         SETTLING_CYCLES * rig.settings.timing.rate_Hz / rig.settings.displacement_case.frequency_Hz
     )
 
 
 def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceController]:
-    """Make every way from displacement to voltage, of loops of the stage or of some measured now."""
+    """Make all inverses from displacement to voltage, from given loops or from measured ones."""
     try:
-        make_notch(rig.settings)  # before the work
+        make_notch(rig.settings)  # report faults before the computation
     except InputError as error:
         raise error.with_location(rig.path) from error
     loops = loops or measure_stage_loops(rig)
     model = require_complete(identify(loops)).model
     target = make_reference(rig)
-    top = float(loops.loops[0].output.max())
-    if target.max() > top:
+    max_displacement_m = float(loops.loops[0].output.max())
+    if target.max() > max_displacement_m:
         raise InputError(
             f"{rig.path}: case: the triangle reaches {1e6 * target.max():.3g} um, the stack "
-            f"{1e6 * top:.3g} um; lower low_m or stroke_m",
+            f"{1e6 * max_displacement_m:.3g} um; lower low_m or stroke_m",
             code="reference-too-far",
             key="case",
         )
@@ -220,59 +222,61 @@ def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceC
 
 
 def measure_stage_loops(rig: PiezoRig) -> Loops:
-    """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
-    top = rig.settings.stack_amplifier.high_V
-    pace = 2.0 * top / LOOP_PERIOD_S
-    points = top * np.array(
+    """Measure loops of the virtual stage with its sensor, from a long rest at 0 V."""
+    max_voltage = rig.settings.stack_amplifier.high_V
+    rate_V_per_s = 2.0 * max_voltage / LOOP_PERIOD_S
+    points = max_voltage * np.array(
         [0.0, *(end for low, high in LOOP_RANGES for end in (low, high, low)), 0.0]
     )
-    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
-    time = np.arange(0.0, when[-1], LOOP_SAMPLE_S)
-    drive = np.interp(time, when, points)
-    read = measure_stack_displacement(rig, drive, LOOP_SAMPLE_S, NOISE_SEED)
-    loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
+    point_times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / rate_V_per_s)])
+    time = np.arange(0.0, point_times[-1], LOOP_SAMPLE_S)
+    drive = np.interp(time, point_times, points)
+    displacement = measure_stack_displacement(rig, drive, LOOP_SAMPLE_S, NOISE_SEED)
+    loop = Loop("loops", drive, displacement, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
 
 def make_reference(rig: PiezoRig) -> FloatArray:
-    """Return the triangle, its corners rounded, from rest at its low end."""
-    want, rate = rig.settings.displacement_case, rig.settings.timing.rate_Hz
-    ticks = round(want.cycles * rate / want.frequency_Hz)
-    raw = want.low_m + want.stroke_m * triangle_wave(
-        np.arange(ticks, dtype=np.float64) * want.frequency_Hz / rate
+    """Return the triangle with rounded corners, from rest at its low end, m."""
+    triangle_case, rate = rig.settings.displacement_case, rig.settings.timing.rate_Hz
+    ticks = round(triangle_case.cycles * rate / triangle_case.frequency_Hz)
+    displacement = triangle_case.low_m + triangle_case.stroke_m * triangle_wave(
+        np.arange(ticks, dtype=np.float64) * triangle_case.frequency_Hz / rate
     )
-    return round_corners(np.concatenate([np.full(rig.corner_ticks, raw[0]), raw]), rig.corner_ticks)
+    return round_corners(
+        np.concatenate([np.full(rig.corner_ticks, displacement[0]), displacement]), rig.corner_ticks
+    )
 
 
 def _constant_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
-    drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
+    drive, displacement = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
-    slope, offset = np.polyfit(answer, drive, 1)
+    slope, offset = np.polyfit(displacement, drive, 1)
     return _make_curve_inverse(
-        rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1
+        rig, np.polynomial.Polynomial([offset, slope]), float(displacement.max()), 1
     )
 
 
 def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
-    """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
+    """Return the best voltage over displacement without hysteresis: a polynomial of degree 5."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
     return _make_curve_inverse(rig, curve, float(loop.output.max()), CURVE_SEGMENTS)
 
 
 def _make_curve_inverse(
-    rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
+    rig: PiezoRig, curve: np.polynomial.Polynomial, max_displacement_m: float, segments: int
 ) -> ForceController:
-    """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
-    row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
+    """Return a curve over displacements of 0 to a maximum (m) as a monotone table."""
+    voltages = np.maximum.accumulate(curve(np.linspace(0.0, max_displacement_m, segments + 1)))
     amplifier = rig.settings.stack_amplifier
-    scales = Scales(top, amplifier.high_V, 0.0, 1.0)
-    curves = CurrentMap(np.array([row, row]), scales, (amplifier.low_V, amplifier.high_V))
+    scales = Scales(max_displacement_m, amplifier.high_V, 0.0, 1.0)
+    curves = CurrentMap(np.array([voltages, voltages]), scales, (amplifier.low_V, amplifier.high_V))
     return ForceController("ratio" if segments == 1 else "single-valued", "f64", curves)
 
 
 def _compiled_inverse(model: Model, rig: PiezoRig) -> ForceController:
-    """Return the inverse of the model as it is compiled, signals of 32 bits."""
+    """Return the compiled inverse of the model in fixed point, with signals of 32 bits."""
     request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
     plan = make_plan(replace(model, dynamics=None), request, 0)
     assert isinstance(plan.block, Block)
@@ -288,7 +292,7 @@ def follow_reference(
 ) -> Recording:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay.
 
-    ``plant`` is what is moved, where that is another one than the nominal rig.
+    ``plant`` replaces the nominal plant.
     """
     noise = rig.settings.position_sensor.noise_m * np.random.default_rng(
         noise_seed
@@ -310,11 +314,11 @@ def follow_reference(
 
 
 MAX_WORTHWHILE_RATIO = 0.5
-"""Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
+"""Deviation with compensation over that without, below which compensation is worth it."""
 
 
 def judge_ratio(ratio: float) -> Judgement:
-    """Say whether compensation is worth it that leaves this part of the deviation."""
+    """Return the verdict for a deviation with compensation over that without."""
     compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - MAX_WORTHWHILE_RATIO)
     return judge_against_baselines(
         "compensation", [compared], "measures", BENEFICIAL_CONDITIONS["piezo"]

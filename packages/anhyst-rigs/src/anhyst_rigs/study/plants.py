@@ -1,6 +1,6 @@
-"""Drawn plants of every kind of rig behind every method: bearing, force control, piezo, stage.
+"""Run random plants of bearings, force rigs, piezo stages and stages with every method.
 
-Force control runs its compensators as they are compiled, without firmware and link: those change no bit.
+Force control runs the compiled compensators without firmware and link, which give equal bits.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ from anhyst_rigs.study.tracking.simulate import (
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
-"""Compared with the variant of the controller file: without compensation, and without memory."""
+"""Methods that are compared with the variant of the controller file: without compensation, and
+single-valued."""
 
 
 def bearing_plants(
@@ -84,21 +85,25 @@ def bearing_plants(
     methods: Sequence[MethodName] | None = None,
     seed: int | None = None,
 ) -> Plants:
-    """Return what plants of a bearing are run with; the controller is that of the nominal one."""
-    own = controller.settings.compensation.variant
-    names = tuple(dict.fromkeys((*BEARING_METHODS, own))) if methods is None else tuple(methods)
-    ready = check_inputs(rig, controller)
-    setups = make_setups(ready.rig, controller, ready.identify_magnet(), names)
-    heights = tuple(rig.settings.step.heights_m), "height_m"
+    """Return the random plants of a bearing; the controller is that of the nominal plant."""
+    main_variant = controller.settings.compensation.variant
+    names = (
+        tuple(dict.fromkeys((*BEARING_METHODS, main_variant)))
+        if methods is None
+        else tuple(methods)
+    )
+    inputs = check_inputs(rig, controller)
+    setups = make_setups(inputs.rig, controller, inputs.identify_magnet(), names)
+    height_cases = tuple(rig.settings.step.heights_m), "height_m"
     files = [*rig.measured_loops.files, rig.model_path, rig.flux_table_path, controller.model]
     return Plants(
-        file=ready.rig.settings,
+        file=inputs.rig.settings,
         run=partial(run_bearing, setups),
         methods=names,
-        own_method=own if own in names else names[-1],
+        own_method=main_variant if main_variant in names else names[-1],
         figures=(
-            PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *heights),
-            PlantFigure("settling_s", "settling", "ms", 1e3, *heights),
+            PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *height_cases),
+            PlantFigure("settling_s", "settling", "ms", 1e3, *height_cases),
             PlantFigure("standstill_rms_m", "standstill, rms", "nm", 1e9),
         ),
         input_files=tuple(path for path in files if path is not None),
@@ -111,49 +116,51 @@ def bearing_plants(
 def run_bearing(
     setups: Mapping[MethodName, BearingSetup], method: MethodName, drift: Drift, noise: int
 ) -> dict[str, Any]:
-    """Judge one plant; what lost levitation has no figures."""
+    """Run one plant of a bearing; returns its figures, or only the time of a loss."""
     setup = setups[method]
-    rig, tried = setup.rig, setup.rig.settings
+    rig, settings = setup.rig, setup.rig.settings
     scenario = plan_steps(
-        rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
+        rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S
     )
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
     recording = loop.run(scenario)
-    lost = levitation_loss_time(rig, recording, scenario.lift_end_tick)
-    if lost is None and len(recording) < scenario.ticks:
-        lost = float(recording["t_s"][-1])
-    if lost is not None:
-        return {"lost_s": lost}
-    return _evaluate_steps(rig, drifted_file(tried, drift), scenario, recording)
+    lost_at_s = levitation_loss_time(rig, recording, scenario.lift_end_tick)
+    if lost_at_s is None and len(recording) < scenario.ticks:
+        lost_at_s = float(recording["t_s"][-1])
+    if lost_at_s is not None:
+        return {"lost_s": lost_at_s}
+    return _evaluate_steps(rig, drifted_file(settings, drift), scenario, recording)
 
 
 def _evaluate_steps(
     rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
-    """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
+    """Evaluate an ideal sensor with this gain and offset: an offset is not an overshoot."""
     sensor = drifted.gap_sensor
-    read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
+    gap_reading = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]
     heights = drifted.step.heights_m
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
-    for number, step in enumerate(scenario.steps):
-        rows = slice(step.begin - 1, step.end)
-        figures = evaluate_step(time[rows], reference[rows], read[rows], position_resolution(rig))
-        index = number // 2
+    for step_number, step in enumerate(scenario.steps):
+        step_rows = slice(step.begin - 1, step.end)
+        figures = evaluate_step(
+            time[step_rows], reference[step_rows], gap_reading[step_rows], position_resolution(rig)
+        )
+        index = step_number // 2
         overshoot[index] = max(overshoot[index], figures.overshoot_percent)
         settling[index] = max(settling[index], figures.settling_in_noise_s)
-    rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
+    standstill_gap = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
     return {
         "overshoot_percent": overshoot,
-        "settling_s": [one if math.isfinite(one) else None for one in settling],
-        "standstill_rms_m": float(np.std(rest)),
+        "settling_s": [time_s if math.isfinite(time_s) else None for time_s in settling],
+        "standstill_rms_m": float(np.std(standstill_gap)),
     }
 
 
 def read_bearing_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a bearing are run with."""
+    """Read the files of a bearing, and return its random plants."""
     return bearing_plants(*read_files(rig, controller))
 
 
@@ -163,9 +170,9 @@ FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 def force_plants(
     rig: ForceControlRig, model: Model | None = None, loops: Loops | None = None
 ) -> Plants:
-    """Return what plants of a force rig are run with: at every position, and moving.
+    """Return the random plants of a force rig: at every held position, and with a moving armature.
 
-    Its loops are those that its file names, or others of it.
+    The loops are those of the rig file, unless others are given.
     """
     loops = loops or read_rig_loops(rig)
     rig = complete_rig(rig, loops)
@@ -182,7 +189,7 @@ def force_plants(
     )
     sources = Sources(operating, loops, model)
     compensators = {name: make_compensator(name, sources, "fixed") for name in FORCE_METHODS}
-    cases = tuple(trial.name for trial in _plan_trials(rig)), "trial"
+    trial_cases = tuple(trial.name for trial in _plan_trials(rig)), "trial"
     files = [*rig.measured_loops.files]
     if settings.solenoid is not None:
         files.append(rig.path.parent / settings.solenoid.file)
@@ -192,8 +199,8 @@ def force_plants(
         methods=FORCE_METHODS,
         own_method="full",
         figures=(
-            PlantFigure("rms_N", "force error, rms", "N", 1.0, *cases),
-            PlantFigure("worst_N", "force error, worst", "N", 1.0, *cases),
+            PlantFigure("rms_N", "force error, rms", "N", 1.0, *trial_cases),
+            PlantFigure("worst_N", "force error, worst", "N", 1.0, *trial_cases),
         ),
         input_files=tuple(files),
         setting_texts={},
@@ -205,7 +212,7 @@ def force_plants(
 def read_force_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a force rig are run with."""
+    """Read a force rig, and return its random plants."""
     return force_plants(read_rig(rig))
 
 
@@ -222,14 +229,14 @@ def run_force(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Control the force of a plant in every trial, from demagnetised."""
+    """Control the force of a plant in every trial, from demagnetised iron."""
     plant = drifted_rig(rig, drift)
     figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
     for trial in _plan_trials(rig):
         gap, seed = trial.gap(rig), [noise, trial.number]
-        known = rig.make_sensors(seed)["gap"].read(gap) + drift.gap_offset
-        asked = compensators[method].reset_copy().run(trial.demand.force, known)
-        current = (1.0 + drift.first_scale) * asked
+        gap_reading = rig.make_sensors(seed)["gap"].read(gap) + drift.gap_offset
+        command_A = compensators[method].reset_copy().run(trial.demand.force, gap_reading)
+        current = (1.0 + drift.first_scale) * command_A
         force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
         error = (force - trial.demand.force)[trial.demand.lead_in :]
         figures["rms_N"].append(rms(error))
@@ -238,7 +245,7 @@ def run_force(
 
 
 def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
-    """Return a rig whose iron has drifted, in its own file or in that of its solenoid."""
+    """Return a rig with drifted iron, in its own file or in that of its solenoid."""
     file = rig.solenoid_file
     if file is None:
         return replace(rig, settings=drifted_file(rig.settings, drift))
@@ -254,21 +261,25 @@ PIEZO_METHODS: Mapping[MethodName, str] = {
     "single-valued": "single-valued",
     "full": "full",
 }
-"""Of the engine, and what a piezo stage calls them."""
+"""Names of the inverses of a piezo stage, by method."""
 
 
 def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
-    """Return what plants of a piezo stage are run with; its loops are those of the nominal one."""
+    """Return the random plants of a piezo stage; the loops are those of the nominal stage."""
     inverses = find_inverses(rig, loops)
     return Plants(
         file=rig.settings,
-        run=partial(run_piezo, rig, {name: inverses[way] for name, way in PIEZO_METHODS.items()}),
+        run=partial(
+            run_piezo,
+            rig,
+            {name: inverses[inverse_name] for name, inverse_name in PIEZO_METHODS.items()},
+        ),
         methods=tuple(PIEZO_METHODS),
         own_method="full",
         figures=(
             *(
-                PlantFigure(one.key, one.title, one.unit, one.factor)
-                for one in reversed(DEVIATION_METRICS)
+                PlantFigure(metric.key, metric.title, metric.unit, metric.factor)
+                for metric in reversed(DEVIATION_METRICS)
             ),
         ),
         input_files=(),
@@ -282,7 +293,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
 def read_piezo_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a piezo stage are run with."""
+    """Read a piezo stage, and return its random plants."""
     return piezo_plants(read_piezo_rig(rig))
 
 
@@ -293,7 +304,7 @@ def run_piezo(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Follow the triangle; the controller knows the nominal stage alone."""
+    """Follow the triangle with one plant; the controller is that of the nominal stage."""
     plant = replace(rig, settings=drifted_file(rig.settings, drift))
     run = follow_reference(rig, make_reference(rig), inverses[method], plant, noise)
     if run.loss is not None:
@@ -322,11 +333,11 @@ ERROR_CASES: Mapping[str, tuple[str, ...]] = {
     "head positions": ("heads",),
     "all": tuple(_SPREAD_KEYS),
 }
-"""What a plant of a stage has drifted in, case by case, in all of its magnets at once."""
+"""Errors of the plants of a stage, case by case, in all magnets at the same time."""
 
 
 def varied_errors(file: RigFile) -> Mapping[str, tuple[str, ...]]:
-    """Return the cases of a stage: what its file varies, one by one and all at once."""
+    """Return the error cases of a stage: varied errors one at a time, and all together."""
     varied = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
     if file.magnet.solid is None:
         varied.discard("conductivity")
@@ -346,25 +357,25 @@ def stage_plants(
     errors: Mapping[str, tuple[str, ...]] | None = None,
     jobs: int | None = None,
 ) -> Plants:
-    """Return what plants of a stage are run with: variants with the gains of the calibrated one.
+    """Return the random plants of a stage, with the gains of the calibrated stage for all variants.
 
-    What a plant has drifted in, case by case, is that of :func:`errors_of` if it is left out.
+    The default error cases are those of :func:`varied_errors`.
     """
     check_calibration(rig)
-    known = magnet or identify_stage_magnet(rig)
-    made, _ = make_variants(rig, known, names)
-    refuse_unstable(made[COMPENSATOR])
-    gains = map_ordered(partial(_find_gains, known), list(made.values()), progress, jobs)
-    variants = dict(zip(made, zip(made.values(), gains, strict=True), strict=True))
+    knowledge = magnet or identify_stage_magnet(rig)
+    setups, _ = make_variants(rig, knowledge, names)
+    refuse_unstable(setups[COMPENSATOR])
+    gains = map_ordered(partial(_find_gains, knowledge), list(setups.values()), progress, jobs)
+    variants = dict(zip(setups, zip(setups.values(), gains, strict=True), strict=True))
     errors = errors or varied_errors(rig.settings)
-    cases = tuple(errors), "error"
+    error_cases = tuple(errors), "error"
     return Plants(
         file=rig.settings,
-        run=partial(run_stage, known, variants, errors),
-        methods=tuple(made),
+        run=partial(run_stage, knowledge, variants, errors),
+        methods=tuple(setups),
         own_method=COMPENSATOR,
         figures=tuple(
-            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *cases)
+            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
             for metric in (
                 MOVING_AVERAGE,
                 PEAK_ERROR,
@@ -383,7 +394,7 @@ def stage_plants(
 def read_stage_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a stage are run with."""
+    """Read a stage, and return its random plants."""
     return stage_plants(read_stage(rig), progress=progress)
 
 
@@ -401,23 +412,25 @@ def run_stage(
 ) -> dict[str, Any]:
     """Follow the test set-point with each error alone and with all of them.
 
-    A stage that calibrates itself has worked on the training set-point before.
+    A stage with online calibration runs the training set-point before.
     """
     setup, gains = variants[method]
-    scan = setup.rig.settings.scan
-    motion = scan_motion(scan, scan.test_m_per_s2)
+    scan_case = setup.rig.settings.scan
+    set_point = scan_motion(scan_case, scan_case.test_m_per_s2)
     figures: dict[str, list[float]] = {}
     for names in errors.values():
         plant = replace(setup, drift=drift.select(names))
         learner = calibrate_running_stage(plant, magnet, gains, noise + TRAINING_SEED)
         run = track(
-            learner.corrected_stage(plant.drift) if learner else plant, motion, gains, noise
+            learner.corrected_stage(plant.drift) if learner else plant, set_point, gains, noise
         )
         if run.loss is not None:
             return {"lost_s": run.dt * run.loss.tick}
-        measures = measure(run, motion, scan.slit_s)
+        measures = measure(run, set_point, scan_case.slit_s)
         for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME):
             figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
-        for key, largest in cross_talk(run, motion, stationary_axes(setup.rig.settings)).items():
-            figures.setdefault(key, []).append(largest)
+        for key, largest_error in cross_talk(
+            run, set_point, stationary_axes(setup.rig.settings)
+        ).items():
+            figures.setdefault(key, []).append(largest_error)
     return figures

@@ -1,4 +1,4 @@
-"""A bench that is ready to be opened: what is compiled and built for it, and what that knows."""
+"""Hold everything that a bench needs before it is opened: setups, models and firmware."""
 
 from __future__ import annotations
 
@@ -33,25 +33,26 @@ from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_sp
 from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator, StageCalibrator
 
 _GAP_TOLERANCE = 1e-6
-"""Of the range: so far may the ends of the measured gaps be inside those of a board."""
+"""Permitted distance of the measured gaps from the gap limits of a board, relative to its gap
+range."""
 
 
 @dataclass(frozen=True)
 class PreparedBearing:
     """A bearing, its controller, and the firmware."""
 
-    setup: BearingSetup  # what runs, in fixed point
-    model: Model  # what it was compiled from
-    firmware: Path  # for the board ``host``; needed until the bench is open
+    setup: BearingSetup  # the running setup, in fixed point
+    model: Model  # model from which it was compiled
+    firmware: Path  # for the board ``library``; needed until the bench is open
 
     @property
     def rig(self) -> Path:
-        """The rig file."""
+        """The path of the rig file."""
         return self.setup.rig.path
 
     @property
     def has_single_magnet(self) -> bool:
-        """Whether one magnet pulls."""
+        """Whether the bearing has one magnet."""
         return len(self.setup.rig.settings.body_magnets) == 1
 
     @property
@@ -60,29 +61,29 @@ class PreparedBearing:
         return self.setup.rig.measured_loops.read()
 
     def with_firmware(self, firmware: Path) -> PreparedBearing:
-        """Return the same with a firmware that lies elsewhere."""
+        """Return a copy with the firmware at another path."""
         return replace(self, firmware=firmware)
 
     def open(self) -> BearingBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         return BearingBench(self.setup, self.firmware)
 
     @property
     def improvable(self) -> PreparedBearing:
-        """What a better model can be found for: itself."""
+        """The object whose model can be improved: itself."""
         return self
 
     def open_with_learner(self) -> tuple[BearingBench, BearingCalibrator]:
-        """Switch on, with what calibrates the bearing from its motions."""
-        bench, known = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
-        return bench, BearingCalibrator(self.setup, known, self.compile_words, bench)
+        """Return the opened bench, and the online calibration from its motions."""
+        bench, knowledge = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
+        return bench, BearingCalibrator(self.setup, knowledge, self.compile_words, bench)
 
     def specimen(self) -> Specimen:
-        """Return the magnet as it is measured, armature held."""
+        """Return the magnet for a measurement with the armature held."""
         return bearing_specimen(self.setup.rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
-        """Identify a model from loops, as the rig file wants it."""
+        """Identify a model from loops with the options of the rig file."""
         return identify_loops(loops, self.setup.rig.settings.loops, "circuit", progress)
 
     def compile(self, model: Model) -> Plan:
@@ -91,28 +92,29 @@ class PreparedBearing:
         variant = self.setup.method
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
-                f"the controller runs without a model ('{variant}'): none to change",
+                f"the controller runs without a model ('{variant}'), so there is none to replace",
                 code="no-model",
             )
-        table, scales = self.setup.controller, running.scales
+        controller_table, scales = self.setup.controller, running.scales
         gaps = scales.gap_low, scales.gap_high
-        current, force = table.limits.current_high_A, table.force_max(pair_table(self.setup.rig))
+        current = controller_table.limits.current_high_A
+        force = controller_table.force_max(pair_table(self.setup.rig))
         if model.valid is not None and current > MAX_CURRENT_RATIO * model.valid.input[1]:
             raise InputError(
-                f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
-                f"{current:g} A; measure further",
+                f"model: was measured up to {model.valid.input[1]:g} A, the controller drives up to "
+                f"{current:g} A; measure up to this current",
                 code="currents-not-covered",
                 key="model",
             )
         request = CompileRequest(
-            "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
+            "simplified" if variant == "simplified" else "full", "q31", controller_table.rate_Hz
         )
-        followed = _adapt_to_board(model, self.model, request.kind)
-        narrowed = restrict_model(followed, (0.0, current), (0.0, force), gaps)
-        return make_plan(narrowed, request, 0, scales=scales)
+        board_model = _adapt_to_board(model, self.model, request.kind)
+        bounded_model = restrict_model(board_model, (0.0, current), (0.0, force), gaps)
+        return make_plan(bounded_model, request, 0, scales=scales)
 
     def compile_words(self, model: Model) -> list[int]:
-        """Compile another model to a block for the running board."""
+        """Compile another model to a parameter block for the running board."""
         return [int(word) for word in fixed_point_block(self.compile(model)).words]
 
 
@@ -120,22 +122,22 @@ class PreparedBearing:
 class ForceRig:
     """An actuator whose force is controlled."""
 
-    complete_rig: ForceControlRig  # its magnet is whole
-    measured_loops: Loops  # that the rig file names
+    complete_rig: ForceControlRig  # with a complete magnet
+    measured_loops: Loops  # loops of the rig file
 
     has_single_magnet: ClassVar[bool] = True
 
     @property
     def rig(self) -> Path:
-        """The rig file."""
+        """The path of the rig file."""
         return self.complete_rig.path
 
     def specimen(self) -> Specimen:
-        """Return the actuator as it is measured, armature held."""
+        """Return the actuator for a measurement with the armature held."""
         return force_specimen(self.complete_rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
-        """Identify a model from loops, as the rig file wants it."""
+        """Identify a model from loops with the options of the rig file."""
         return identify_force_model(self.complete_rig, loops, progress)
 
 
@@ -143,24 +145,24 @@ class ForceRig:
 class PreparedForce(ForceRig):
     """An actuator, and the firmware that controls its force."""
 
-    program: Program  # model, block and firmware; this is needed until the bench is open
+    program: Program  # model, block and firmware; the firmware is needed until the bench is open
 
     @property
     def model(self) -> Model:
-        """What runs was compiled from it."""
+        """The model from which the program was compiled."""
         return self.program.model
 
     @property
     def firmware(self) -> Path:
-        """For the board ``host``."""
+        """The firmware for the board ``library``."""
         return self.program.firmware
 
     def with_firmware(self, firmware: Path) -> PreparedForce:
-        """Return the same with a firmware that lies elsewhere."""
+        """Return a copy with the firmware at another path."""
         return replace(self, program=replace(self.program, firmware=firmware))
 
     def open(self) -> ForceBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         bench = ForceBench(self.complete_rig, self.program)
         settings = self.complete_rig.settings.force
         ratio = fit_ratio(loops_at_gap(self.measured_loops, settings.end_m), settings.force_max_N)
@@ -169,11 +171,11 @@ class PreparedForce(ForceRig):
 
     @property
     def improvable(self) -> PreparedForce:
-        """What a better model can be found for: itself."""
+        """The object whose model can be improved: itself."""
         return self
 
     def open_with_learner(self) -> tuple[ForceBench, None]:
-        """Switch on; motion teaches nothing of a held armature."""
+        """Return the opened bench; the motion of a held armature contains no information."""
         return self.open(), None
 
     def compile(self, model: Model) -> Plan:
@@ -181,57 +183,59 @@ class PreparedForce(ForceRig):
         request = CompileRequest(
             self.program.kind, "q31", self.complete_rig.settings.timing.rate_Hz
         )
-        followed = _adapt_to_board(model, self.model, request.kind)
-        return _make_force_plan(followed, request, self.program.scales, self.program.block.limits)
+        board_model = _adapt_to_board(model, self.model, request.kind)
+        return _make_force_plan(
+            board_model, request, self.program.scales, self.program.block.limits
+        )
 
 
 @dataclass(frozen=True)
 class PreparedBoard(ForceRig):
-    """An actuator before a controller that runs by itself, and what that was compiled to."""
+    """An actuator with a controller that runs by itself, and the data of its compilation."""
 
-    model: Model  # what the controller was compiled from
+    model: Model  # model from which the controller was compiled
     request: CompileRequest
     scales: Scales
-    limits: DemandLimits  # of the controller
+    limits: DemandLimits  # limits of the controller
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
         low, high = self.scales.gap_low, self.scales.gap_high
         if low < high and not model.needs_schedule:
             raise InputError(
-                f"model: holds at one gap, the board works from {low:g} to {high:g} m; identify one "
-                "of loops at several gaps and build the firmware around it",
+                f"model: is valid at one gap, the board works from {low:g} to {high:g} m; identify a "
+                "model from loops at several gaps and build the firmware with it",
                 code="single-gap",
                 key="model",
             )
-        followed = _adapt_to_board(model, self.model, self.request.kind)
-        return _make_force_plan(followed, self.request, self.scales, self.limits)
+        board_model = _adapt_to_board(model, self.model, self.request.kind)
+        return _make_force_plan(board_model, self.request, self.scales, self.limits)
 
 
 @dataclass(frozen=True)
 class PreparedStage:
-    """A stage, what is known of its magnets, and what its set-point is followed with."""
+    """A stage, its identified magnets, and its setups with their gains."""
 
     magnet: IdentifiedMagnet
-    setups: tuple[StageSetup, ...]  # without memory, and the compensator
-    gains: tuple[Feedforward, ...]  # that were found with each
+    setups: tuple[StageSetup, ...]  # single-valued and with the compensator
+    gains: tuple[Feedforward, ...]  # feedforward gains of each setup
 
     firmware = None
     improvable = None
 
     def open(self) -> StageBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         return StageBench(self.setups, self.gains)
 
     def open_with_learner(self) -> tuple[StageBench, StageCalibrator]:
-        """Switch on, with what calibrates the stage from its motions."""
+        """Return the opened bench, and the online calibration from its motions."""
         bench = self.open()
         return bench, StageCalibrator(self.magnet, bench)
 
 
 @dataclass(frozen=True)
 class PreparedPiezo:
-    """A piezo stage, and what makes voltages of displacements: without memory, and the compensator."""
+    """A piezo stage, and its inverses: single-valued and with hysteresis."""
 
     rig: PiezoRig
     inverses: tuple[ForceController, ForceController]
@@ -240,19 +244,19 @@ class PreparedPiezo:
     improvable = None
 
     def open(self) -> PiezoBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         return PiezoBench(self.rig, self.inverses)
 
     def open_with_learner(self) -> tuple[PiezoBench, None]:
-        """Switch on; a piezo stage has no magnets whose errors motion would teach."""
+        """Return the opened bench; a piezo stage has no magnets to calibrate."""
         return self.open(), None
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo
-"""What a virtual bench is opened from."""
+"""All data from which a virtual bench can be opened."""
 
 Improvable = PreparedBearing | PreparedForce | PreparedBoard
-"""What a better model can be found for."""
+"""All objects whose model can be improved."""
 
 
 def fixed_point_block(plan: Plan) -> Block:
@@ -262,21 +266,21 @@ def fixed_point_block(plan: Plan) -> Block:
 
 
 def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
-    """Return what a board follows of a model: layers where it has memories for them."""
+    """Return the part of a model that a board can follow: layers only if it has states for them."""
     if kind != "full" or running.layers is None or not running.has_layers:
         return model.at_rest
     if not model.has_layers:
         raise InputError(
-            "model: does not say how late solid iron answers, which the controller follows; measure "
-            "at several speeds too (measurement.fast_A_per_s)",
+            "model: has no eddy-current layers, which the controller needs; measure at several "
+            "speeds (measurement.fast_A_per_s)",
             code="rate-not-measured",
             key="model",
         )
     assert model.layers is not None
     if model.layers.state_copies > running.layers.state_copies:
         raise InputError(
-            f"model: {model.layers.state_copies} memories of its iron, the controller has room for "
-            f"{running.layers.state_copies}; build the firmware around it",
+            f"model: {model.layers.state_copies} hysteresis states, the controller has room for "
+            f"{running.layers.state_copies}; build the firmware with this model",
             code="too-many-layers",
             key="model",
         )
@@ -286,7 +290,7 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
 def _make_force_plan(
     model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits
 ) -> Plan:
-    """Plan a model of a force for what a board works with."""
+    """Plan a force model for the signals and limits of a board."""
     valid = ValidRange(
         _intersect_ranges(model.valid_range.input, limits.current),
         _intersect_ranges(model.valid_range.output, limits.demand),
@@ -295,21 +299,25 @@ def _make_force_plan(
     return make_plan(replace(model, valid=valid), request, 0, scales=scales)
 
 
-def _intersect_ranges(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:
-    return max(seen[0], board[0]), min(seen[1], board[1])
+def _intersect_ranges(
+    model_range: tuple[float, float], board_range: tuple[float, float]
+) -> tuple[float, float]:
+    return max(model_range[0], board_range[0]), min(model_range[1], board_range[1])
 
 
 def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
-    """Return the gaps of a board, which the model must have been identified over."""
+    """Return the gap range of a board, after a check that the model covers it."""
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule
     low, high = scales.gap_low, scales.gap_high
-    seen = None if model.valid is None else model.valid.schedule
-    spare = _GAP_TOLERANCE * (high - low)
-    if seen is None or seen[0] > low + spare or seen[1] < high - spare:
-        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+    model_gaps = None if model.valid is None else model.valid.schedule
+    tolerance = _GAP_TOLERANCE * (high - low)
+    if model_gaps is None or model_gaps[0] > low + tolerance or model_gaps[1] < high - tolerance:
+        known_text = (
+            "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
+        )
         raise InputError(
-            f"model: holds at {known}, the board works from {low:g} to {high:g} m; measure loops "
+            f"model: is valid at {known_text}, the board works from {low:g} to {high:g} m; measure loops "
             "at both ends",
             code="gaps-not-covered",
             key="model",

@@ -1,4 +1,4 @@
-"""The slope of the output just after a reversal, which tells how much of the iron is reversible."""
+"""Estimate the reversible part of the iron from the slope of the output just after a reversal."""
 
 from __future__ import annotations
 
@@ -13,76 +13,93 @@ from anhyst.data.verdict import loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
 _REACH_WIDTHS = 0.5
-"""Widths of the loop after a reversal that count as just after it."""
+"""Largest distance from a reversal that counts as just after it, in loop widths."""
 _OUTPUT_RANGE = (0.25, 0.9)
-"""Outputs, in parts of the largest, between which reversals count: not where hardly anything
-answers, nor in saturation."""
+"""Outputs, relative to the largest, between which reversals are used. Below, the iron barely
+responds; above, it is saturated."""
 _SLOPE_SPAN = 0.1
-"""Share of the range, to either side, over which the slope without memory is taken."""
+"""Half-width of the fit of the static slope, relative to the range."""
 _TIP_SAMPLES = 4
-"""Samples that show where a branch ended."""
+"""Number of samples from which the end of a branch is extrapolated."""
 _REVERSAL_BINS = 400
 _MIN_SAMPLES = 8
-"""Samples from which something is estimated."""
+"""Minimum number of samples for an estimate."""
 _MAX_STANDARD_ERROR = 0.05
-"""Standard error above which nothing is estimated."""
+"""Standard error above which no estimate is returned."""
 
 
 def reversal_slope_ratio(loopset: Loops) -> float | None:
-    """Slope of the output just after a rising input was turned back, in parts of the static slope.
+    """Return the slope of the output just after a maximum of the input over the static slope.
 
-    Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The
-    static slope is that of all branches together around the same input. Reversals of all loops are
-    taken together, by least squares. A falling input that is turned leaves more of the slope.
+    Without hysteresis the ratio is 1; an iron with complete pinning has ratio 0. The static slope
+    is that of all branches together near the same input. The reversals of all loops give one
+    estimate by least squares. None if it is too uncertain. Reversals at a minimum have a larger
+    ratio and are not used.
     """
     even = is_even(loopset)
     reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
-    expected: list[FloatArray] = []
-    answered: list[FloatArray] = []
+    static_changes: list[FloatArray] = []
+    measured_changes: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
         curves = [fold_input(loop, even=even) for loop in loops]
-        every = np.concatenate([size for size, _ in curves])
-        answers = np.concatenate([answer for _, answer in curves])
-        low, high = (level * float(np.max(np.abs(answers))) for level in _OUTPUT_RANGE)
-        middle = average_in_bins(every, answers, _REVERSAL_BINS)
-        for size, answer in curves:
-            for before, after in itertools.pairwise(find_branches(size)):
-                if not (before.is_rising and low <= abs(answer[after.start]) <= high):
+        all_inputs = np.concatenate([input_values for input_values, _ in curves])
+        all_outputs = np.concatenate([output_values for _, output_values in curves])
+        low, high = (level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE)
+        mean_curve = average_in_bins(all_inputs, all_outputs, _REVERSAL_BINS)
+        for input_values, output_values in curves:
+            for branch, next_branch in itertools.pairwise(find_branches(input_values)):
+                if not (branch.is_rising and low <= abs(output_values[next_branch.start]) <= high):
                     continue
-                back, change = _changes_after_reversal(size, answer, before, after, reach)
-                expected.append(back * _local_slope(*middle, float(size[after.start])))
-                answered.append(change)
+                input_change, output_change = _changes_after_reversal(
+                    input_values, output_values, branch, next_branch, reach
+                )
+                static_changes.append(
+                    input_change * _local_slope(*mean_curve, float(input_values[next_branch.start]))
+                )
+                measured_changes.append(output_change)
     return (
-        _fit_slope_ratio(np.concatenate(expected), np.concatenate(answered)) if expected else None
+        _fit_slope_ratio(np.concatenate(static_changes), np.concatenate(measured_changes))
+        if static_changes
+        else None
     )
 
 
-def _local_slope(size: FloatArray, answer: FloatArray, at: float) -> float:
-    near = np.abs(size - at) <= _SLOPE_SPAN * float(np.ptp(size))
-    if np.count_nonzero(near) < _MIN_SAMPLES:
+def _local_slope(input_values: FloatArray, output_values: FloatArray, input_value: float) -> float:
+    is_near = np.abs(input_values - input_value) <= _SLOPE_SPAN * float(np.ptp(input_values))
+    if np.count_nonzero(is_near) < _MIN_SAMPLES:
         return 0.0
-    # A parabola, so that the bend of the curve does not tilt its slope.
-    return float(np.polynomial.Polynomial.fit(size[near] - at, answer[near], 2).deriv()(0.0))
+    # A parabola, so that the curvature does not bias the slope.
+    return float(
+        np.polynomial.Polynomial.fit(
+            input_values[is_near] - input_value, output_values[is_near], 2
+        ).deriv()(0.0)
+    )
 
 
 def _changes_after_reversal(
-    size: FloatArray, answer: FloatArray, before: Branch, after: Branch, reach: float
+    input_values: FloatArray,
+    output_values: FloatArray,
+    branch: Branch,
+    next_branch: Branch,
+    reach: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far input and output went back just after a reversal, sample by sample."""
-    tip = after.start
-    rows = slice(max(before.start, tip + 1 - _TIP_SAMPLES), tip + 1)
-    line = np.polynomial.Polynomial.fit(np.arange(rows.stop - rows.start), answer[rows], 1)
-    end = float(line(rows.stop - rows.start - 1))
-    back = size[tip + 1 : after.stop] - size[tip]
-    beyond = np.flatnonzero(np.abs(back) > reach)
-    count = int(beyond[0]) if beyond.size else back.size
-    return back[:count], answer[tip + 1 : tip + 1 + count] - end
+    """Return the changes of input and output just after a reversal, sample by sample."""
+    tip = next_branch.start
+    tip_rows = slice(max(branch.start, tip + 1 - _TIP_SAMPLES), tip + 1)
+    tip_line = np.polynomial.Polynomial.fit(
+        np.arange(tip_rows.stop - tip_rows.start), output_values[tip_rows], 1
+    )
+    tip_output = float(tip_line(tip_rows.stop - tip_rows.start - 1))
+    input_change = input_values[tip + 1 : next_branch.stop] - input_values[tip]
+    out_of_reach = np.flatnonzero(np.abs(input_change) > reach)
+    count = int(out_of_reach[0]) if out_of_reach.size else input_change.size
+    return input_change[:count], output_values[tip + 1 : tip + 1 + count] - tip_output
 
 
-def _fit_slope_ratio(expected: FloatArray, answered: FloatArray) -> float | None:
-    weight = float(expected @ expected)
-    if expected.size < _MIN_SAMPLES or weight == 0.0:
+def _fit_slope_ratio(static_changes: FloatArray, measured_changes: FloatArray) -> float | None:
+    weight = float(static_changes @ static_changes)
+    if static_changes.size < _MIN_SAMPLES or weight == 0.0:
         return None
-    share = float(expected @ answered) / weight
-    error = float(np.std(answered - share * expected)) / math.sqrt(weight)
-    return min(max(share, 0.0), 1.0) if error < _MAX_STANDARD_ERROR else None
+    slope_ratio = float(static_changes @ measured_changes) / weight
+    error = float(np.std(measured_changes - slope_ratio * static_changes)) / math.sqrt(weight)
+    return min(max(slope_ratio, 0.0), 1.0) if error < _MAX_STANDARD_ERROR else None

@@ -1,13 +1,11 @@
-"""Predicted against measured force, cycle by cycle: whether the model still fits.
+"""Monitor whether a model still fits, from measured and predicted force in every cycle.
 
-What a model leaves of a force is not white: it goes with the path, and comes again in every cycle
-of the current. So a cycle is reduced to two numbers: the mean of what is left over rise and fall
-(the level: gain, saturation, a sensor), and half the difference between fall and rise (the width:
-pinning). While the model is known to fit, the first cycles show what these two are and how they
-scatter, correlation from cycle to cycle included; after that each runs through a chart of
-cumulative sums.
-
-A recording of one run, watched as if it were running.
+The residual of a model is not white: it depends on the path and repeats in every cycle of the
+current. Each cycle is therefore reduced to two values. The level is the mean of the residual over
+both branches; it depends on gain, saturation and sensors. The width is half the difference between
+the descending and the ascending branch; it depends on pinning. The first cycles, in which the model
+is known to fit, give mean, scatter and correlation of these values. Later cycles are tested by
+cumulative sums (CUSUM). A recording of one run is processed in the same way.
 """
 
 from __future__ import annotations
@@ -33,58 +31,59 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 MIN_ALLOWANCE = 0.5
-"""Allowance of a chart in standard deviations, at least: it is best for twice that."""
+"""Smallest allowance of a chart, in standard deviations. It is optimal for shifts of twice this
+size."""
 _WALK_OVERSHOOT = 1.166
-"""Of a random walk of normal steps over its threshold, to both ends (Siegmund 1985)."""
+"""Mean overshoot of a random walk of normal steps over its thresholds, both ends (Siegmund 1985).
+"""
 _SCATTER_QUANTILE = 0.05
-"""Chance that the scatter is larger than it is taken to be, from the few values that are known."""
+"""Probability that the true scatter exceeds its estimate from few values."""
 _MEAN_ERROR_FACTOR = 2.0
-"""Standard errors by which the mean may be off."""
+"""Standard errors of the mean that are added to the allowance."""
 _MAX_CORRELATION = 0.9
 
 
 def alarm_threshold(run_length: float, allowance: float = MIN_ALLOWANCE) -> float:
     """Return the threshold of a one-sided chart, in standard deviations.
 
-    >>> round(threshold(465.0), 1)  # tables say 5 for a mean run of 465
+    >>> round(alarm_threshold(465.0), 1)  # tables say 5 for a mean run of 465
     4.8
     """
-    wanted = 2.0 * allowance * allowance * run_length
-    passed = brentq(lambda x: math.expm1(x) - x - wanted, 1e-9, 700.0)
-    return float(max(passed / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
+    scaled_length = 2.0 * allowance * allowance * run_length
+    scaled_threshold = brentq(lambda x: math.expm1(x) - x - scaled_length, 1e-9, 700.0)
+    return float(max(scaled_threshold / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a row of numbers is like while nothing is wrong."""
+    """Mean and scatter of a sequence of values while the model fits."""
 
     mean: float
-    # standard deviation of one value that would have the same effect on a sum if values were
-    # independent, from above
+    # upper bound of the standard deviation, for independent values with the same scatter of their
+    # sums
     scatter: float
-    mean_error: float  # by which the mean may be off
+    mean_error: float  # uncertainty of the mean
 
     @classmethod
     def from_values(cls, values: Sequence[float]) -> Reference:
-        """Learn it from values, 4 or more.
+        """Estimate the reference from 4 or more values.
 
-        What stays from one value to the next makes a sum scatter more: by the root of
-        ``(1 + r)/(1 - r)`` for a correlation r that dies out geometrically.
+        Correlation between successive values increases the scatter of a sum, by the root of ``(1 +
+        r)/(1 - r)`` for a correlation r that decays geometrically.
         """
-        rows = np.asarray(values)
-        count = rows.size
-        away = rows - rows.mean()
-        power = float(away @ away)
-        if power == 0.0:
-            return cls(float(rows.mean()), 0.0, 0.0)
-        alike = float(away[1:] @ away[:-1]) / power + 1.0 / count  # a short row looks too little so
-        alike = min(max(alike, 0.0), _MAX_CORRELATION)
-        least = 2.0 * float(
-            gammaincinv(0.5 * (count - 1), _SCATTER_QUANTILE)
-        )  # quantile of chi-squared
-        single = math.sqrt(power / least)
-        scatter = single * math.sqrt((1.0 + alike) / (1.0 - alike))
-        return cls(float(rows.mean()), scatter, _MEAN_ERROR_FACTOR * scatter / math.sqrt(count))
+        array = np.asarray(values)
+        count = array.size
+        deviation = array - array.mean()
+        square_sum = float(deviation @ deviation)
+        if square_sum == 0.0:
+            return cls(float(array.mean()), 0.0, 0.0)
+        # The term 1/count corrects the bias of short sequences.
+        correlation = float(deviation[1:] @ deviation[:-1]) / square_sum + 1.0 / count
+        correlation = min(max(correlation, 0.0), _MAX_CORRELATION)
+        chi_squared_quantile = 2.0 * float(gammaincinv(0.5 * (count - 1), _SCATTER_QUANTILE))
+        single_sigma = math.sqrt(square_sum / chi_squared_quantile)
+        scatter = single_sigma * math.sqrt((1.0 + correlation) / (1.0 - correlation))
+        return cls(float(array.mean()), scatter, _MEAN_ERROR_FACTOR * scatter / math.sqrt(count))
 
 
 @dataclass(slots=True)
@@ -92,38 +91,36 @@ class CusumChart:
     """A two-sided cumulative sum."""
 
     reference: Reference
-    min_shift: (
-        float  # smallest shift worth an alarm, in the unit of the values; half of it is allowed
-    )
-    run_length: float  # mean number of values to a false alarm, of both sides together
+    min_shift: float  # smallest shift that causes an alarm; half of it is the allowance
+    run_length: float  # mean number of values to a false alarm, both sides
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
     _counts: list[int] = field(default_factory=lambda: [0, 0])
     _shifts: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
     @property
     def allowance(self) -> float:
-        """By which a value must be off before it adds to a sum."""
-        smallest = max(MIN_ALLOWANCE * self.reference.scatter, 0.5 * self.min_shift)
-        return smallest + self.reference.mean_error
+        """The deviation of a value above which it increases a sum."""
+        noise_allowance = max(MIN_ALLOWANCE * self.reference.scatter, 0.5 * self.min_shift)
+        return noise_allowance + self.reference.mean_error
 
     @property
     def limit(self) -> float:
-        """Sum from which on it is an alarm.
+        """The sum that causes an alarm.
 
-        A wider allowance than the smallest only makes false alarms rarer.
+        An allowance above the smallest one only makes false alarms rarer.
         """
         return alarm_threshold(2.0 * self.run_length) * self.reference.scatter
 
     def add(self, value: float) -> tuple[float, int] | None:
-        """Take the next value."""
-        away = value - self.reference.mean
+        """Add a value; returns mean shift and number of values at an alarm, else None."""
+        deviation = value - self.reference.mean
         for side, sign in enumerate((1.0, -1.0)):
-            self._sums[side] += sign * away - self.allowance
+            self._sums[side] += sign * deviation - self.allowance
             if self._sums[side] <= 0.0:
                 self._sums[side], self._counts[side], self._shifts[side] = 0.0, 0, 0.0
                 continue
             self._counts[side] += 1
-            self._shifts[side] += away
+            self._shifts[side] += deviation
             if self._sums[side] > self.limit:
                 return self._shifts[side] / self._counts[side], self._counts[side]
         return None
@@ -132,61 +129,59 @@ class CusumChart:
 DriftKind = Literal["level", "width"]
 
 LEARNING_CYCLES = 10
-"""Cycles from which the reference is taken."""
+"""Number of cycles that define the reference."""
 DEFAULT_RUN_LENGTH = 1e5
 """Mean number of cycles to a false alarm."""
 MIN_DRIFT_RATIO = 0.001
-"""Smallest drift worth an alarm, in parts of the largest output of the model."""
+"""Smallest drift that causes an alarm, relative to the largest output of the model."""
 REVERSAL_RATIO = 0.1
-"""A cycle of the current reverses by more than this share of the model's range."""
+"""Smallest reversal of a cycle of the current, relative to the model's range."""
 
 
 @dataclass(frozen=True, slots=True)
 class DetectedDrift:
-    """A drift that was found."""
+    """A detected drift."""
 
     kind: DriftKind  # ``"level"`` or ``"width"``
-    shift: float  # of its mean against the first cycles, in units of the output (N)
-    begin_tick: (
-        int  # tick at which it began, as far as can be said: the end of the last cycle before
-    )
-    found_tick: int  # tick at which it was found
+    shift: float  # shift of its mean from the reference, in the unit of the output (N)
+    begin_tick: int  # estimated first tick: the end of the last cycle before the drift
+    found_tick: int  # tick of the detection
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What is known of a model by now."""
+    """The current result of the monitoring."""
 
-    cycles: int  # complete ones
-    is_learning: bool  # whether there are too few of them yet to say anything
+    cycles: int  # number of complete cycles
+    is_learning: bool  # whether there are too few cycles for a result
     drift: DetectedDrift | None  # the first drift; None while the model fits
-    # what the model left of the output while it was seen to fit, and leaves in the last cycle: rms,
-    # in its unit, noise included. 0 before there is a cycle
+    # rms residual of the model while it was known to fit, and in the last cycle, in the unit of the
+    # output, including noise; 0 before the first cycle
     usual_residual: float = field(default=0.0, compare=False)
     residual: float = field(default=0.0, compare=False)
 
     @property
     def error_reduction(self) -> float:
-        """By how much the error falls if the model is measured again, as far as can be said."""
+        """Estimated reduction of the rms residual by a new measurement of the model."""
         return max(0.0, self.residual - self.usual_residual)
 
     def text(self, rate: float) -> str:
-        """Say it in a sentence; ticks are turned into seconds by `rate`, Hz."""
+        """Return the finding as a sentence; `rate` (Hz) converts ticks to seconds."""
         if self.drift is not None:
-            one = self.drift
+            drift = self.drift
             return (
-                f"the {one.kind} has drifted by {one.shift:+.3g} N since {one.begin_tick / rate:.1f} s "
-                f"(found at {one.found_tick / rate:.1f} s); the model leaves {self.residual:.3g} N rms instead "
-                f"of {self.usual_residual:.3g} N, measure again"
+                f"the {drift.kind} has drifted by {drift.shift:+.3g} N since {drift.begin_tick / rate:.1f} s "
+                f"(found at {drift.found_tick / rate:.1f} s); the residual is {self.residual:.3g} N rms instead "
+                f"of {self.usual_residual:.3g} N; measure again"
             )
         if self.is_learning:
-            return f"learning: {self.cycles} of {LEARNING_CYCLES} cycles of the current seen"
+            return f"learning: {self.cycles} of {LEARNING_CYCLES} cycles of the current"
         return f"the model fits, over {count_text(self.cycles, 'cycle')}"
 
 
 @dataclass(slots=True)
 class _BranchSplitter:
-    """Cuts a row of samples at the turning points of the current, whatever pieces it comes in."""
+    """Splits samples at the reversals of the current, for any division into chunks."""
 
     reversal_size: float
     _low: float = np.inf
@@ -200,11 +195,11 @@ class _BranchSplitter:
     _extreme_sum: tuple[float, int] = (0.0, 0)
 
     def add(self, tick: int, current: float, residual: float) -> tuple[bool, float, int] | None:
-        """Take a sample; return a branch that it completes: rising or not, mean, last tick."""
+        """Add a sample; returns a completed branch (whether ascending, mean, last tick) or None."""
         self._total += residual
         self._count += 1
         if self._is_rising is None:
-            # It may begin anywhere between the ends of a swing that is hardly wider than a turn.
+            # The first samples can lie anywhere in a swing that is barely larger than a reversal.
             self._low, self._high = min(self._low, current), max(self._high, current)
             if self._high - self._low > self.reversal_size:
                 self._is_rising = current == self._high
@@ -216,34 +211,31 @@ class _BranchSplitter:
         if abs(current - self._extreme) <= self.reversal_size:
             return None
         total, count = self._extreme_sum
-        before = self._branch_start_sum
-        done = None
-        if before is not None and count > before[1]:
-            mean = (total - before[0]) / (count - before[1])
-            done = self._is_rising, mean, self._extreme_tick
+        branch_start = self._branch_start_sum
+        branch = None
+        if branch_start is not None and count > branch_start[1]:
+            mean = (total - branch_start[0]) / (count - branch_start[1])
+            branch = self._is_rising, mean, self._extreme_tick
         self._branch_start_sum, self._is_rising = self._extreme_sum, not self._is_rising
         self._mark_extreme(tick, current)
-        return done
+        return branch
 
     def _mark_extreme(self, tick: int, current: float) -> None:
-        self._extreme, self._extreme_tick, self._extreme_sum = (
-            current,
-            tick,
-            (self._total, self._count),
-        )
+        self._extreme, self._extreme_tick = current, tick
+        self._extreme_sum = self._total, self._count
 
 
 @dataclass(slots=True)
 class DriftMonitor:
-    """Watches one model, chunk by chunk; what comes out does not depend on how it is cut."""
+    """Monitors one model, chunk by chunk; the result does not depend on the division into chunks."""
 
-    model: Model  # of force over current, and gap
-    gap: float  # where the armature is at the beginning, m
-    # Of the iron before the first sample; as the model says, if left out. What it gets wrong must
-    # be wiped out by the first cycle.
+    model: Model  # of force over current and gap
+    gap: float  # initial gap, m
+    # History of the iron before the first sample; default: that of the model. The first cycle must
+    # delete the effect of an error in it.
     history: HistoryLike | None = None
-    run_length: float = DEFAULT_RUN_LENGTH  # mean number of cycles of the current to a false alarm
-    # smallest drift worth an alarm, N; a thousandth of the model's largest output if left out
+    run_length: float = DEFAULT_RUN_LENGTH  # mean number of cycles to a false alarm
+    # smallest drift that causes an alarm, N; default: a thousandth of the model's largest output
     min_drift: float | None = None
     finding: Finding = field(default=Finding(0, True, None), init=False)
     _stepper: Stepper = field(init=False)
@@ -269,28 +261,30 @@ class DriftMonitor:
     def add_samples(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray
     ) -> Finding:
-        """Go on by a chunk."""
+        """Add a chunk of samples."""
         if ticks.size == 0 or self.finding.drift is not None:
             return self.finding
         if np.any(np.diff(ticks) <= 0) or (
             self._last_tick is not None and ticks[0] <= self._last_tick
         ):
             raise InputError(
-                "ticks do not rise; give the chunks in their order", code="time-not-rising"
+                "ticks do not increase; pass the chunks in order", code="time-not-rising"
             )
         self._last_tick = int(ticks[-1])
-        left = force - self._stepper.follow(current, gap)
-        for tick, drive, rest in zip(ticks.tolist(), current.tolist(), left.tolist(), strict=True):
-            self._square_sum = self._square_sum[0] + rest * rest, self._square_sum[1] + 1
-            branch = self._splitter.add(int(tick), drive, rest)
+        residuals = force - self._stepper.follow(current, gap)
+        for tick, current_A, residual in zip(
+            ticks.tolist(), current.tolist(), residuals.tolist(), strict=True
+        ):
+            self._square_sum = self._square_sum[0] + residual * residual, self._square_sum[1] + 1
+            branch = self._splitter.add(int(tick), current_A, residual)
             if branch is not None:
                 self._add_branch(*branch)
             if self.finding.drift is not None:
                 break
         return self.finding
 
-    def _add_branch(self, rising: bool, mean: float, tick: int) -> None:
-        if rising:
+    def _add_branch(self, is_rising: bool, mean: float, tick: int) -> None:
+        if is_rising:
             self._ascending_mean = mean
         elif self._ascending_mean is not None:
             values: dict[DriftKind, float] = {
@@ -304,15 +298,15 @@ class DriftMonitor:
         self._cycle_ends.append(tick)
         self._mean_squares.append(self._square_sum[0] / self._square_sum[1])
         self._square_sum = 0.0, 0
-        drifted = None
+        drift = None
         for name, value in values.items():
             if not self._charts.get(name):
                 self._learning_values[name].append(value)
-            elif drifted is None and (alarm := self._charts[name].add(value)) is not None:
+            elif drift is None and (alarm := self._charts[name].add(value)) is not None:
                 shift, count = alarm
-                drifted = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
+                drift = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
         if not self._charts and len(self._cycle_ends) == LEARNING_CYCLES + 1:
-            # The first cycle wipes out what the model does not know of the past.
+            # The first cycle deletes the unknown history, so it is not used.
             assert self.min_drift is not None
             self._charts = {
                 name: CusumChart(
@@ -320,25 +314,27 @@ class DriftMonitor:
                 )
                 for name, rows in self._learning_values.items()
             }
-        usual = float(
+        usual_residual = float(
             np.sqrt(np.mean(self._mean_squares[1 : LEARNING_CYCLES + 1] or self._mean_squares))
         )
-        left = float(np.sqrt(self._mean_squares[-1]))
-        self.finding = Finding(len(self._cycle_ends), not self._charts, drifted, usual, left)
+        last_residual = float(np.sqrt(self._mean_squares[-1]))
+        self.finding = Finding(
+            len(self._cycle_ends), not self._charts, drift, usual_residual, last_residual
+        )
 
 
 @dataclass(frozen=True)
 class WatchResult:
-    """What a recording says about a model; the shift in N, times in s from its begin."""
+    """The result of monitoring a recording; shift in N, times in s from its begin."""
 
     finding: Finding
-    rate: float  # ticks a second, in which the finding counts
+    rate: float  # ticks per second of the finding
 
     def __str__(self) -> str:
         return self.finding.text(self.rate)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the result for JSON."""
         drifted = self.finding.drift
         return {
             "cycles": self.finding.cycles,
@@ -359,7 +355,7 @@ def watch_recording(
     least: float | None,
     run_length: float,
 ) -> WatchResult:
-    """Watch a recording of one run as if it were running: :func:`anhyst.watch`."""
+    """Monitor a recording of one run: :func:`anhyst.watch`."""
     if least is not None and not least > 0.0:
         raise InputError(
             f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"
@@ -373,9 +369,9 @@ def watch_recording(
     (run,) = recording.loops
     if run.time is None or run.schedule is None:
         raise InputError("a recording needs columns t_s and gap_m", code="columns-missing")
-    watched = DriftMonitor(
+    monitor = DriftMonitor(
         model, float(run.schedule[0]), run.history, run_length=run_length, min_drift=least
     )
     ticks = np.arange(run.n, dtype=np.float64)
-    found = watched.add_samples(ticks, run.input, run.schedule, run.output)
-    return WatchResult(found, (run.n - 1) / float(run.time[-1] - run.time[0]))
+    finding = monitor.add_samples(ticks, run.input, run.schedule, run.output)
+    return WatchResult(finding, (run.n - 1) / float(run.time[-1] - run.time[0]))

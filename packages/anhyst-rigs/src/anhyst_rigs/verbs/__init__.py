@@ -1,1 +1,1 @@
-"""The verbs of rigs, as :mod:`anhyst.verbs` describes them."""
+"""The commands for rigs; :mod:`anhyst.verbs` describes the form of these modules."""

@@ -1,4 +1,4 @@
-"""The verb ``calibrate``: the errors of magnets from the motion that they cause."""
+"""The command ``calibrate``: estimate the errors of magnets from the motion that they cause."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def calibrate(
     out : path-like, ``FILE``, optional
         Calibration file (TOML) to write.
     magnet : IdentifiedMagnet, optional, only in Python
-        What is known of the magnets; identified from the loops of the rig file if left out.
+        Identified magnets. By default, they are identified from the loops of the rig file.
     methods : sequence of str, only in Python
-        Methods to calibrate; all that the recordings suffice for if left out.
+        Methods to calibrate. By default, all for which the recordings are sufficient.
     controller : ControllerFile or path-like, ``FILE``, optional
         Controller file of a bearing. [default: 'controller.toml' next to the rig file]
 
@@ -70,40 +70,42 @@ def calibrate(
 
 
 def warnings(result: Calibration) -> Iterator[str]:
-    """Name the method that no calibration makes fit."""
+    """Name the method that does not fit even with a calibration."""
     facts = result.facts()
     for method in result.file.method:
         if method.name == "full" and method.force_N > 0.0 and not method.fits:
-            yield f"{method.name}: {facts[method.name]}; a flux probe helps there"
+            yield f"{method.name}: {facts[method.name]}; a flux probe would help"
 
 
-def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the estimated parameters, and how well each method fits then."""
+def show(result: Calibration, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output: the estimated parameters, and the fit of each method."""
     from anhyst.cli.printing import TerminalTable
 
-    rows = TerminalTable("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
+    rows = TerminalTable(
+        "estimated from motion", ["method", "parameter", "value", "+/-", "before", ""]
+    )
     for method in result.file.method:
         for parameter in method.parameter:
             values = (
                 f"{value:.3g}" for value in (parameter.value, parameter.sigma, parameter.prior)
             )
-            frozen_note = "frozen: not seen" if parameter.frozen else ""
+            frozen_note = "fixed: not identifiable" if parameter.frozen else ""
             rows.add_row(
                 method.name,
                 parameter.name,
                 *values,
-                frozen_note if method.is_applied else "not taken",
+                frozen_note if method.is_applied else "not used",
             )
     yield rows
     yield from (f"{name}: {text}" for name, text in result.facts().items())
-    if given["out"] is not None and result.has_estimates:
-        yield f"written: {given['out']}"
+    if arguments["out"] is not None and result.has_estimates:
+        yield f"written: {arguments['out']}"
 
 
 def refuse(result: Calibration, _: Mapping[str, Any]) -> None:
-    """Raise NegativeResult if nothing was learnt."""
+    """Raise NegativeResult if no parameter was estimated."""
     from anhyst.support.errors import NegativeResult
 
     if not result.has_estimates:
-        text = "nothing is taken: too little motion or force was asked for, or no law explains it"
+        text = "nothing was estimated: the motion or the force is too small, or no law explains it"
         raise NegativeResult(text, code="nothing-learnt")

@@ -1,4 +1,4 @@
-"""The verb ``excite``: loops measured on a rig."""
+"""The command ``excite``: measure loops on a rig."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def excite(
     port : str, ``PORT``, optional
         The same through a serial port with XCP.
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def excite(
     Raises
     ------
     InputError
-        A file cannot be read or written, a rig gives no loops, or no controller answers.
+        A file cannot be read or written, a rig cannot measure loops, or no controller answers.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def excite(
 
     if calibrate:
         if folder or xcp or port:
-            text = "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out"
+            text = "--calibrate: uses the simulated stage; leave out --folder, --xcp and --port"
             raise InputError(text, code="option-not-for-this", key="--calibrate")
         return excite_to_calibrate(rig, out, plot=plot)
     check_path(rig, "excite: rig", "the path of a rig file")
@@ -112,7 +112,7 @@ def excite(
         check_picture(plot)
     url = controller_url(xcp, port)
     if (url is None) is not (folder is None):
-        text = "--folder: goes together with --xcp or --port, and they with it"
+        text = "--folder: needs --xcp or --port, and these need --folder"
         raise InputError(text, code="options-missing", key="--folder")
     connection = None if folder is None or url is None else measure_through_board(folder, url)
     excitation = work(rig, out, progress, connection)
@@ -121,16 +121,18 @@ def excite(
     return excitation
 
 
-def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what the drive reached, or what the motion shows, and what was written."""
+def show(
+    result: Excitation | CalibratingMove, arguments: Mapping[str, Any]
+) -> Iterator[OutputPart]:
+    """Return the terminal output: the drives or the effect of the motion, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation
 
     if isinstance(result, Excitation):
         yield from _show_excitation(result)
-        written = [given["out"], given["out"].with_suffix(".toml"), given["plot"]]
+        written = [arguments["out"], arguments["out"].with_suffix(".toml"), arguments["plot"]]
     else:
         yield from _show_move(result)
-        written = [given["out"], given["plot"]]
+        written = [arguments["out"], arguments["plot"]]
     yield from (f"written: {path}" for path in written if path is not None)
 
 
@@ -142,7 +144,7 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     specimen, unit = excitation.specimen, excitation.specimen.units[0]
     gap = ["gap mm"] if specimen.gaps else []
     reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
-    heads = [*gap, f"largest {unit}", reached, f"about {unit}", "limited by"]
+    heads = [*gap, f"largest {unit}", reached, f"operating point {unit}", "limited by"]
     table = TerminalTable(
         f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads
     )
@@ -156,9 +158,11 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
         )
     minutes = figures["duration_s"] / 60.0
     warmth = figures["warmth"]
-    warmth_text = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of what trips"
+    warmth_text = (
+        "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of the trip level"
+    )
     yield table
-    yield f"{minutes:.1f} min of measuring, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warmth_text}"
+    yield f"{minutes:.1f} min of measurement, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warmth_text}"
     yield from (f"note: {note}" for note in excitation.notes)
 
 
@@ -171,25 +175,28 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
-    heads = ["left of what is stated", "after the move", "after its own set-point"]
+    heads = ["posterior / prior sigma", "this motion", "its own set-point"]
     table = TerminalTable(f"{move.duration_s:.2f} s", heads)
     for kind, names in kinds.items():
         sigma_ratios = [
             [f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)
         ]
         table.add_row(
-            kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in sigma_ratios)
+            kind,
+            *(" to ".join(dict.fromkeys((min(ratios), max(ratios)))) for ratios in sigma_ratios),
         )
-    table.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, own_setpoint)))
-    table.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, own_setpoint)))
+    table.add_row("duration, s", *(f"{motion.duration_s:.2f}" for motion in (move, own_setpoint)))
+    table.add_row(
+        "condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint))
+    )
     hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
     yield table
     for axis, leg in result.legs.items():
-        peaks = ", ".join(f"{one:.3g}" for one in leg.peaks)
+        peaks = ", ".join(f"{peak:.3g}" for peak in leg.peaks)
         yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
-    yield f"stays hidden: {', '.join(move.hidden) or 'nothing'}"
+    yield f"not identifiable: {', '.join(move.hidden) or 'nothing'}"
     yield (
-        f"its own set-point hides {hidden_by_setpoint}"
+        f"not identifiable with its own set-point: {hidden_by_setpoint}"
         if hidden_by_setpoint
-        else "its own set-point shows as much"
+        else "its own set-point identifies the same parameters"
     )

@@ -1,4 +1,4 @@
-"""The verb ``fleet``: many magnets of one type."""
+"""The command ``fleet``: identify, compile and evaluate many magnets of one type."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ PROGRESS = "magnets"
 REPORT_NAME = "report.html"
 
 Kind = Literal["full", "simplified"]
-"""Kinds of compensator that are made from a model alone."""
+"""Kinds of compensator that need only a model."""
 Io = Literal["q15", "q31", "f32"]
-"""Formats of the signals."""
+"""Number formats of the demand, the gap and the current."""
 
 
 def fleet(
@@ -75,9 +75,9 @@ def fleet(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     jobs : int, optional, only in Python
-        Processes of this machine; as many as there are cores if left out.
+        Number of processes on this machine. By default, the number of cores.
     progress : callable, optional
-        Called with magnets done and all.
+        Called with the number of magnets done and the total.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def fleet(
     Raises
     ------
     InputError
-        The folder holds no magnet, or a place cannot be written.
+        The folder contains no magnet, or the output cannot be written.
     NegativeResult
         No magnet could be evaluated.
 
@@ -116,16 +116,16 @@ def fleet(
 
 
 def warnings(result: Fleet) -> Iterator[str]:
-    """Return what a user should know, and which magnets could not be evaluated."""
+    """Return the warnings, and the reason for each magnet that could not be evaluated."""
     yield from result.warnings
     yield from (f"{name}: {why}" for name, why in result.failed.items())
 
 
-def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the scatter of the parameters and the number of good magnets."""
+def show(result: Fleet, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output: the scatter of the parameters and the number of good magnets."""
     from anhyst_rigs.reports.fleet import scatter_table
 
-    out = given["out"]
+    out = arguments["out"]
     if result.spread is not None:
         yield scatter_table(result, result.spread)
     yield from (f"{name}: {text}" for name, text in result.facts().items())

@@ -1,4 +1,4 @@
-"""The verb ``force-control``: the force of a magnet in open loop."""
+"""The command ``force-control``: control the force of a magnet in open loop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PLACE = 35, "Rigs, simulated and real"
 PROGRESS = "force control"
 
 Board = Literal["library", "host", "qemu-mps2"]
-"""Boards without hardware."""
+"""Boards that need no hardware."""
 
 
 def force_control(
@@ -55,7 +55,7 @@ def force_control(
     recordings : str, ``FORMAT``
         Format of the recordings: csv, mat, mf4, tdms, h5 or parquet.
     progress : callable, optional
-        Called with what is done and the total.
+        Called with the work done and the total work.
 
     Returns
     -------
@@ -100,12 +100,12 @@ def force_control(
 
 
 def warnings(result: ForceControl) -> Sequence[str]:
-    """Return what the loops say about the plant."""
+    """Return the warnings about the simulated magnet that the loops give rise to."""
     return result.plant.warnings
 
 
 def show(result: ForceControl, _: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the errors of each controller, and the verification of the C."""
+    """Return the terminal output: the errors of each controller, and the verification of the C."""
     from anhyst_rigs.reports.force import terminal_summary, written_files
     from anhyst_rigs.reports.studies import study_output
 

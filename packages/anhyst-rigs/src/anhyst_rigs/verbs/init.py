@@ -1,4 +1,4 @@
-"""The verb ``init``: loops to a rig that runs."""
+"""The command ``init``: create a rig from measured loops."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def init(
     loops : path-like or sequence of path-like, argument ``[LOOPS]``, optional
         Measurement files, or folders of them.
     mass : float, ``KG``, optional
-        Moving mass. [default: the load is the weight of the mass]
+        Moving mass. [default: the mass whose weight is the load]
     load : float, ``N``, optional
         Force that opens the gap. [default: the weight of the mass, or half the force at the largest
         gap]
@@ -51,7 +51,7 @@ def init(
     stage : bool
         Create a stage instead. It follows set-points between two such magnets.
     progress : callable, optional
-        Called with bytes read and file size.
+        Called with the bytes read and the file size.
     **reading
         How the loops are read: the keywords of `read_loops`, and ``clean``, the cleaning steps.
         They are written to the rig file.
@@ -59,7 +59,7 @@ def init(
     Returns
     -------
     Drafted
-        The folder and its files, what was found and what was guessed.
+        The folder and its files, with the values found and guessed.
 
     Raises
     ------
@@ -87,15 +87,15 @@ def init(
     check_path(out, "init: out")
     wanted, options = MachineRequest(mass, load, gap), collect_read_options("init", **reading)
     if force_control and wanted != MachineRequest():
-        text = "--mass, --load and --gap belong to a bearing; leave out --force-control"
+        text = "--mass, --load and --gap are for a bearing; leave out --force-control"
         raise InputError(text, code="option-not-for-this", key="--mass")
     if stage and (force_control or load is not None):
-        text = "--stage: takes --mass and --gap alone; leave out --force-control and --load"
+        text = "--stage: accepts only --mass and --gap; leave out --force-control and --load"
         raise InputError(text, code="option-not-for-this", key="--stage")
     if loops is not None and is_data_frame(loops):
         raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
     if loops is None or (isinstance(loops, Sequence) and not loops):
-        text = "nothing to begin with: name files with loops; anhyst example copies some"
+        text = "no loops are given: name files with loops; anhyst example provides some"
         raise InputError(text, code="no-loops")
     check_source(loops, "init: loops", "a file, a folder or a list of files")
     paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
@@ -105,7 +105,7 @@ def init(
 
 
 def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
-    """Return what was found, what was guessed, and what to run next."""
+    """Return the terminal output: the values found and guessed, and the commands to run next."""
     from anhyst.support.wording import written_files_text
 
     yield from result.found
@@ -115,7 +115,7 @@ def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
     count = sum(map(len, result.guesses.values()))
     if count:
         keys = "1 key is a guess" if count == 1 else f"{count} keys are guesses, each"
-        yield f"{keys} marked 'guess' in its line; write your numbers there"
+        yield f"{keys} marked 'guess' in its line; write your values there"
     yield written_files_text(result.out, result.files)
     yield "next:"
     yield from (f"  {command}" for command in result.run)

@@ -1,4 +1,4 @@
-"""The verb ``live``: a running rig in a browser."""
+"""The command ``live``: show and operate a running rig in a browser."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 PLACE = 41, "During operation"
 REQUIRED_PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
-"""What the page needs in addition to anhyst."""
+"""Packages that the page needs in addition to anhyst."""
 
 
 def live(
@@ -57,14 +57,14 @@ def live(
     token : bool
         Accept only browsers that present a token. The command prints the token.
     progress : callable, optional
-        Called with what is done of opening the rig, and what there is in all.
+        Called with the work done and the total work while the rig is opened.
     started : callable, optional
         Called with the address of the page, and the token or an empty text.
 
     Returns
     -------
     RecordingFile or None
-        What was recorded.
+        The recording.
 
     Raises
     ------
@@ -95,12 +95,12 @@ def live(
 
 
 def show_started(address: str, token: str) -> list[str]:
-    """Return what a terminal shows while it runs."""
+    """Return what the terminal shows while the command runs: the address and the token."""
     return [*([f"token: {token}"] if token else []), f"{address}  ctrl-C ends it"]
 
 
 def show(result: RecordingFile | None, _: Mapping[str, Any]) -> list[str]:
-    """Return what was recorded."""
+    """Return the terminal output after the command has ended: the recording."""
     from anhyst.support.wording import count_text
 
     if result is None:

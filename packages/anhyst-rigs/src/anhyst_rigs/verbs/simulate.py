@@ -1,4 +1,4 @@
-"""The verb ``simulate``: a rig of any kind, with and without compensation."""
+"""The command ``simulate``: simulate a rig of any kind, with and without compensation."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from anhyst_rigs.reports.studies import Simulated, Studied
     from anhyst_rigs.study.bearing.board_faults import FaultOutcome
     from anhyst_rigs.study.bearing.on_board import BoardComparison
-    from anhyst_rigs.study.benefit import Benefit, Comparison
+    from anhyst_rigs.study.benefit import Benefit, MethodComparison
 
 PLACE = 32, "Rigs, simulated and real"
 
 Board = Literal["library", "host", "qemu-mps2"]
-"""Boards without hardware."""
+"""Boards that need no hardware."""
 
 
 @overload
@@ -94,18 +94,18 @@ def simulate(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
     Simulation, TrackingStudy, PiezoTracking or ForceControl
-        Or instead: MonteCarlo, Benefit, BoardComparison. Without `out` nothing is written, and the
-        result has ``save``.
+        With the other options: MonteCarlo, Benefit or BoardComparison. Without `out`, nothing is
+        written before ``save``.
 
     Raises
     ------
     InputError
-        A file cannot be read or does not fit the others, or options do not go together.
+        A file cannot be read or does not fit the others, or options exclude each other.
     NegativeResult
         Levitation was lost before anything could be compared.
 
@@ -142,12 +142,12 @@ def simulate(
     switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
     chosen = [name for name, value in switches.items() if value]
     if len(chosen) > 1:
-        text = f"{' and '.join(chosen)} do not go together; give one of them"
+        text = f"{' and '.join(chosen)} exclude each other; give one of them"
         raise InputError(text, code="options-together", key=chosen[0])
     kind = require_rig(rig, "simulate")
     kind.refuse_options("simulate", {"--controller": controller, "--board": board})
     if out is None and chosen:
-        raise InputError(f"{chosen[0]}: needs a place to write to", code="missing", key="--out")
+        raise InputError(f"{chosen[0]}: needs an output file", code="missing", key="--out")
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with use_scheduler(scheduler):
         if monte_carlo is not None:
@@ -160,13 +160,13 @@ def simulate(
 
 
 def warnings(result: Studied) -> Sequence[str]:
-    """Return what the loops say about the plant."""
+    """Return the warnings about the simulated plant, which follow from the loops."""
     plant = getattr(result, "plant", None)
     return getattr(plant, "warnings", ())
 
 
-def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what a terminal shows of the study, whichever it is."""
+def show(result: Studied, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output of the study."""
     from anhyst.support.kinds import require_capability, rig_kinds
     from anhyst_rigs.reports import plants
     from anhyst_rigs.reports.studies import HasSimulation, study_output
@@ -175,7 +175,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     from anhyst_rigs.study.benefit import Benefit
     from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
 
-    out = given["out"]
+    out = arguments["out"]
     if isinstance(result, BoardComparison):
         yield from _show_firmware(result, out)
     elif isinstance(result, Benefit):
@@ -188,7 +188,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
 
 
 def refuse(result: Studied, _: Mapping[str, Any]) -> None:
-    """Raise NegativeResult if something was lost."""
+    """Raise NegativeResult if levitation, a force or a position was lost."""
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit
 
@@ -212,14 +212,14 @@ def _fault_table(endings: Sequence[FaultOutcome]) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
 
     rows = TerminalTable(
-        "what went wrong in the air, and how it ended",
-        ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
+        "faults injected during levitation, and their outcome",
+        ["", "reported fault", "outcome", "after, ms", "at the stop, mm/s", "at the magnet, mm/s"],
     )
     for ending in endings:
         end = (
-            f"levitates on, {1e6 * ending.max_deviation:.2g} um away"
+            f"keeps levitating, {1e6 * ending.max_deviation:.2g} um away"
             if ending.is_levitating
-            else "lies without current"
+            else "landed without current"
         )
         rows.add_row(
             ending.injection.name,
@@ -236,21 +236,19 @@ def _fault_table(endings: Sequence[FaultOutcome]) -> TerminalTable:
 def _show_map(benefit: Benefit, out: Path) -> Iterator[OutputPart]:
     from anhyst_rigs.reports.study.page import REPORT_NAME
 
-    baselines = {
-        "its strongest baseline without memory": [cell.strongest for cell in benefit.cells]
-    }
+    baselines = {"the strongest single-valued baseline": [cell.strongest for cell in benefit.cells]}
     if all(cell.flux for cell in benefit.cells):
-        baselines["'flux', which measures"] = [cell.flux for cell in benefit.cells]
+        baselines["'flux' (measured flux density)"] = [cell.flux for cell in benefit.cells]
     yield from (_map_table(benefit, name, compared) for name, compared in baselines.items())
     yield (
-        f"'gain' and 'loss' where they are certain over {benefit.seeds} noise seeds, 'nothing to "
-        "gain' where both overshoot a step by less than three times the rms of their standstill"
+        f"'gain' and 'loss' are significant over {benefit.seeds} noise seeds, 'nothing to "
+        "gain': both overshoot a step by less than three times the rms of their standstill"
     )
     yield f"written: {out}, {out.parent / REPORT_NAME}"
 
 
 def _map_table(
-    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
+    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, MethodComparison]]
 ) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
 

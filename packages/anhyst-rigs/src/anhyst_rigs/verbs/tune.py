@@ -1,4 +1,4 @@
-"""The verb ``tune``: gains of a rig for stated requirements."""
+"""The command ``tune``: find the gains of a rig for stated requirements."""
 
 from __future__ import annotations
 
@@ -87,14 +87,14 @@ def tune(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     jobs : int, optional, only in Python
-        Processes of this machine; as many as there are cores if left out.
+        Number of processes on this machine. By default, the number of cores.
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
     Tuning
-        Written even if requirements are missed.
+        The gains. They are written even if a requirement is not fulfilled.
 
     Raises
     ------
@@ -102,9 +102,9 @@ def tune(
         A file cannot be read, written, or does not fit the others; or an option is not for this
         kind of rig.
     NegativeResult
-        No gains hold the body.
+        No gains stabilise the rig.
     Interrupted
-        Ctrl-C, too early for any gains.
+        Ctrl-C before any gains were found.
 
     Examples
     --------
@@ -133,29 +133,29 @@ def tune(
 
 
 def warnings(result: Tuning) -> tuple[str, ...]:
-    """Return what the loops say about the plant."""
+    """Return the warnings about the simulated plant, which follow from the loops."""
     return tuple(result.plant.warnings) if result.plant else ()
 
 
 def as_json(result: Tuning, _: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the result for JSON."""
+    """Return the result for ``--json``."""
     from anhyst_rigs.study.tuning.result import result_dict
 
     return result_dict(result)
 
 
-def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what was reached, what limits it, and what was written."""
+def show(result: Tuning, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output: the figures reached, their limits, and the files written."""
     from anhyst.cli.printing import TerminalTable
     from anhyst_rigs.study.tuning.result import column_heads, format_aims, table_rows, verdict_text
 
-    head, out = column_heads(result)[:-1], given["out"]
+    head, out = column_heads(result)[:-1], arguments["out"]
     reached = TerminalTable(f"tuned for {format_aims(result)}", head)
     for row in table_rows(result):
         reached.add_row(*row[: len(head)])
     yield reached
     yield (
-        f"worst of all conditions, mean of {result.rig.settings.noise_seeds} noise seeds with its "
+        f"worst of all conditions; mean of {result.rig.settings.noise_seeds} noise seeds with its "
         "95 % interval"
     )
     for name, tuned in result.tuned.items():
@@ -171,12 +171,12 @@ def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
 
 
 def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
-    """Raise an error if the search was interrupted or requirements were missed."""
+    """Raise an error if the search was interrupted or if a requirement is not fulfilled."""
     from anhyst.support.errors import Interrupted, NegativeResult
     from anhyst_rigs.study.tuning.result import describe_shortfall
 
     if result.interrupted:
         written_paths = ", ".join(str(path) for path in result.written.values())
-        raise Interrupted(f"the best so far, not checked, is in {written_paths}")
+        raise Interrupted(f"the best gains until then, not checked, are in {written_paths}")
     if (missed := describe_shortfall(result)) is not None:
         raise NegativeResult(missed, code="aims-missed")

@@ -1,4 +1,4 @@
-"""The verb ``watch``: whether a model still fits its magnet."""
+"""The command ``watch``: check whether a model still fits its magnet."""
 
 from __future__ import annotations
 
@@ -58,18 +58,20 @@ def watch(
     return watch_recording(model, recording, reading, least=least, run_length=run_length)
 
 
-def show(result: WatchResult, given: Mapping[str, Any]) -> list[str]:
-    """Return what a terminal shows."""
+def show(result: WatchResult, arguments: Mapping[str, Any]) -> list[str]:
+    """Return the terminal output."""
     is_known = result.finding.drift is None and not result.finding.is_learning
     return [str(result)] if is_known else []
 
 
-def refuse(result: WatchResult, given: Mapping[str, Any]) -> None:
-    """Raise NegativeResult if the model has drifted."""
+def refuse(result: WatchResult, arguments: Mapping[str, Any]) -> None:
+    """Raise NegativeResult if the model has drifted, InputError if the recording is too short."""
     from anhyst.support.errors import InputError, NegativeResult
 
     if result.finding.drift is not None:
         raise NegativeResult(str(result), code="drifted")
     if result.finding.is_learning:
-        recording = given["recording"]
-        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
+        recording = arguments["recording"]
+        raise InputError(
+            f"{recording}: too short for a result: {result}; record more cycles", code="too-short"
+        )

@@ -1,4 +1,4 @@
-"""The verb ``xcp``: a measurement tool reaches a controller behind a serial port."""
+"""The command ``xcp``: connect a measurement tool to a controller on a serial port."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None 
     Raises
     ------
     InputError
-        The port cannot be opened, or the firmware does not carry XCP.
+        The port cannot be opened, or the firmware does not support XCP.
 
     Examples
     --------
@@ -48,5 +48,5 @@ def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None 
 
 
 def show_started(port: int) -> list[str]:
-    """Return what a terminal shows while it runs."""
+    """Return what the terminal shows while the command runs."""
     return [f"XCP on TCP: 127.0.0.1:{port}  ctrl-C ends it"]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Arrays in and out: float64, C-contiguous, never converted silently.
+// Array arguments and results: float64, C-contiguous, never converted silently.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -27,7 +27,7 @@ inline Out make_array(size_t n)
   return Out(data, {n}, owner);
 }
 
-// Takes over an array of doubles that new[] made.
+// Takes ownership of an array of doubles that new[] allocated.
 inline OutTable own_table(double *data, size_t rows, size_t columns)
 {
   nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<double *>(p); });

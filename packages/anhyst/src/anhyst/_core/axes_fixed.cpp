@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller of a stage in fixed point: its words come as whole numbers.
+// The controller of a stage in fixed point; its words are integers.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -19,7 +19,7 @@ namespace {
 
 using Codes = std::vector<int32_t>;
 
-// Tables of whole numbers by name, which live as long as this.
+// Integer tables by name; the copies exist as long as this object.
 class Words : public Settings {
 public:
   using Settings::Settings;
@@ -29,7 +29,7 @@ public:
     const auto found = take<nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>>(name);
     same_length(rows, found.shape(0), name.c_str());
     same_length(columns, found.shape(1), name.c_str());
-    kept_.emplace_back(found); // a copy where the rows did not lie one after another
+    kept_.emplace_back(found); // a copy if the rows are not contiguous
     return found.data();
   }
   const int32_t *codes(const std::string &name, size_t rows, size_t columns)
@@ -59,7 +59,7 @@ anhyst_wrench_layout_q31 take_layout(Words &words, Settings &given)
           given.take<int32_t>("most")};
 }
 
-// How a wrench is shared out, in codes.
+// Allocation of a wrench to the drives, in codes.
 class FixedWrench {
 public:
   FixedWrench(const nb::dict &words, const nb::dict &settings) : words_(words)
@@ -87,7 +87,7 @@ private:
   anhyst_wrench_q31 wrench_{};
 };
 
-// The nearest code of a signal, Q31_MIN for what is no number; as support/fixed_point.py has it.
+// Returns the nearest code of a signal, or Q31_MIN for NaN; equals support/fixed_point.py.
 int32_t code_of(double value, double full)
 {
   const double place = std::floor(value / full * 2147483648.0 + 0.5);
@@ -160,7 +160,7 @@ public:
 
   anhyst_loop_controller handle() override { return {this, loop_tick}; }
 
-  // One tick in codes: currents, wrench, flags, what is lost, state.
+  // Runs one tick in codes; returns currents, wrench, flags, lost drives, state.
   nb::tuple tick(const Codes &head, const Codes &forward, const Codes &gap, const Codes &read,
                  uint16_t command)
   {
@@ -184,7 +184,7 @@ private:
     return out;
   }
 
-  // As a loop sees it; see TrackingAxes.
+  // Tick for a simulated loop; see TrackingAxes.
   static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
   {
     auto &c = *static_cast<FixedAxes *>(self);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binding: converts and checks, no logic.
+// The Python module: it converts and checks arguments, and contains no other logic.
 #include <nanobind/stl/string.h>
 
 #include <memory>
@@ -61,7 +61,7 @@ Out of_each(double (*function)(double), const In &x)
 
 NB_MODULE(_native, m)
 {
-  // Caches of the package hold irons until the process ends; that is no leak to warn of.
+  // Caches of the package keep irons until the process ends. This is not a leak.
   nb::set_leak_warnings(false);
   m.doc() = "The anhyst C core.";
   nb::class_<AnyIron>(m, "AnyIron")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A firmware in this process as the controller of a loop, and what it answered.
+// A firmware in this process as the controller of a loop, and its answers.
 #include "anhyst_plant/bus.h"
 
 #include <vector>
@@ -14,8 +14,8 @@ using OutWords = nb::ndarray<nb::numpy, uint32_t, nb::ndim<2>>;
 
 class Bus : public LoopController {
 public:
-  // Addresses of library_tick and of a controller's memory (firmware/boards/library/library.h);
-  // both stay until end().
+  // Addresses of library_tick and of the memory of a controller
+  // (firmware/boards/library/library.h). Both must be valid until end().
   Bus(uintptr_t tick, uintptr_t firmware, const nb::dict &scales)
   {
     Settings from(scales);
@@ -33,7 +33,7 @@ public:
 
   uint32_t last() const { return bus_.tick; }
 
-  // The answers since the last time, a row a tick.
+  // Returns the answers since the last call, one row per tick.
   OutWords take()
   {
     const size_t rows = answers_.size() / ANHYST_BUS_DRIVE_WORDS;

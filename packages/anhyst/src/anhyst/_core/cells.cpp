@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Play cells for a fit: the equation alone, with derivatives.
+// The equation of play cells for a fit, with derivatives.
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
@@ -105,7 +105,7 @@ private:
     return now;
   }
 
-  // Where each drive ends that begins at one of these places.
+  // Returns the end of each drive from the starts of all drives.
   static std::vector<size_t> ends_of(const Places &begins, size_t n)
   {
     std::vector<size_t> ends;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Play cells with their tables.
+// Play cells, together with their tables.
 #pragma once
 
 #include <nanobind/stl/optional.h>

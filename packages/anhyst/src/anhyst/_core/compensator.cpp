@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The compensator of each number format in Python: the very functions that run on a controller.
+// The compensator of each number format in Python: the same functions that run on a controller.
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ template <class T> Row<T> make_row(size_t n)
   return Row<T>(data, {n}, owner);
 }
 
-// What is the same in all formats. Python has memories and records of the type Shown.
+// Common part of all formats. Python has states and records of the type Shown.
 template <class F, class Shown> class Base {
 public:
   Base(const std::string &kind, const Words<F> &words)
@@ -48,8 +48,8 @@ public:
     words_.swap(next);
   }
 
-  // Five numbers, with plays after them if the law has some. Then the same for each deeper memory,
-  // with the flux that diffusion owes it.
+  // Five values, followed by the plays if the law has any. Then the same for each deeper layer,
+  // with the flux deficit of diffusion.
   Row<Shown> memory() const
   {
     std::vector<Shown> shown;
@@ -63,7 +63,8 @@ public:
     return out;
   }
 
-  // Three numbers of a law without plays: what was before is not known, the path turns here.
+  // Accepts also three values of a law without plays: the history is unknown, and the path reverses
+  // here.
   void set_memory(const InRow<Shown> &shown)
   {
     const Shown *at = shown.data();
@@ -102,7 +103,7 @@ private:
     return static_cast<typename F::Size>(words.size());
   }
   bool has_plays() const { return state_.kernel->keep != nullptr; }
-  // Memories beyond the first.
+  // Number of layers below the first.
   size_t deeper() const
   {
     const int layers = has_plays() ? static_cast<int>(words_[ANHYST_WORD_SOLID_LAYERS]) : 0;
@@ -113,7 +114,7 @@ private:
     constexpr Shown one = std::is_same_v<F, Fixed> ? static_cast<Shown>(ANHYST_Q30_ONE) : 1;
     return a >= -one && a <= one;
   }
-  // The numbers of a law without plays, in their order.
+  // Returns a value of the state of a law without plays, by its index.
   static Number &number(typename F::Memory &memory, size_t i)
   {
     auto &full = memory.full;
@@ -179,7 +180,7 @@ public:
   int16_t output_q15() const { return anhyst_compensator_output_q15(&state_); }
   int16_t conditioning_q15(int32_t tick) const { return anhyst_conditioning_q15(&state_, tick); }
 
-  // A whole record: at every sample solve, and commit the solved current.
+  // Computes a whole record: at each sample it solves, and commits the solved current.
   Row<int32_t> run(const InRow<int32_t> &demand, const InRow<int32_t> &gap, bool q15)
   {
     same_length(demand.shape(0), gap.shape(0), "gap");
@@ -201,7 +202,7 @@ public:
   }
 };
 
-// SOLVE and so on are the functions of one format.
+// SOLVE and the other arguments are the functions of one format.
 #define REAL_COMPENSATOR(NAME, F, f)                                                               \
   class NAME : public Base<F, double> {                                                            \
   public:                                                                                          \
@@ -223,7 +224,7 @@ REAL_COMPENSATOR(CompensatorF32, F32, _f32);
 REAL_COMPENSATOR(CompensatorF64, F64, _f64);
 #undef REAL_COMPENSATOR
 
-// A whole record: at every sample solve, and commit the solved current.
+// Computes a whole record: at each sample it solves, and commits the solved current.
 template <class C> Out run(C &compensator, const In &demand, const In &gap)
 {
   same_length(demand.shape(0), gap.shape(0), "gap");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The position controller in Python, in every format: the very functions that run on a controller.
+// The position controller in Python, in each format: the same functions that run on a controller.
 #include "gains.h"
 
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The force controller of a magnet in Python, in every format: the very functions that run on a
+// The force controller of a magnet in Python, in each format: the same functions that run on a
 // controller.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -8,7 +8,7 @@
 
 namespace {
 
-// n of 2^n segments.
+// Returns n for 2^n segments.
 uint16_t exponent(size_t entries)
 {
   uint16_t n = 0;

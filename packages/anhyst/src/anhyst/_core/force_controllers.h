@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Force controllers with the tables they point to, one class for each number format.
+// Force controllers, together with the tables they point to; one class for each number format.
 #pragma once
 
 #include <memory>
@@ -42,7 +42,7 @@ inline void check_controller(anhyst_status status)
   }
 }
 
-// In floating point.
+// A force controller in floating point.
 template <class F> class RealForceController {
 public:
   using Real = typename F::Real;
@@ -104,7 +104,7 @@ public:
     return F::solve(&state_, real(demand), real(gap), real(density));
   }
   Real commit(double applied, double gap) { return F::commit(&state_, real(applied), real(gap)); }
-  // Commits a path; the forces to expect.
+  // Commits a path, and returns the expected forces.
   Out follow(const In &applied, const In &gap)
   {
     same_length(applied.shape(0), gap.shape(0), "gap");
@@ -117,7 +117,7 @@ public:
   int flags() const { return state_.flags; }
   int32_t conditioning_length() const { return F::conditioning_length(&state_); }
   Real conditioning(int32_t tick) const { return F::conditioning(&state_, tick); }
-  // For a controller that runs it; lives as long as this object.
+  // Pointer for a position controller that runs this one; valid as long as this object exists.
   typename F::State *get() { return &state_; }
 
 private:
@@ -165,7 +165,7 @@ private:
   std::vector<std::vector<Real>> tables_;
 };
 
-// In fixed point, all signals q31.
+// A force controller in fixed point; all signals are q31.
 class FixedForceController {
 public:
   using Made = std::unique_ptr<FixedForceController>;
@@ -192,7 +192,7 @@ public:
   {
     return anhyst_force_controller_commit_q31(&state_, applied, gap);
   }
-  // Commits a path; the forces to expect, as codes.
+  // Commits a path, and returns the expected forces as q31 codes.
   Out follow(const In &applied, const In &gap)
   {
     same_length(applied.shape(0), gap.shape(0), "gap");
@@ -211,7 +211,7 @@ public:
   {
     return anhyst_force_controller_conditioning_q31(&state_, tick);
   }
-  // For a controller that runs it; lives as long as this object.
+  // Pointer for a position controller that runs this one; valid as long as this object exists.
   anhyst_force_controller_q31 *get() { return &state_; }
 
 private:

@@ -9,7 +9,7 @@
 #include "anhyst/compensator/compensator_real.h"
 #include "arrays.h"
 
-// ENTRY is a word of a block, NUMBER a number of a memory, SIZE counts words.
+// ENTRY: type of a word of a block; NUMBER: type of a state variable; SIZE: type of word counts.
 #define FORMAT(F, ENTRY, NUMBER, SIZE, f)                                                          \
   struct F {                                                                                       \
     using Entry = ENTRY;                                                                           \
@@ -31,11 +31,11 @@ FORMAT(F32, float, float, uint32_t, _f32);
 FORMAT(F64, double, double, uint32_t, _f64);
 #undef FORMAT
 
-// Words of a parameter block from Python.
+// Converts the words of a parameter block from Python.
 template <class F>
 using Words = nb::ndarray<const typename F::Entry, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// The kernel of a kind.
+// Returns the kernel of a kind of compensator.
 template <class F> const typename F::Kernel *to_kernel(const std::string &kind)
 {
   if (kind == "full") {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gains of the position controller in every number format, and the C functions that use them.
+// Gains of the position controller in each number format, and the C functions that use them.
 #pragma once
 
 #include <array>
@@ -78,7 +78,7 @@ GAINS(F64, double, f64);
 GAINS(F32, float, f32);
 #undef GAINS
 
-// Gains that the core has found valid.
+// Returns gains after the check of the core.
 template <class Format> typename Format::gains valid_gains(const typename Format::row &row)
 {
   const typename Format::gains gains = Format::read(row);

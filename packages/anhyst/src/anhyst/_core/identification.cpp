@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a search needs: the law in units of its own, with derivatives, and many sets at once.
+// Functions for a search: the law in normalised units with derivatives, and batches of parameters.
 #include <nanobind/stl/string.h>
 
 #include <memory>
@@ -102,10 +102,10 @@ private:
   anhyst_operator_f64 law_;
 };
 
-// From the base level to the best that the processor has.
+// From the base level to the best one that processors have.
 const char *const LEVELS[] = {"base", "avx2", "avx512"};
 
-// Asked once: the answer is slow on a virtual machine.
+// Determined once, because this is slow on a virtual machine.
 anhyst_batch_level best_level()
 {
   static const anhyst_batch_level best = anhyst_batch_best();

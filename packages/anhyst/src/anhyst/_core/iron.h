@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Irons: a law with what it points to, over whole records.
+// Irons: a hysteresis law with its tables, computed over whole records.
 #pragma once
 
 #include <memory>
@@ -9,7 +9,7 @@
 #include "arrays.h"
 #include "cells.h"
 
-// An iron of any law.
+// Base class of the irons of all hysteresis laws.
 class AnyIron {
 public:
   nb::tuple record(int inverse, const In &given, const In &rho, const In &eddy,
@@ -107,7 +107,7 @@ private:
   }
 };
 
-// An iron of a law on the Langevin curve, with its table.
+// An iron of a law with the Langevin curve, with its table.
 class LagIron : public AnyIron {
 public:
   LagIron(double m_s, double a, double k, double c, double alpha, double r_d,

@@ -29,7 +29,7 @@ public:
     loop_ = {body, plant.state(), controller.handle(), current_loops_.data(), room_.data(), 0};
   }
 
-  // A column each: signal, its unit, and which it is of its kind.
+  // Returns signal, unit and number of its magnet, head or coordinate for each column.
   nb::list signals() const
   {
     const anhyst_plant_body *body = loop_.body;

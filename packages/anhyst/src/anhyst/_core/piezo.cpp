@@ -10,7 +10,7 @@
 
 namespace {
 
-// The controller with all that it points to.
+// The controller, together with the data it points to.
 class PiezoController {
 public:
   PiezoController(nb::handle drive, const nb::list &filters, const In &pid, Settings &given)
@@ -71,7 +71,7 @@ public:
     std::copy(creep_shares.data(), creep_shares.data() + creeps, piezo_.creep_share);
   }
 
-  // From long rest: where the stage is at each tick, whose command then holds.
+  // Starts after a long rest. Returns the position at each tick, whose command holds from then on.
   Out run(const In &command) const
   {
     anhyst_piezo_state state{};
@@ -97,8 +97,7 @@ public:
     loop_.sensor_step = sensor_step;
   }
 
-  // Puts a controller in force, at rest; or as the one before left off, its integral changed by so
-  // much.
+  // Starts a controller at rest, or continues from the previous one with a change of its integral.
   void control(nb::handle drive, const nb::list &filters, const In &pid, const nb::dict &settings,
                std::optional<double> change)
   {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual plant in Python: converts and checks, no logic.
+// The simulated plant in Python: it converts and checks arguments, and contains no other logic.
 #include <cmath>
 
 #include "anhyst_plant/held.h"
@@ -7,7 +7,7 @@
 
 namespace {
 
-// A winding alone, held at currents and gaps or driven by a voltage.
+// A single winding, held at currents and gaps or driven by a voltage.
 class Coil {
 public:
   explicit Coil(const Magnet &magnet) : magnet_(magnet.get()), volumes_(magnet.volumes())
@@ -31,8 +31,8 @@ public:
     const anhyst_plant_source source = {0.0, 0.0, 0.0, voltage, HUGE_VAL};
     anhyst_plant_coil_step(&magnet_, &coil_, &source, gap, seconds);
   }
-  // Many currents, slowly or in so many seconds each; rows of pull, flux linkage, flux density in
-  // the gap.
+  // Applies currents, slowly or within the given seconds each. Returns rows of pull, flux linkage
+  // and flux density in the gap.
   OutTable run(const In &current, const In &gap, double seconds)
   {
     same_length(current.shape(0), gap.shape(0), "gap");
@@ -58,7 +58,7 @@ private:
   anhyst_plant_coil coil_{};
 };
 
-// A sensor, whose noise comes from outside.
+// A sensor; the caller supplies the noise.
 class Sensor {
 public:
   explicit Sensor(const nb::dict &numbers) : sensor_(to_sensor(numbers)) {}
@@ -107,7 +107,7 @@ public:
   {
     anhyst_plant_coil_lead(&held_.magnet, &state_.coil, current, gap, 0.0);
   }
-  // Rows of current, force, and what is read of gap, force and current.
+  // Returns rows of current, force, and the readings of gap, force and current.
   OutTable run(const In &reference, const In &gap, const InTable &noise)
   {
     same_length(reference.shape(0), gap.shape(0), "gap");
@@ -127,7 +127,7 @@ private:
   anhyst_plant_held_state state_{};
 };
 
-// A row a magnet: gap, current, flux linkage, pull, energy taken and heat given.
+// Returns a row per magnet: gap, current, flux linkage, pull, energy input and heat output.
 OutTable coils(Plant &plant)
 {
   const auto magnets = static_cast<size_t>(plant.body()->magnets);

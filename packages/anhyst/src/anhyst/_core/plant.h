@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual plant with what it points to.
+// The simulated plant, together with the data it points to.
 #pragma once
 
 #include <nanobind/stl/array.h>
@@ -14,7 +14,7 @@
 #include "settings.h"
 #include "steel.h"
 
-// A magnet with what it points to.
+// A magnet, together with the data it points to.
 class Magnet {
 public:
   // An iron in a reluctance circuit.
@@ -36,8 +36,8 @@ public:
     winding(given);
   }
 
-  // The same with solid iron in its path: shares of the section and what holds back the field of
-  // each volume, the surface first.
+  // The same with solid iron in its path. `share`: share of the cross-section of each volume.
+  // `drag`: eddy-current coefficient of each volume. The surface comes first.
   Magnet(const nb::dict &numbers, const Steel &steel, double part, const In &share, const In &drag)
       : Magnet(numbers, steel)
   {
@@ -53,7 +53,7 @@ public:
     circuit_.solid = &solid_;
   }
 
-  // A solenoid: the same iron in front of a cone.
+  // A solenoid: the same iron with a conical gap.
   Magnet(const nb::dict &numbers, const Steel &steel, const nb::dict &cone) : Magnet(numbers, steel)
   {
     Settings given(cone);
@@ -94,7 +94,7 @@ public:
   Magnet &operator=(const Magnet &) = delete;
 
   const anhyst_plant_magnet &get() const { return magnet_; }
-  // Memories of as many volumes as its solid iron has, demagnetised.
+  // Returns demagnetised states, one for each volume of the solid iron.
   std::vector<anhyst_plant_memory> volumes() const
   {
     return std::vector<anhyst_plant_memory>(static_cast<size_t>(solid_.volumes));
@@ -155,7 +155,7 @@ inline anhyst_plant_amplifier to_amplifier(const nb::dict &numbers)
   return found;
 }
 
-// A body, its magnets, heads and load drive, by the names of body.h.
+// A body with its magnets, heads and load drive; the settings have the names of body.h.
 class Plant {
 public:
   Plant(const nb::dict &body, const std::vector<nb::dict> &actuators,
@@ -240,7 +240,7 @@ public:
   const anhyst_plant_body *body() const { return &body_; }
   anhyst_plant_state *state() { return &state_; }
 
-  // A number of each free coordinate.
+  // Returns the values of the free coordinates.
   std::vector<double> along(const double *axes) const
   {
     std::vector<double> found;
@@ -320,7 +320,7 @@ private:
   std::vector<anhyst_plant_actuator> actuators_;
   std::vector<anhyst_plant_head> heads_;
   std::vector<anhyst_plant_actuator_state> actuator_states_;
-  std::vector<std::vector<anhyst_plant_memory>> volumes_; // of the solid iron of each magnet
+  std::vector<std::vector<anhyst_plant_memory>> volumes_; // states of the solid iron of each magnet
   std::vector<anhyst_plant_head_state> head_states_;
   anhyst_plant_body body_{};
   anhyst_plant_state state_{};

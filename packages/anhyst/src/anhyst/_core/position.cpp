@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of a levitating armature in Python: the very functions that run on a controller.
+// The controllers of a levitating armature in Python: the same functions that run on a controller.
 #include "position.h"
 
 #include <nanobind/stl/pair.h>
@@ -158,7 +158,7 @@ private:
     from.finish();
   }
 
-  // What Python hands over: floats are rounded to the format.
+  // Type of the values from Python: floats are rounded to the format.
   using Wide = std::conditional_t<std::is_integral_v<Number>, int32_t, double>;
 
   std::vector<nb::object> magnets_;

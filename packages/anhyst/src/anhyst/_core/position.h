@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a simulated loop takes for a controller, whatever its number format.
+// Interface of all controllers that a simulated loop can run.
 #pragma once
 
 #include "anhyst_plant/controller.h"

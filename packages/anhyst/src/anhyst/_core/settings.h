@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Settings by name: none may be missing, of another type, or unknown.
+// Settings by name. A missing, unknown or wrongly typed setting is an error.
 #pragma once
 
 #include <set>
@@ -25,7 +25,7 @@ public:
     return value;
   }
 
-  // To be called when all have been taken.
+  // Throws if a setting was not used. Call it after the last setting was read.
   void finish() const
   {
     for (const auto &[key, value] : values_) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an iron of the plant is made of, and a piece of it with its memory.
+// A material of the simulated plant, and a piece of it with its state.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 class Steel {
 public:
-  // Pinned cells.
+  // Pinned play cells.
   Steel(const nb::dict &numbers, const In &thresholds, const In &weights)
   {
     Settings given(numbers);
@@ -29,7 +29,7 @@ public:
     given.finish();
   }
 
-  // Relays by their Everett function.
+  // Preisach relays, given by their Everett function.
   Steel(const nb::dict &numbers, const InTable &everett)
   {
     Settings given(numbers);
@@ -51,7 +51,7 @@ public:
         std::fabs(steel.feedback) * (relays + 2.0 * (steel.curve.sharp + steel.curve.slow));
   }
 
-  // Duhem's kind.
+  // A Duhem model.
   explicit Steel(const nb::dict &numbers)
   {
     Settings given(numbers);
@@ -80,12 +80,12 @@ private:
   std::vector<double> everett_;
 };
 
-// A piece of steel with its memory; starts demagnetised.
+// A piece of steel with its state; it starts demagnetised.
 class Piece {
 public:
   explicit Piece(const Steel &steel) : iron_(steel.get()) {}
 
-  // Flux density, and its slope over the field, if the field moved there.
+  // Returns the flux density and its slope over the field, if the field moved there.
   nb::tuple flux_density(double field) const
   {
     const anhyst_plant_goal goal = seek(1.0, 0.0, field);
@@ -98,7 +98,7 @@ public:
     anhyst_plant_move(&iron_, &memory_, &goal);
     return memory_.field;
   }
-  // Many fields one after the other; rows of field and flux density.
+  // Applies fields one after the other, and returns rows of field and flux density.
   OutTable run(const In &field)
   {
     OutTable out = make_table(field.shape(0), 2);
@@ -113,7 +113,7 @@ public:
   const anhyst_plant_memory &get() const { return memory_; }
 
 private:
-  // To within a trillionth of what is asked for.
+  // Returns the field at which a*H + b*B = r, with a tolerance of 1e-12 * (a + |r|).
   anhyst_plant_goal seek(double a, double b, double r) const
   {
     anhyst_plant_goal goal;

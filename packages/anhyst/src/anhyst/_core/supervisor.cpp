@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why a controller would refuse a command: the very function that refuses it on a board.
+// The reason why a controller refuses a command: the same function that refuses it on a board.
 #include "anhyst/control/supervisor.h"
 #include "arrays.h"
 

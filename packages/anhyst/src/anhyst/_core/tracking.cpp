@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of a body that follows a set-point, in floating point: the very functions that
+// The controllers of a body that follows a set-point, in floating point: the same functions that
 // run on a controller.
 #include "tracking.h"
 
@@ -13,7 +13,7 @@
 
 namespace {
 
-// Where magnets pull, row by row.
+// Directions of the pulls of the magnets, row by row.
 class Layout {
 public:
   Layout(const InTable &pull, const std::vector<uint16_t> &against, uint16_t kind, double idle,
@@ -41,7 +41,7 @@ public:
   Layout &operator=(const Layout &) = delete;
 
   void lose(int drive) { anhyst_wrench_lose_f64(&wrench_, drive); }
-  // Forces, and whether they make the wrench.
+  // Returns the forces, and whether they produce the wrench.
   nb::tuple share(const std::vector<double> &wrench)
   {
     same_length(wrench.size(), layout_.axes, "wrench");
@@ -139,8 +139,8 @@ public:
   void correct(const InTable &rows) { drives_.correct(rows); }
   anhyst_loop_controller handle() override { return {this, loop_tick}; }
 
-  // One tick without a plant, heads counted from the target: currents, wrench, flags, what is lost,
-  // state.
+  // Runs one tick without a plant; head positions are relative to the target. Returns currents,
+  // wrench, flags, lost drives, state.
   nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read,
                  uint16_t command, const Row &target)
   {
@@ -165,8 +165,8 @@ private:
     return out;
   }
 
-  // As a loop sees it: its heads are the gap sensors, one a magnet, and then the position heads;
-  // its load is the wrench that is fed forward.
+  // Tick for a simulated loop. Its heads are the gap sensors, one per magnet, followed by the
+  // position heads. Its load is the wrench that is fed forward.
   static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
   {
     auto &c = *static_cast<TrackingAxes *>(self);
@@ -191,8 +191,8 @@ private:
 
   Drives<F> drives_;
   std::vector<double> at_;
-  std::vector<uint16_t> axis_; // of each coordinate where heads stand on the ground, else none
-  std::deque<Row> rows_;       // what the settings point to
+  std::vector<uint16_t> axis_; // axis of each coordinate if the heads are on the ground; else empty
+  std::deque<Row> rows_;       // rows to which the settings point
   Row current_;
   Row demand_;
   std::vector<typename F::Filter> pid_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the controllers of what follows a set-point are made of: drives, filters, number formats.
+// Parts of set-point controllers: drives, filters and number formats.
 #pragma once
 
 #include <deque>
@@ -11,7 +11,7 @@
 #include "force_controllers.h"
 #include "settings.h"
 
-// Which SI quantities the codes of force controllers in fixed point stand for.
+// Returns the physical values of the codes of fixed-point force controllers.
 inline anhyst_code_scales_f64 take_scales(Settings &given)
 {
   const anhyst_code_scales_f64 scales = {
@@ -25,7 +25,7 @@ inline anhyst_code_scales_f64 take_scales(Settings &given)
   return scales;
 }
 
-// Force controllers as the drives of one controller, each of its own.
+// Force controllers as the drives of one controller.
 template <class F> class Drives {
 public:
   Drives() = default;
@@ -45,7 +45,7 @@ public:
     }
   }
 
-  // Puts each drive behind what was found of its magnet, in the order of anhyst_correction.
+  // Applies the calibrated correction of each magnet, in the order of anhyst_correction.
   void correct(const InTable &rows)
   {
     using Real = typename F::Real;
@@ -96,10 +96,10 @@ private:
   }
 
   std::vector<nb::object> magnets_;
-  std::deque<typename F::Coded> coded_; // whose addresses stay
+  std::deque<typename F::Coded> coded_; // a deque keeps their addresses
   std::deque<typename F::Drive> in_si_;
   std::vector<typename F::Drive *> drives_;
-  std::vector<typename F::Corrected> corrected_; // as many as drives, or none
+  std::vector<typename F::Corrected> corrected_; // one per drive, or none
   std::vector<typename F::Drive> behind_;
 };
 

@@ -1,8 +1,8 @@
-"""The command line: parse, call one function, print."""
+"""The command line: parse the options, call one function, print its result."""
 
 import os
 
-# Before anything loads a library of linear algebra: its products are small here, and threads that
-# wait for each other cost identification half as much processor time again.
+# Set before a BLAS library is loaded. The matrix products are small here, and BLAS threads would
+# increase the processor time of an identification by half.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")

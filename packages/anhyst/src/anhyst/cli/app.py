@@ -1,4 +1,4 @@
-"""Entry point of the command line: the verbs, and how they end."""
+"""Entry point of the command line: collect the commands, run one, return its exit code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EXIT_NEGATIVE = 1
 EXIT_FAULT = 70
 EXIT_INTERRUPTED = 130
 
-# Typer carries the library it is built on under a private name that has changed.
+# Typer bundles click under a private name, which has changed between versions.
 _ClickError = cast(
     "type[typer.BadParameter]",
     next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"),
@@ -74,23 +74,24 @@ def _anhyst(
 
 @cache
 def build_command(commands: typer.Typer) -> Callable[..., Any]:
-    """Return what runs the verbs: their options take a while to gather."""
+    """Return the function that runs the commands of a typer application; slow, therefore cached."""
     return typer.main.get_command(commands)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+    """Run the command line and return the exit code."""
     saved_text = ""
     start_printing()
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # code pages of Windows lack some signs
+        sys.stdout.reconfigure(errors="replace")  # Windows code pages lack some characters
     try:
         with use_command_line_wording():
             code = _run_verb(arguments)
     except (KeyboardInterrupt, typer.Abort):
         code = EXIT_INTERRUPTED
     except BrokenPipeError:
-        # Nobody reads any more; keep the interpreter from complaining when it flushes.
+        # The reader has closed the pipe. Prevent an error message when the interpreter flushes
+        # stdout.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_NEGATIVE
     except Interrupted as stop:
@@ -106,17 +107,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_FAULT
     if code == EXIT_INTERRUPTED:
         print(f"anhyst: interrupted{saved_text}", file=sys.stderr)
-        # Python remembers an interrupt that went through an exec (as dataclasses use while they
-        # are imported) and would kill itself by it in the end; another exec makes it forget.
+        # CPython stores an interrupt that passed through exec(), which dataclasses use on import,
+        # and would kill itself with it at exit. Another exec() clears it.
         exec("")
     return code
 
 
 def _run_verb(arguments: Sequence[str] | None) -> int:
-    """Run a verb; what is wrong with its input becomes one line."""
+    """Run one command. A fault of its input is printed as one line."""
     try:
         with warnings.catch_warnings():
-            # Verbs say themselves what a user has to know; lines of libraries are for developers.
+            # Commands report what a user has to know. Warnings of libraries are for developers.
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", ReturnPointMemoryWarning)
             warnings.showwarning = lambda text, *_: print_warning(str(text))
@@ -132,7 +133,7 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
         text = str(error)
     except _ClickError as error:
         if not (message := error.format_message()):
-            return EXIT_BAD_INPUT  # the help has been shown
+            return EXIT_BAD_INPUT  # the help was shown
         message = message.replace("Value error, ", "")
         stop = "" if message.endswith((".", "?")) else "."
         text = f"{message}{stop} See 'anhyst --help'."
@@ -142,7 +143,7 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
         raise
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        advice = "; make room" if error.errno == errno.ENOSPC else ""
+        advice = "; free some space" if error.errno == errno.ENOSPC else ""
         text = f"{where}{error.strerror or error}{advice}"
     print_error(text)
     return EXIT_BAD_INPUT

@@ -1,6 +1,6 @@
-"""Read a numpydoc docstring: summary, parameters and examples, as the help of a verb needs them.
+"""Read a numpydoc docstring: summary, parameters and examples for the help of a command.
 
-The type field of a parameter also says how the command line spells it::
+The type field of a parameter also defines its spelling on the command line::
 
     rate : float, at least 1, ``HZ``, optional
     known : path-like, ``--rig FILE``, optional
@@ -23,13 +23,13 @@ _SECTION_PATTERN = re.compile(r"^(\S.*)\n(-{3,})$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class ParameterDoc:
-    """A parameter as a docstring describes it."""
+    """The description of a parameter in a docstring."""
 
-    type_text: str = ""  # the type field
+    type_text: str = ""  # type field
     text: str = ""
-    flag: str | None = None  # the option, if it has another name than the parameter
-    metavar: str | None = None  # the placeholder of the value
-    minimum: float | None = None  # the least and the largest number
+    flag: str | None = None  # option, if its name differs from the parameter
+    metavar: str | None = None  # placeholder of the value
+    minimum: float | None = None  # limits of a number
     maximum: float | None = None
 
 
@@ -47,7 +47,7 @@ def _number(text: str) -> float:
 
 @dataclass(frozen=True)
 class Docstring:
-    """What a docstring says."""
+    """The parts of a docstring that the help of a command shows."""
 
     summary: str  # summary and extended summary
     parameters: Mapping[str, ParameterDoc]
@@ -71,7 +71,7 @@ def read_docstring(function: Callable[..., object]) -> Docstring:
 
 
 def _parse_parameters(text: str) -> dict[str, ParameterDoc]:
-    """Return the parameters by their names; several names may share a text."""
+    """Return the descriptions by parameter name. Several names can share one description."""
     found: dict[str, ParameterDoc] = {}
     for block in re.split(r"\n(?=\S)", text):
         head, _, rest = block.partition("\n")
@@ -82,6 +82,6 @@ def _parse_parameters(text: str) -> dict[str, ParameterDoc]:
 
 
 def use_option_names(text: str, flags: Mapping[str, str]) -> str:
-    """Return a text of a docstring in the words of the command line: `name` becomes --name."""
+    """Replace parameters by options in a text: `name` becomes --name."""
     renamed = _NAME_PATTERN.sub(lambda found: flags.get(found[1], f"'{found[1]}'"), text)
     return renamed.replace("``", "")

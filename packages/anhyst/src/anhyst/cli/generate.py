@@ -1,7 +1,8 @@
-"""Make a command from a verb: options and help from the signature and the docstring of a function.
+"""Generate a command from a function: its options and its help come from signature and docstring.
 
-A verb is a module in a folder of verbs (:mod:`anhyst.support.verbs`) with a function of the same name.
-The module may also say how the command presents the result; `Verb` lists the names.
+Each command is a module in a folder of commands (:mod:`anhyst.support.verbs`). The module contains
+a function with the name of the module. It can also define how the result is presented; `Verb` lists
+the names for this.
 """
 
 from __future__ import annotations
@@ -37,24 +38,25 @@ from anhyst.support.atomic import json_text
 from anhyst.support.errors import InputError, Interrupted
 
 Arguments = Mapping[str, Any]
-"""The arguments of a verb, as the command line gives them to its function."""
+"""Arguments of a command, as they are passed to its function."""
 
 _READING_PARAMETERS = inspect.signature(read_options).parameters
 _CALLBACK_NAMES = frozenset({"progress", "started"})
-"""Parameters that the command itself supplies."""
+"""Parameters that the command line supplies itself."""
 _SHARED_TEXT_MARK = "as of `read_loops`"
-"""Type field of a parameter whose text is that of the options of reading."""
+"""Type field of a parameter that takes its help from the options for reading files."""
 
 
 @dataclass(frozen=True)
 class Verb:
-    """A module of a verb: its function, and what it says about the command.
+    """A command: its module, its function, and how its result is presented.
 
-    ``PLACE``: rank in the help, and the panel. ``PROGRESS``: title of the progress bar. ``preview``:
-    what is shown before the work. ``show``: what a terminal shows of the result, and ``warnings``
-    what it says on standard error. ``as_json``: the result for JSON. ``refuse`` raises the negative
-    end of a command whose result is shown. ``stopped``: what Ctrl-C leaves behind. ``show_started``:
-    what is shown when a verb that runs until Ctrl-C has begun.
+    The module can define these names. ``PLACE``: the rank and the panel in the help. ``PROGRESS``:
+    the title of the progress bar. ``preview``: the output before the work. ``show``: the terminal
+    output of the result. ``warnings``: the texts for standard error. ``as_json``: the result for
+    ``--json``. ``refuse``: raises an error if the result, which has been shown, is negative.
+    ``stopped``: the message after Ctrl-C. ``show_started``: the output when a command that runs
+    until Ctrl-C has started.
     """
 
     name: str
@@ -62,12 +64,12 @@ class Verb:
 
     @property
     def command(self) -> str:
-        """The verb as the command line spells it."""
+        """Name on the command line."""
         return self.name.replace("_", "-")
 
     @property
     def function(self) -> Callable[..., Any]:
-        """What does the work."""
+        """The function that does the work."""
         found: Callable[..., Any] = getattr(self.module, self.name)
         return found
 
@@ -78,13 +80,13 @@ class Verb:
         return place
 
     def hook(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
-        """Return what the module says about the command, or what holds for most verbs."""
+        """Return a function of the module, or the default if the module does not define it."""
         found: Callable[..., Any] = getattr(self.module, name, default)
         return found
 
     @cached_property
     def parameters(self) -> dict[str, inspect.Parameter]:
-        """Those of the function that the command line has."""
+        """Parameters of the function that become options or arguments of the command."""
         shown = dict(inspect.signature(self.function).parameters)
         described = self.docstring.parameters.items()
         hidden = {name for name, parameter in described if "only in Python" in parameter.type_text}
@@ -94,17 +96,20 @@ class Verb:
 
     @cached_property
     def docstring(self) -> Docstring:
-        """What the docstring of the function says."""
+        """The parsed docstring of the function."""
         return read_docstring(self.function)
 
     @cached_property
     def is_endless(self) -> bool:
-        """Whether it runs until Ctrl-C, and has no result to print as JSON."""
+        """Whether the command runs until Ctrl-C. Such a command has no result for ``--json``."""
         return hasattr(self.module, "show_started")
 
 
 def load_verbs() -> list[Verb]:
-    """Return every verb, in the order of the help; warn of one of another package that cannot be used."""
+    """Return all commands in the order of the help.
+
+    A command of another author's package that cannot be used is left out with a warning.
+    """
     found = []
     for fault in verbs.faults():
         print_warning(f"left out: {fault}")
@@ -127,7 +132,7 @@ def load_verbs() -> list[Verb]:
 
 
 def add_command(app: typer.Typer, verb: Verb) -> None:
-    """Add a verb to the command line."""
+    """Add a command to the command line."""
 
     def run(**options: Any) -> None:
         _run_verb(verb, options)
@@ -142,7 +147,7 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
 
 
 def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
-    """Let a verb of a package that is not installed say so, whatever follows it."""
+    """Add a hidden command that names the package to install, with any arguments."""
     command = name.replace("_", "-")
 
     def refuse() -> None:
@@ -166,9 +171,9 @@ def _option_names(verb: Verb) -> dict[str, str]:
 
 @cache
 def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
-    """Return the parameters of the command as typer takes them."""
+    """Return the parameters of a command in the form that typer needs."""
     flags, shared = _option_names(verb), read_docstring(read_options).parameters
-    checked_annotation = ""  # annotation of the arguments whose kind of file is checked
+    checked_annotation = ""  # annotation of the arguments whose file kind is checked
     options: list[tuple[str, Any, Any]] = []
     for name, parameter in verb.parameters.items():
         described = verb.docstring.parameters.get(name) or shared.get(name) or ParameterDoc()
@@ -198,7 +203,7 @@ def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
 
 
 def _typer_settings(described: ParameterDoc, flags: Mapping[str, str]) -> dict[str, Any]:
-    """Return what typer is told of a parameter, besides its type."""
+    """Return the settings of a typer option or argument, except its type."""
     settings = {
         "help": use_option_names(described.text, flags),
         "metavar": described.metavar,
@@ -208,11 +213,8 @@ def _typer_settings(described: ParameterDoc, flags: Mapping[str, str]) -> dict[s
     return {name: value for name, value in settings.items() if value is not None}
 
 
-_PATH_TYPES = (
-    (r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]),
-    (r"\bPath(Like)?\b", Path),
-)
-"""Type on the command line for the annotation of a parameter that is not of a plain type."""
+_PATH_TYPES = ((r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]), (r"\bPath(Like)?\b", Path))
+"""Patterns of the annotations that are paths on the command line, and their types there."""
 
 
 def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
@@ -221,7 +223,7 @@ def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
         inspect.formatannotation(parameter.annotation).strip("'"),
         parameter.annotation,
     )
-    with suppress(Exception):  # names that only type checkers import
+    with suppress(Exception):  # a name that is imported for type checkers only
         annotation = eval(annotation, vars(module)) if isinstance(annotation, str) else annotation
     if NoneType in get_args(annotation):
         annotation = get_args(annotation)[0]
@@ -231,7 +233,7 @@ def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
 
 
 def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
-    """Run a verb and print its result."""
+    """Run a command and print its result."""
     as_json = options.pop("as_json", False)
     options.pop("_verbose", None)
     arguments = _function_arguments(verb, options)
@@ -254,7 +256,7 @@ def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
 
 
 def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of the function from the options of the command line."""
+    """Convert the options of the command line to the arguments of the function."""
     arguments = dict(options)
     texts = {}
     for name, value in options.items():
@@ -273,7 +275,7 @@ def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any
 
 
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
-    """Call the function, with a bar until it ends or has started."""
+    """Call the function, and show a progress bar until it ends or reports that it has started."""
     parameters = inspect.signature(verb.function).parameters
     with ExitStack() as stack:
         callbacks: dict[str, Any] = {}
@@ -283,7 +285,7 @@ def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
         if verb.is_endless:
 
             def started(*values: Any) -> None:
-                stack.close()  # ends the bar
+                stack.close()  # removes the bar
                 print_parts(*verb.module.show_started(*values))
 
             callbacks["started"] = started
@@ -302,7 +304,7 @@ def _result_as_json(result: Any, _: Arguments) -> Mapping[str, Any]:
 
 
 def _show_result(result: Any, arguments: Arguments) -> Iterable[OutputPart]:
-    """Show the figures that a result names first, and what was written."""
+    """Return the terminal output for a module without ``show``: the facts and the output file."""
     facts = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
     written = [f"written: {arguments['out']}"] if arguments.get("out") is not None else []
     return [*(f"{name}: {text}" for name, text in facts.items()), *written]

@@ -1,4 +1,4 @@
-"""Text for a person: tables and sentences in 80 columns, and at most 25 lines without ``--verbose``.
+"""Print tables and sentences in 80 columns, with at most 25 lines unless ``--verbose`` is given.
 
 A table that is too wide loses its last columns, and a text that is too long loses its last lines. A
 last line says what was left out. Therefore, verbs print the most useful lines first.
@@ -16,13 +16,13 @@ from dataclasses import dataclass, field
 from anhyst.support.wording import count_text
 
 WIDTH = 80
-"""Width of a pipe, in columns."""
+"""Width of the output if it is not a terminal, in columns."""
 MAX_LINES = 25
-"""Maximum number of lines that a verb prints without ``--verbose``."""
+"""Maximum number of lines that a command prints without ``--verbose``."""
 MIN_LINES = 12
-"""Number of lines that results get in any case, however many warnings there are."""
+"""Minimum number of lines for results, even if there are many warnings."""
 MAX_CELL = 34
-"""Width from which the text of a cell is wrapped, in columns."""
+"""Width beyond which the text of a cell is wrapped, in columns."""
 _COLUMN_GAP = "  "
 _INDENT = "    "
 _VALUE_WITH_UNIT_PATTERN = re.compile(r"(\d) (%|[A-Za-zµ]{1,2}\b)")
@@ -31,7 +31,7 @@ _NUMBER_PATTERN = re.compile(r"[-+<>~]?\d")
 
 @dataclass
 class TerminalTable:
-    """Rows under a title; the first column and columns of words are aligned to the left."""
+    """A table with a title. The first column and columns of words are aligned to the left."""
 
     title: str
     head: Sequence[str]
@@ -44,7 +44,7 @@ class TerminalTable:
     def lines(self, width: int, *, is_verbose: bool) -> list[str]:
         """Return the table as text.
 
-        Columns that do not fit follow below with the first column repeated, or are named only.
+        Columns that do not fit are named, or with `is_verbose` follow in further tables.
         """
         columns = [
             _Column(name, [row[index] for row in self.rows], is_first=index == 0)
@@ -88,7 +88,7 @@ class _Column:
 
 
 def _table_lines(columns: Sequence[_Column]) -> list[str]:
-    """Return head and rows of columns side by side."""
+    """Return the heading and the rows of columns next to each other."""
     lines = []
     for cells in zip(*([c.head, *c.cells] for c in columns), strict=True):
         for index in range(max(map(len, cells))):
@@ -117,7 +117,7 @@ def wrap_sentence(text: str, width: int) -> list[str]:
 
 @dataclass
 class Printer:
-    """Prints what a verb has to say, and keeps count of its lines."""
+    """Prints the output of a command, and counts its lines."""
 
     is_verbose: bool = False
     used_lines: int = 0
@@ -125,14 +125,15 @@ class Printer:
     pending: list[str] = field(default_factory=list)
 
     def reserve(self, texts: Iterable[str]) -> None:
-        """Keep lines free for warnings."""
+        """Reserve lines for warnings."""
         needed = sum(-(-len(text) // WIDTH) for text in texts)
         self.max_lines = max(MIN_LINES, MAX_LINES - needed)
 
     def print(self, parts: Iterable[str | TerminalTable]) -> None:
-        """Print tables and sentences as far as there are lines, and hold the others.
+        """Print tables and sentences while there are lines left, and keep the others for `finish`.
 
-        A sentence is printed as a whole or not at all, and nothing is printed after a gap.
+        A sentence is printed completely or not at all. After a part that did not fit, nothing more
+        is printed.
         """
         width = _output_width()
         for part in parts:
@@ -150,7 +151,7 @@ class Printer:
             self.pending += lines[fitting:]
 
     def finish(self) -> None:
-        """Print the lines that were held if there is room, or else their number."""
+        """Print the pending lines if there is room, or else their number."""
         if self.used_lines + len(self.pending) <= self.max_lines:
             for line in self.pending:
                 _print_line(line)
@@ -173,10 +174,10 @@ def _print_line(line: str, *, is_bold: bool = False) -> None:
 
 
 printer = Printer()
-"""What the present verb prints with."""
+"""The printer of the current command."""
 
 
 def start_printing() -> None:
-    """Begin to count lines for another verb."""
+    """Reset the line count for another command."""
     printer.is_verbose, printer.used_lines, printer.max_lines = False, 0, MAX_LINES
     printer.pending = []

@@ -1,4 +1,4 @@
-"""How measurements are read: the options that every verb with ``**reading`` has."""
+"""The options for reading measurements, which every command with ``**reading`` has."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def read_options(
     flip: str | None = None,
     drop: str | None = None,
 ) -> ReadOptions:
-    """Return how measurements are read, from the texts of the command line.
+    """Return the settings for reading measurements from the texts of the command line.
 
     Parameters
     ----------
     columns : str, ``FILE=OURS,...``
-        What columns of the file are, where their headers do not say, such as
-        'I_A_scaled=I_A,U_M_V=psi_Wb'. An empty right side leaves a column out. A name with a comma
-        needs double quotes: '"Current, coil (A)"=I_A'.
+        Meaning of columns whose headers do not state it, such as 'I_A_scaled=I_A,U_M_V=psi_Wb'.
+        An empty right side leaves a column out. A name with a comma needs double quotes:
+        '"Current, coil (A)"=I_A'.
     sidecar : path-like, ``FILE``
         TOML file with information that is not in the headers (columns, history, ...). [default: a
         .toml of the same name next to each file]

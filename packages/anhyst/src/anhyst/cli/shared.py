@@ -1,6 +1,7 @@
-"""What the verbs share: options, and what they print; results on standard output, all else on error.
+"""Functions that all commands share: options, messages and progress.
 
-Progress is a bar on a terminal and a line a minute elsewhere.
+Results go to standard output, everything else to standard error. On a terminal, the progress is a
+bar. Elsewhere it is one line per minute.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def check_file_kind(context: typer.Context, value: Any) -> Any:
-    """Refuse a first argument of another kind than the verb takes, and name the verbs that do."""
+    """Raise an error if the command does not accept this kind of file; name the commands that do."""
     from anhyst.support.kinds import accepted_kinds, require_kind
 
     verb = str(context.info_name)
@@ -52,33 +53,33 @@ Verbose = Annotated[
 
 
 def print_error(text: str) -> None:
-    """Print the one line that bad input gets."""
+    """Print an input error as one line."""
     print(f"anhyst: error: {fold_to_line(text)}", file=sys.stderr)
 
 
 def print_warning(text: str) -> None:
-    """Print a warning as one line, which a terminal folds between words."""
+    """Print a warning as one line, which is wrapped between words on a terminal."""
     line = f"anhyst: warning: {fold_to_line(text)}"
     lines = wrap_sentence(line, WIDTH) if sys.stderr.isatty() else [line]
     print(*lines, sep="\n", file=sys.stderr)
 
 
 def fold_to_line(text: str) -> str:
-    """Fold a text into one line, with nothing in it that would steer a terminal."""
+    """Fold a text into one line, and replace control characters by question marks."""
     folded = " ".join(text.split())
     return "".join(sign if sign.isprintable() else "?" for sign in folded)
 
 
 OutputPart = Union[str, TerminalTable, "PageTable"]
-"""A sentence or a table that a verb shows."""
+"""A sentence or a table of the terminal output."""
 
 
 def print_parts(*parts: OutputPart) -> None:
-    """Print tables and lines for a person, the most useful first."""
+    """Print tables and sentences. The most useful ones must come first."""
     for part in parts:
         if isinstance(part, str | TerminalTable):
             printer.print([part])
-        else:  # a table of a page, and what is below it
+        else:  # a table of a page, and its caption
             rows = [
                 [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows
             ]
@@ -87,7 +88,7 @@ def print_parts(*parts: OutputPart) -> None:
 
 
 def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
-    """Print tables and lines, and then warnings, for which lines are kept free."""
+    """Print tables and sentences, then the warnings, for which lines are reserved."""
     printer.reserve(warnings)
     print_parts(*parts)
     for text in warnings:
@@ -95,13 +96,13 @@ def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
 
 
 PROGRESS_INTERVAL_S = 60.0
-"""Seconds between two lines where there is no terminal."""
+"""Time between two progress lines without a terminal, s."""
 _MIN_SHARE_FOR_ESTIMATE = 0.01
-"""Part of the work from which on it is known how fast it goes."""
+"""Share of the work that must be done before the remaining time is estimated."""
 
 
 class ProgressEstimate:
-    """How far work is, and how long it will still take at the rate seen so far."""
+    """The share of the work that is done, and the remaining time at the average speed until now."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -110,18 +111,18 @@ class ProgressEstimate:
         """Part of the work that is done, 0 to 1; it never falls."""
 
     def update(self, done: float, total: float) -> None:
-        """Take what is done and what there is in all."""
+        """Set the work done and the total work, in the same unit."""
         if total > 0.0:
             self.share = max(self.share, min(done / total, 1.0))
 
     def remaining_s(self) -> float | None:
-        """Return the seconds that it will still take; None where nothing is known of that."""
+        """Return the estimated remaining time, s; None before 1 % of the work and after its end."""
         if not _MIN_SHARE_FOR_ESTIMATE <= self.share < 1.0:
             return None
         return (self._clock() - self._start_time) * (1.0 - self.share) / self.share
 
     def __str__(self) -> str:
-        """Say it in a few words: "34 %, 2 min so far, about 4 min left"."""
+        """Return a short text, such as "34 %, 2 min so far, about 4 min left"."""
         elapsed_text = (
             f"{100.0 * self.share:.0f} %, {_duration_text(self._clock() - self._start_time)} so far"
         )
@@ -142,7 +143,7 @@ def _duration_text(seconds: float) -> str:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """Show how far long work is: a bar on a terminal, a line a minute where there is none."""
+    """Show the progress of long work: a bar on a terminal, otherwise one line per minute."""
     with (_show_bar if sys.stderr.isatty() else _print_lines)(title) as update:
         yield update
 
@@ -174,7 +175,7 @@ def _print_lines(title: str) -> Iterator[Progress]:
         while not finished.wait(PROGRESS_INTERVAL_S):
             print(f"anhyst: {title}: {estimate}", file=sys.stderr, flush=True)
 
-    # Not from where progress is reported: a step may take longer than a minute.
+    # A separate thread, because a step of the work can take longer than a minute.
     printer_thread = Thread(target=print_progress, name="anhyst-progress", daemon=True)
     printer_thread.start()
     try:

@@ -1,4 +1,4 @@
-"""Measurements: reading, cleaning and judging loops."""
+"""Read measurements from files or memory, clean them, and assess the loops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Blocks of rows that blank lines, comments or invalid rows separate, and gaps that comments state."""
+"""Split a table at blank lines, comments or invalid rows into loops, and read gaps from comments.
+
+Blocks of rows are separate loops if the input reverses in each, and either all blocks close or each
+begins with a jump. Otherwise, all rows are one record. A comment above a block may state its gap,
+such as `# gap = 0.5 mm`.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +23,13 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, find_unit, parse_header
 
 Breaks = Sequence[tuple[int, tuple[str, ...]]]
-"""First row of each block, and the remarks above it."""
+"""First row of each block, and the comments above it."""
 
 _MIN_BLOCK_ROWS = 6
 _MAX_CLOSURE_SHARE = 0.05
-"""A loop ends within this share of its input range from its start."""
+"""Maximum distance between start and end of a closed loop, as a fraction of its input range."""
 _MIN_JUMP_STEPS = 5.0
-"""Usual largest steps of the input that make a jump between blocks."""
+"""Minimum jump of the input between two blocks, in units of the largest step before it."""
 _STATED_VALUE = re.compile(
     r"(?P<name>[^\W\d_][\w -]*?)\s*(?:[\[(](?P<inner>[^\])]{1,10})[\])])?\s*(?:[=:;,]|\s|\bis\b)+"
     r"(?P<number>\d+(?:[.,]\d+)?)[\s;,]*[\[(]?(?P<unit>[^\W\d]+)?"
@@ -33,7 +38,7 @@ _STATED_VALUE = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """Blocks as loops: a label for each row, and the gap of each row in m if comments state it."""
+    """The label of each row, and the gap of each row in m if comments state it (otherwise None)."""
 
     labels: Texts
     gaps: FloatArray | None
@@ -41,9 +46,9 @@ class Blocks:
 
 
 def find_stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
-    """Return the gap that the last of some remarks states, m, and this remark.
+    """Return the gap that the last of several comments states, m, and this comment.
 
-    The gap is None if the remark states no unit of length.
+    The gap is None if the comment does not state a unit of length.
     """
     last_gap = None
     for text in texts:
@@ -63,9 +68,9 @@ def find_stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
 def find_blocks(
     source: str, breaks: Breaks, drive: FloatArray, *, has_gaps: bool, name: str
 ) -> Blocks | None:
-    """Find blocks that are loops of their own; None if the rows are one record.
+    """Find blocks that are separate loops; return None if all rows are one record.
 
-    ``has_gaps`` says whether gaps that remarks state are used. ``name`` begins the labels.
+    ``has_gaps`` states whether gaps in comments are used. ``name`` is the beginning of each label.
     """
     starts = [row for row, _ in breaks]
     stated_gaps = [find_stated_gap(texts) if has_gaps else None for _, texts in breaks]
@@ -87,7 +92,7 @@ def find_blocks(
                 else f"with its unit ('{current_gap[1]}')"
             )
             raise InputError(
-                f"{source}: remarks between the rows state gaps; state the gap {advice_place} as well, such "
+                f"{source}: comments between the rows state gaps; state the gap {advice_place} too, such "
                 "as '# gap = 0.5 mm', or add a column 'gap_mm'",
                 code="gap-missing",
                 key="gap",
@@ -102,7 +107,7 @@ def find_blocks(
 def _label_blocks(
     starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None
 ) -> Blocks:
-    """Label the blocks by their number at each gap."""
+    """Label each row with the name and the number of its block, counted separately for each gap."""
     sizes = np.diff([*starts, rows])
     count_by_gap = Counter[float | None]()
     block_names = []
@@ -112,16 +117,16 @@ def _label_blocks(
         block_names.append(f"{name} {count_by_gap[gap]}".strip())
     block_labels = Texts.from_rows(block_names)
     labels = Texts(block_labels.values, np.repeat(block_labels.codes, sizes))
-    note = f"{len(starts)} blocks of rows are loops of their own"
+    note = f"{len(starts)} blocks of rows are separate loops"
     if gaps is None:
         return Blocks(labels, None, note)
     texts = ", ".join(dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in gaps))
-    note += f", with the gaps that the remarks above them state: {texts}"
+    note += f", with the gaps in the comments above them: {texts}"
     return Blocks(labels, np.repeat(np.array(gaps), sizes), note)
 
 
 def _are_loops(parts: Sequence[FloatArray]) -> bool:
-    """Whether the input reverses in each block, and each closes or begins with a jump."""
+    """Whether the input reverses in each block, and all blocks close or all begin with a jump."""
     if any(part.size < _MIN_BLOCK_ROWS or np.ptp(part) == 0.0 for part in parts):
         return False
     if not all(map(reversal_count, parts)):
@@ -131,13 +136,14 @@ def _are_loops(parts: Sequence[FloatArray]) -> bool:
     return are_closed or all(_has_jump_between(first, second) for first, second in pairs)
 
 
-def _has_jump_between(first: FloatArray, second: FloatArray) -> bool:
-    largest_step = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
-    return bool(abs(second[0] - first[-1]) > _MIN_JUMP_STEPS * largest_step)
+def _has_jump_between(block: FloatArray, next_block: FloatArray) -> bool:
+    """Whether the input jumps from the end of a block to the start of the next one."""
+    largest_step = float(np.max(np.abs(np.diff(block)))) if block.size > 1 else 0.0
+    return bool(abs(next_block[0] - block[-1]) > _MIN_JUMP_STEPS * largest_step)
 
 
 def _refuse_rows_below_data(source: str, parts: Sequence[FloatArray]) -> None:
-    """Refuse a few rows below the data that do not continue them, as means or extremes do."""
+    """Raise an error if some last rows do not continue the samples, such as means or extremes."""
     last_block, rows_above = parts[-1], np.concatenate(parts[:-1])
     if (
         last_block.size < _MIN_BLOCK_ROWS
@@ -146,14 +152,14 @@ def _refuse_rows_below_data(source: str, parts: Sequence[FloatArray]) -> None:
     ):
         raise InputError(
             f"{source}: the last {last_block.size} row{'s' if last_block.size > 1 else ''} below a blank line "
-            "or a remark do not continue the samples above; if they hold statistics, remove them, "
-            "else remove the blank line",
+            "or a comment do not continue the samples above; if they are statistics, remove them, "
+            "otherwise remove the blank line",
             code="rows-below-data",
         )
 
 
 def apply_stated_gaps(parts: list[SourceLoops]) -> list[SourceLoops]:
-    """Use the gaps that the heads of several files state, if all state one and they differ."""
+    """Use the gaps in the headers of several files if each states one and they are not equal."""
     gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
     known_gaps = {name: gap for name, gap in gaps.items() if gap is not None}
     if len(known_gaps) == len(parts) and len(set(known_gaps.values())) > 1:
@@ -162,18 +168,18 @@ def apply_stated_gaps(parts: list[SourceLoops]) -> list[SourceLoops]:
 
 
 def _set_gap(part: SourceLoops, gap: float) -> SourceLoops:
-    """Put the loops of a file at the gap that its head states."""
+    """Set the gap of all loops of a file to the gap in its header."""
     is_alone = len(part.loops) == 1
     loops = tuple(
         replace(loop, label="1" if is_alone else loop.label, schedule=np.full(loop.n, gap))
         for loop in part.loops
     )
-    note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
+    note = f"{part.source_name}: gap taken from the header of the file: {1e3 * gap:.4g} mm"
     return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
 
 
 def _add_gap_advice(part: SourceLoops) -> SourceLoops:
-    """Name a gap that is stated above the data and not used."""
+    """Add a note about a gap that is stated above the data but not used."""
     if part.stated_gap is None:
         return part
     gap, text = part.stated_gap

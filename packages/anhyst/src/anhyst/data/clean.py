@@ -1,4 +1,9 @@
-"""Cleaning steps: each named, each optional, each telling what it did."""
+"""Clean loops with named steps, such as removing spikes, drift or noise.
+
+`STEPS` lists the steps by their name on the command line. Each step takes a set of loops and
+returns a changed set, with a line in its ``repairs`` that states the change. `ReadOptions` combines
+reading and cleaning, and stores its settings in model files.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import estimates
-from anhyst.data.delay import estimate_delay as estimate_skew
-from anhyst.data.estimates import estimate_noise as noise_of
+from anhyst.data.delay import estimate_delay
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.filtering import average_over_ripple, denoise
 from anhyst.data.holes import cut_holes, find_holes
 from anhyst.data.loops import Loop, Loops, is_even, replace_columns
@@ -29,7 +34,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 MAX_SAMPLES_PER_LOOP = 4000
-"""Samples that thinning leaves of a loop at most."""
+"""Maximum number of samples of a loop after the step `thin`."""
 
 _MAX_WOBBLE_SHARE = 0.02
 _MIN_SPIKE_SIGMAS = 8.0
@@ -37,14 +42,14 @@ _MIN_SPIKE_SHARE = 0.01
 
 
 def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
-    """Apply cleaning steps in the order given.
+    """Apply cleaning steps in the given order.
 
     Parameters
     ----------
     loopset
         The loops.
     steps
-        Names out of `STEPS`, also as a text with commas; `DEFAULT_STEPS` if ``None``.
+        Names from `STEPS`, as a list or as a text with commas; `DEFAULT_STEPS` if ``None``.
 
     Returns
     -------
@@ -54,7 +59,7 @@ def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
     Raises
     ------
     InputError
-        If a step is not known.
+        If a step is unknown.
     """
     if not isinstance(loopset, Loops):
         raise wrong_type("clean: loopset", "Loops (read_loops reads a file)", loopset)
@@ -70,37 +75,38 @@ def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
 
 
 def drop_repeated_samples(loopset: Loops) -> Loops:
-    """Drop samples that repeat the one before.
+    """Drop samples whose values and time repeat the previous sample.
 
-    At the same time another value is no repeat: then the clock is coarser than the sampling.
+    Different values at the same time are kept, because the clock may be coarser than the sampling.
     """
-    keep = []
+    keep_masks = []
     for loop in loopset.loops:
         columns = (loop.input, loop.output, loop.schedule, loop.time)
         is_repeated = [np.diff(column) == 0.0 for column in columns if column is not None]
-        keep.append(np.concatenate(([True], ~np.logical_and.reduce(is_repeated))))
-    return _keep_samples(loopset, keep, "dedupe: {} dropped", "repeated sample")
+        keep_masks.append(np.concatenate(([True], ~np.logical_and.reduce(is_repeated))))
+    return _keep_samples(loopset, keep_masks, "dedupe: {} dropped", "repeated sample")
 
 
 def drop_spikes(loopset: Loops) -> Loops:
-    """Drop single output samples far from their neighbours, away from reversals."""
-    keep = []
+    """Drop single output samples that deviate from the median of five, except near reversals."""
+    keep_masks = []
     for loop in loopset.loops:
         padded = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
         deviation = np.abs(loop.output - np.median(windows, axis=1))
         limit = max(
-            _MIN_SPIKE_SIGMAS * noise_of(loop.output), _MIN_SPIKE_SHARE * float(np.ptp(loop.output))
+            _MIN_SPIKE_SIGMAS * estimate_noise(loop.output),
+            _MIN_SPIKE_SHARE * float(np.ptp(loop.output)),
         )
         is_spike = deviation > limit
         for turn in find_turning_points(loop.input):
-            is_spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
-        keep.append(~is_spike)
-    return _keep_samples(loopset, keep, "spikes: {} dropped")
+            is_spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is not a spike
+        keep_masks.append(~is_spike)
+    return _keep_samples(loopset, keep_masks, "spikes: {} dropped")
 
 
 def set_schedule_to_median(loopset: Loops) -> Loops:
-    """Settle a scheduling value that wobbles by less than 2 % within a loop to its median."""
+    """Replace a scheduling value by its median if it varies by at most 2 % within a loop."""
     loops = list(loopset.loops)
     steadied_count = 0
     for index, loop in enumerate(loops):
@@ -114,14 +120,15 @@ def set_schedule_to_median(loopset: Loops) -> Loops:
         return loopset
     name = loopset.schedule.name if loopset.schedule else ""
     return loopset.with_loops(
-        loops, f"steady: {name} of {count_text(steadied_count, 'loop')} settled to its median"
+        loops, f"steady: {name} of {count_text(steadied_count, 'loop')} replaced by its median"
     )
 
 
 def remove_drift(loopset: Loops) -> Loops:
-    """Take a linear drift out of the output, so that states that come again have one output.
+    """Remove a linear drift from the output, so that recurring states have equal outputs.
 
-    Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
+    If no state recurs, the drift cannot be determined: the loop stays unchanged, and a note says
+    so.
     """
     loops, texts, undetermined = list(loopset.loops), [], []
     for index, loop in enumerate(loops):
@@ -134,7 +141,7 @@ def remove_drift(loopset: Loops) -> Loops:
             loops[index] = replace(loop, output=loop.output - total_drift * time_share)
             texts.append(f"{total_drift:.3g} {loopset.output.unit} in loop '{loop.label}'")
     if undetermined:
-        note = f"drift of loops {_join_first(undetermined)} cannot be judged: no state comes again in them"
+        note = f"drift of loops {_join_first(undetermined)} cannot be determined, because no state recurs"
         loopset = replace(loopset, notes=(*loopset.notes, note))
     if not texts:
         return loopset
@@ -142,7 +149,7 @@ def remove_drift(loopset: Loops) -> Loops:
 
 
 def remove_offset(loopset: Loops) -> Loops:
-    """Centre symmetric loops of an odd output: one input offset for all, one output offset each."""
+    """Centre symmetric loops of an odd output, with a common input offset and own output offsets."""
     if is_even(loopset):
         return loopset
     offsets = [estimates.estimate_offsets(loop) for loop in loopset.loops]
@@ -164,11 +171,11 @@ def remove_offset(loopset: Loops) -> Loops:
 
 
 def remove_delay(loopset: Loops) -> Loops:
-    """Shift the output by its delay behind the input (one delay for all loops, their median)."""
+    """Shift the output by its delay after the input, using the median delay of all loops."""
     steps = [estimates.measure_sampling(loop)[0] or 1.0 for loop in loopset.loops]
     delays = [
         found * step
-        for found, step in zip(map(estimate_skew, loopset.loops), steps, strict=True)
+        for found, step in zip(map(estimate_delay, loopset.loops), steps, strict=True)
         if found is not None
     ]
     if not delays:
@@ -191,13 +198,13 @@ def remove_delay(loopset: Loops) -> Loops:
     size = f"{-delay:.2f} samples"
     if loopset.loops[0].time is not None:
         size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
-    return loopset.with_loops(loops, f"skew: output moved by {size}")
+    return loopset.with_loops(loops, f"skew: output shifted by {size}")
 
 
 def thin_loops(loopset: Loops, max_samples: int = MAX_SAMPLES_PER_LOOP) -> Loops:
-    """Average long loops down to ``most`` samples along their path, reversals kept as measured.
+    """Average loops with more than ``max_samples`` down to this number, and keep the reversals.
 
-    What creeps keeps its samples: there the clock counts.
+    Outputs with creep keep all samples, because their model depends on the time.
     """
     counts = [loop.n for loop in loopset.loops if loop.n > max_samples]
     if not counts or output_map(loopset.output).has_creep:
@@ -229,13 +236,15 @@ STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
 """All cleaning steps by name."""
 
 DEFAULT_STEPS = ("dedupe", "holes", "ripple", "denoise", "thin")
-"""The steps taken unless others are named: those that do nothing to a clean record."""
+"""Steps that are applied by default; they do not change a clean record."""
 
 
 def _average_along_path(loop: Loop, max_samples: int) -> Loop:
+    """Return a loop whose samples are averaged over equal parts of its path."""
     parts = find_branches(loop.input)
     height, span = float(np.ptp(loop.output)) or 1.0, float(np.ptp(loop.input))
-    # Progress along the path, in ranges of input and output: steep and flat parts keep points.
+    # Progress along the path, in ranges of input and output, so that steep and flat parts keep
+    # samples.
     progress = np.zeros(loop.n)
     is_reversal = np.zeros(loop.n, bool)
     for part in parts:
@@ -248,7 +257,7 @@ def _average_along_path(loop: Loop, max_samples: int) -> Loop:
         is_reversal[[part.start, part.stop - 1]] = True
     bin_count = max(1, max_samples - 2 * len(parts) - 1)
     bins = np.minimum((progress / progress[-1] * bin_count).astype(np.intp), bin_count - 1)
-    # A turning point stands alone; what follows it starts a new bin.
+    # A turning point is a bin of its own, and the next sample starts a new bin.
     starts_bin = np.concatenate(([True], (np.diff(bins) != 0) | is_reversal[1:] | is_reversal[:-1]))
     starts = np.flatnonzero(starts_bin)
     counts = np.diff(np.concatenate((starts, [loop.n])))
@@ -263,48 +272,46 @@ def _average_along_path(loop: Loop, max_samples: int) -> Loop:
 
 
 def _keep_samples(
-    loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
+    loopset: Loops, keep_masks: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
 ) -> Loops:
-    dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
+    """Return the loops at the samples to keep, with a repair that counts the dropped samples."""
+    dropped = sum(int(np.count_nonzero(~mask)) for mask in keep_masks)
     if not dropped:
         return loopset
-    pairs = zip(loopset.loops, keep, strict=True)
+    pairs = zip(loopset.loops, keep_masks, strict=True)
     loops = [replace_columns(loop, itemgetter(mask)) for loop, mask in pairs]
     return loopset.with_loops(loops, text.format(count_text(dropped, noun)))
 
 
 def _join_first(texts: Sequence[str]) -> str:
-    """Join texts, the first few of many."""
+    """Join texts with commas; of more than four, join three and state the number of the others."""
     if len(texts) <= 4:
         return ", ".join(texts)
     return ", ".join(texts[:3]) + f" and {len(texts) - 3} more"
 
 
 SETTING_PREFIX = "read_"
-"""Settings of the provenance that say how the measurements were read begin with this."""
+"""Prefix of the settings in a model file that state how the measurements were read."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """How measurements are read, where their headers and sidecars do not say it all."""
+    """Options for reading measurements that their headers and sidecar files do not state."""
 
-    columns: Mapping[str, str] = field(default_factory=dict)  # column of the file to our column
-    # our column to what it is throughout
-    constants: Mapping[str, float | str] = field(default_factory=dict)
-    schedule: str | None = None  # the scheduling variable; the column that distinguishes loops
-    loop: str | None = None
-    history: str | None = None  # what happened before the first sample
-    sidecar: str | None = None  # TOML file that describes all the files
-    clean: tuple[str, ...] = DEFAULT_STEPS  # cleaning steps, in their order
-    scale: Mapping[str, str] = field(
-        default_factory=dict
-    )  # column to our unit per unit of the file
+    columns: Mapping[str, str] = field(default_factory=dict)  # our column by column of the file
+    constants: Mapping[str, float | str] = field(default_factory=dict)  # value by our column
+    schedule: str | None = None  # scheduling variable
+    loop: str | None = None  # column that distinguishes loops
+    history: str | None = None  # history before the first sample
+    sidecar: str | None = None  # TOML file that describes all files
+    clean: tuple[str, ...] = DEFAULT_STEPS  # cleaning steps in order
+    scale: Mapping[str, str] = field(default_factory=dict)  # factor by column, our unit per file's
     flip: tuple[str, ...] = ()  # columns whose sign is reversed
-    drop: str | None = None  # "invalid": samples without a measured value are left out
+    drop: str | None = None  # "invalid": omit samples without a measured value
 
     @classmethod
     def from_text(cls, **texts: str | None) -> ReadOptions:
-        """Read the options from texts, as on the command line and in a model file."""
+        """Parse the options from texts, as on the command line and in a model file."""
         options = {name: text for name, text in texts.items() if text is not None}
         columns = _parse_pairs(options.pop("columns", ""), "columns")
         constants = _parse_pairs(options.pop("constants", ""), "constants")
@@ -318,7 +325,7 @@ class ReadOptions:
         )
 
     def as_settings(self) -> dict[str, str | bool | int | float]:
-        """Return what differs from the default as texts, for the provenance of a model."""
+        """Return the options that differ from their defaults as texts, for the model file."""
         settings: dict[str, str | bool | int | float] = {}
         for item in fields(self):
             value = getattr(self, item.name)
@@ -332,16 +339,19 @@ class ReadOptions:
         return settings
 
     def read(
-        self, paths: Sequence[PathLike] | Any, progress: Progress | None = None, **more: Any
+        self,
+        paths: Sequence[PathLike] | Any,
+        progress: Progress | None = None,
+        **other_keywords: Any,
     ) -> Loops:
-        """Read and clean loops; ``more`` are keywords of `read_loops` that are no options."""
+        """Read and clean loops; ``more`` are keywords of `read_loops` that are not options."""
         options = {item.name: getattr(self, item.name) for item in fields(self)}
         steps = options.pop("clean")
-        return clean(read_loops(paths, **options, progress=progress, **more), steps)
+        return clean(read_loops(paths, **options, progress=progress, **other_keywords), steps)
 
 
 def parse_names(value: object, argument: str) -> tuple[str, ...]:
-    """Return a list of names; a text lists them with commas, and ``"none"`` is an empty list."""
+    """Return a list of names from a text with commas or a sequence; ``"none"`` is an empty list."""
     if isinstance(value, str):
         return () if value.strip() == "none" else tuple(_split_list(value))
     if isinstance(value, Sequence) and all(isinstance(name, str) for name in value):
@@ -350,12 +360,13 @@ def parse_names(value: object, argument: str) -> tuple[str, ...]:
 
 
 def _split_list(text: str) -> list[str]:
-    """Split at commas; a field that begins with a double quote may hold some."""
+    """Split a text at commas; a field that begins with a double quote may contain commas."""
     rows = csv.reader([text], skipinitialspace=True)
     return [part for row in rows for piece in row if (part := piece.strip())]
 
 
 def _parse_pairs(text: str, option: str) -> dict[str, str]:
+    """Parse a list of ``name=value`` pairs, each name once."""
     pairs: dict[str, str] = {}
     for part in _split_list(text):
         name, equals, value = (piece.strip() for piece in part.rpartition("="))
@@ -374,6 +385,7 @@ def _parse_pairs(text: str, option: str) -> dict[str, str]:
 
 
 def _parse_constant(text: str) -> float | str:
+    """Return the number in a text, or the text itself if it is not a number."""
     try:
         return float(text)
     except ValueError:

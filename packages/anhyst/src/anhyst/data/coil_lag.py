@@ -1,8 +1,8 @@
-"""Distinguish the lag of a coil behind its voltage from hysteresis.
+"""Separate the lag of a coil's current after its voltage from hysteresis.
 
 A voltage drives the current of a coil through its resistance R and its inductance L, so the current
-lags by about L/R. At one speed that lag opens a loop, which looks like hysteresis. Therefore, curves
-of the lagging input are compared with curves and play operators of the input itself.
+lags by about L/R. At one speed, this lag opens a loop that looks like hysteresis. Therefore, curves
+of the lagged input are compared with curves and play operators of the input itself.
 """
 
 from __future__ import annotations
@@ -19,22 +19,23 @@ from anhyst.data.static_fit import EvenRecord, resample_evenly, static_fit_rms
 from anhyst.support.numeric import FloatArray, recursive_sum
 
 MIN_LOOP_SHARE = 0.003
-"""Smallest rms that curves of the input leave of a loop worth explaining, in parts of the full scale."""
+"""Minimum rms residual of curves of the input for a search, as a fraction of the full scale."""
 MIN_LOOP_NOISE_RATIO = 1.3
 MAX_LAG_ONLY_RATIO = 1.15
-"""A lag explains a loop if it leaves at most this multiple of what hysteresis leaves."""
+"""Maximum residual of a lag that explains the loop, relative to that of play operators."""
 MAX_LAG_WITH_PLAYS_RATIO = 0.8
-"""A lag is a part of a loop if hysteresis with it leaves this part of what hysteresis alone leaves."""
+"""Maximum residual of play operators with a lag that explains a part, relative to without a lag."""
 _MAX_SAMPLES = 4096
 _MAX_LOOPS = 2
-_MIN_LAG_SHARE, _MAX_LAG_SHARE = 1.0 / 300.0, 0.5
-"""Limits of the lag in parts of the mean duration of a branch."""
+_MIN_LAG_SHARE = 1.0 / 300.0
+_MAX_LAG_SHARE = 0.5
+"""Limits of the lag, as fractions of the mean duration of a branch."""
 _LAG_COUNT = 15
 _LAG_COUNT_WITH_PLAYS = 8
 
 
 def describe_coil_lag(loopset: Loops) -> str:
-    """Return the sentence about the lag of a coil behind its voltage; empty without one."""
+    """Return a sentence about the lag of a coil's flux after its voltage; empty without one."""
     output = output_map(loopset.output)
     if loopset.input.name != "voltage" or not output.is_flux_based:
         return ""
@@ -46,7 +47,7 @@ def describe_coil_lag(loopset: Loops) -> str:
             size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
             return (
                 f"{'most' if share > 0.5 else 'a part'} of the loop looks like a lag of about "
-                f"{size} of the {loopset.output.name.replace('_', ' ')} behind the voltage (L/R of "
+                f"{size} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
                 "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
                 "a tenth of the speed"
             )
@@ -54,7 +55,7 @@ def describe_coil_lag(loopset: Loops) -> str:
 
 
 def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
-    """Return the lag, s (samples without a clock), and its share of the loop; None without one."""
+    """Return the lag, s (samples without a clock), and its share of the loop; ``None`` without one."""
     record = resample_evenly(loop)
     if record is None:
         return None
@@ -87,6 +88,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
 def _find_best_lag(
     record: EvenRecord, lags: Sequence[float] | FloatArray, *, with_plays: bool
 ) -> tuple[float, float]:
+    """Return the smallest rms residual of some lags, and its lag."""
     return min(
         (
             static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays),
@@ -97,7 +99,7 @@ def _find_best_lag(
 
 
 def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
-    """Return an input, straight between samples, behind a first-order lag."""
+    """Return a piecewise linear input after a first-order lag."""
     decay = float(np.exp(-record.step / lag))
     mean = (1.0 - decay) * lag / record.step
     start = record.drive[0]

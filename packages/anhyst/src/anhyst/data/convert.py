@@ -1,4 +1,8 @@
-"""Write a measurement in another file format (the verb ``convert``)."""
+"""Write a measurement in another file format (command ``convert``).
+
+A file is read as channels with names, units, groups and clocks. CSV and Parquet have one clock, so
+other channels are interpolated to it. Complex channels are left out.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +34,9 @@ from anhyst.support.units import split_header
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What was written: channels without their clocks, and the most samples of one.
+    """Summary of a conversion: number of channels without clocks, samples of the longest channel.
 
-    ``notes`` say what the format cannot hold.
+    ``notes`` list what the format cannot store.
     """
 
     out: str
@@ -42,7 +46,7 @@ class Conversion:
 
 
 def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
-    """Take the columns of any other table as channels."""
+    """Return the columns of a table without channels as a file of channels."""
     table = read_columns(source, progress=progress)
     units = table.source_table.units or ("",) * len(table.columns)
     channels = []
@@ -58,7 +62,7 @@ def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
 
 
 def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
-    """Bring all channels onto one clock, each under a name of its own."""
+    """Return all channels on one clock, each with a unique name."""
     file, time_columns = table.file, len(table.clocks[:1])
     if len(table.clocks) < 2 and len({channel.length for channel in file.channels}) == 1:
         values_read = file.read([*table.clocks, *file.channels])
@@ -71,30 +75,30 @@ def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[st
         columns |= raw.numbers
         values_read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]
-    named = [
+    all_series = [
         Series(name, unit, values)
         for name, unit, values in zip(table.header, table.units, values_read, strict=True)
     ]
-    clock = named.pop(0) if time_columns else None
+    clock = all_series.pop(0) if time_columns else None
     groups = [
         ChannelGroup(channel.group if series.name == channel.name else "", None, (series,))
-        for channel, series in zip(file.channels, named, strict=True)
+        for channel, series in zip(file.channels, all_series, strict=True)
     ]
     return [replace(groups[0], clock=clock), *groups[1:]], notes
 
 
 def _drop_complex(groups: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
-    """Leave out what no format of measurements holds."""
+    """Remove complex channels, which no format can store, and return a note about them."""
     dropped, kept_groups = [], []
-    for part in groups:
-        dropped += [signal.name for signal in part.series if signal.values.dtype.kind == "c"]
-        series = tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
-        kept_groups.append(replace(part, series=series))
+    for group in groups:
+        dropped += [signal.name for signal in group.series if signal.values.dtype.kind == "c"]
+        series = tuple(signal for signal in group.series if signal.values.dtype.kind != "c")
+        kept_groups.append(replace(group, series=series))
     return kept_groups, [f"complex channels left out: {', '.join(dropped)}"] if dropped else []
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
-    """Write a measurement in the format that the suffix of a file name states: `anhyst.convert`."""
+    """Write a measurement in the format of the output file's suffix: `anhyst.convert`."""
     check_path(source, "convert: source", "the path of a measurement")
     check_path(out, "convert: out")
     require_kind(source, [MEASUREMENT_FILE], "convert")
@@ -112,7 +116,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     lengths = [len(signal.values) for part in groups for signal in part.series]
     if not lengths:
         raise InputError(
-            f"{source}: holds nothing that can be written; {'; '.join(complex_notes)}",
+            f"{source}: contains nothing that can be written; {'; '.join(complex_notes)}",
             code="nothing-to-write",
         )
     notes += [*complex_notes, *write_channel_groups(out, groups)]

@@ -1,10 +1,10 @@
-"""Estimate the delay of the output behind the input, in samples.
+"""Estimate the delay of the output after the input, in samples.
 
-The output of a rate-independent law turns back when its input does. Averaged over all reversals,
-the output is therefore largest at the instant of the delayed reversal: this gives a first value at
-any sampling rate. The delay is the one whose fit around the reversals has the smallest misfit: a
-smooth curve over the input before each reversal, a monotonic one after it. A second estimate, a
-fit of play operators to the whole record, must agree.
+The output of a rate-independent law reverses together with its input. The mean output around all
+reversals therefore has its maximum at the delay, which gives candidates at any sampling rate. For
+each candidate, the output around each reversal is fitted by a smooth curve before it and a
+monotonic curve after it. The result is the delay with the smallest misfit. A second estimate, a fit
+of play operators to the whole record, must agree.
 """
 
 from __future__ import annotations
@@ -22,43 +22,47 @@ from anhyst.data.path import Branch, find_branches, move_plays
 from anhyst.support.numeric import FloatArray
 
 _COARSE_BRANCH_SAMPLES = 120
-"""Samples that a branch is averaged to for the first search."""
+"""Number of samples to which a branch is averaged for the first search."""
 _MIN_BRANCH_SAMPLES = 40
-"""Shorter branches, such as those of digitised curves, do not show a delay."""
+"""Minimum number of samples of a branch; shorter ones, as in digitised curves, show no delay."""
 _REFINEMENT_FACTOR = 4
-"""Each record has this factor more samples than the one before."""
+"""Ratio of the numbers of samples of successive searches."""
 _MAX_DELAY_SHARE = 0.25
-"""Largest delay of the search, as a share of a branch."""
+"""Maximum delay of the search, as a fraction of the length of a branch."""
 _MAX_FINE_DELAY_SAMPLES = 5
-"""Largest correction of the delay in the finer records, in their samples."""
+"""Maximum correction of the delay in each finer search, in samples of that search."""
 _MAX_STEP_DEVIATION = 0.2
-"""Time steps that differ by a larger share are interpolated to even ones."""
+"""Largest range of the time steps, as a fraction of the median step, without resampling."""
 _MAX_TIPS = 16
 _MIN_WINDOW_SAMPLES = 4
 _MAX_WINDOW_SAMPLES = 60
 _WINDOW_DIVISORS = (5, 9)
-"""Windows of these parts of a branch must agree: the error that a knee makes grows with the window."""
+"""Windows of 1/5 and 1/9 of a branch, which must agree; the error of a knee grows with the window.
+"""
 _PEAK_SHARE = 0.03
-"""The first search includes all delays at which the output is within this share of its largest."""
+"""Maximum distance of the mean output from its peak at a candidate delay, relative to its range."""
 _POLYNOMIAL_DEGREE = 3
 _RAMP_KNOTS = np.linspace(0.0, 1.0, 9) ** 1.5
-"""Ends of the straight pieces of the curve after a reversal, as shares of the window."""
+"""Knots of the piecewise linear curve after a reversal, as fractions of the window."""
 _MIN_ERROR_SAMPLES = (0.05, 0.25)
-"""Least error of a delay, in samples and in averages of samples: the averages round the tip."""
+"""Minimum standard error of a delay, in samples of the search: without and with averaging."""
 _MAX_EDGE_WEIGHT = 0.01
-"""A delay is found if the ends of the search have a smaller probability."""
+"""Maximum probability of the first and last delay of a search for a valid result."""
 _MIN_DELAY_SIGMAS = 4.0
-"""Standard errors from which a delay is not noise."""
+"""Number of standard errors above which a delay is not noise."""
 _MIN_DELAY_SAMPLES = 0.4
-"""A smaller delay is one of a converter that samples one channel after the other."""
+"""Minimum delay that is reported; a converter that samples channels in turn causes a smaller one.
+"""
 _MIN_DELAY_SHARE = 0.002
-"""A delay of a smaller share of a branch changes the loop less than the noise does."""
+"""Minimum delay that is reported, as a fraction of a branch; noise matters more than a smaller one.
+"""
 _MAX_ESTIMATE_DEVIATION = 0.25
-"""The second estimate must be within this share of the first."""
+"""Maximum deviation of the second estimate, as a fraction of the first."""
 _MAX_EXCESS_SHARE = 0.03
-"""It may be larger by this share of a branch: play operators take some of the loop for a delay."""
+"""Allowed excess of the second estimate, as a fraction of a branch: it can replace play operators.
+"""
 _MAX_ZERO_DELAY_SHARE = 0.02
-"""There is no delay if one of this share of a branch would have been found."""
+"""Detectable delay that is required for the result zero, as a fraction of a branch."""
 
 _THRESHOLDS = 0.5 * np.array([0.0, 0.004, 0.01, 0.02, 0.035, 0.06, 0.1, 0.16, 0.25, 0.4])
 """Thresholds of the play operators of the second estimate, in ranges of the input."""
@@ -67,10 +71,12 @@ _HINGE_KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
 
 @dataclass(frozen=True, slots=True)
 class _Tip:
+    """A reversal of the input, and the window around it."""
+
     row: int
-    width: int  # samples on each side
-    input_sign: float  # +1 where the input is largest
-    output_sign: float  # the same of the output
+    width: int  # window, samples on each side
+    input_sign: float  # +1 for a maximum of the input, -1 for a minimum
+    output_sign: float  # the same for the output
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +88,10 @@ class _Estimate:
 
 
 def estimate_delay(loop: Loop) -> float | None:
-    """Return the delay of the output behind the input in samples of the median time step.
+    """Return the delay of the output after the input, in samples of the median time step.
 
-    Zero if the reversals show none, and ``None`` if they cannot show it: they are too few, or the
-    noise hides it.
+    The result is zero if the reversals show no delay. It is ``None`` if there are too few
+    reversals, if noise hides the delay, or if the two estimates disagree.
     """
     drive, answer = _evenly_sampled(loop)
     if np.ptp(drive) == 0.0:
@@ -112,7 +118,7 @@ def estimate_delay(loop: Loop) -> float | None:
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
-    """Return the longest stretch of a record without a hole in its clock, at its median step."""
+    """Return input and output of the longest part without missing samples, at its median step."""
     time = loop.time
     if time is None:
         return loop.input, loop.output
@@ -129,29 +135,32 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
 
 
 def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
-    """Search the delay around the reversals, first in a coarse record, then in finer ones."""
-    # Near a tip, noise on the input hides which of the samples is the tip.
+    """Search the delay around the reversals, first at a coarse sampling rate, then at finer ones."""
+    # Near a tip, noise on the input hides which sample is the tip.
     noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
     min_stride = max(1, round((noise_share * length) ** (2.0 / 3.0)))
     stride = max(min_stride, round(length / _COARSE_BRANCH_SAMPLES))
-    best: _Estimate | None = None
+    best_estimate: _Estimate | None = None
     delays: NDArray[np.intp] | None = None
     while True:
-        shift = 0 if best is None else round(best.delay)
+        shift = 0 if best_estimate is None else round(best_estimate.delay)
         coarse = _average_blocks(drive, answer, stride, shift)
         if delays is None:
             delays = _candidate_delays(*coarse, int(_MAX_DELAY_SHARE * length / stride))
         estimate = _estimate_in_windows(*coarse, delays, _MIN_ERROR_SAMPLES[stride > 1])
         if estimate is None:
-            return best
+            return best_estimate
         estimate = _Estimate(shift + stride * estimate.delay, stride * estimate.error)
-        if best is not None:
-            difference = abs(estimate.delay - best.delay)
-            if estimate.error > best.error or difference > _MIN_DELAY_SIGMAS * best.error:
-                return best
-        best = estimate
+        if best_estimate is not None:
+            difference = abs(estimate.delay - best_estimate.delay)
+            if (
+                estimate.error > best_estimate.error
+                or difference > _MIN_DELAY_SIGMAS * best_estimate.error
+            ):
+                return best_estimate
+        best_estimate = estimate
         if stride <= min_stride:
-            return best
+            return best_estimate
         stride = max(min_stride, stride // _REFINEMENT_FACTOR)
         delays = np.arange(-_MAX_FINE_DELAY_SAMPLES, _MAX_FINE_DELAY_SAMPLES + 1)
 
@@ -159,30 +168,30 @@ def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -
 def _average_blocks(
     drive: FloatArray, answer: FloatArray, stride: int, shift: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Average blocks of samples of the input, and of the output a number of samples later."""
-    first, later = drive[max(0, -shift) :], answer[max(0, shift) :]
-    count = min(first.size, later.size) // stride * stride
+    """Average blocks of ``stride`` samples of the input, and of the output after ``shift`` samples."""
+    inputs, later_outputs = drive[max(0, -shift) :], answer[max(0, shift) :]
+    count = min(inputs.size, later_outputs.size) // stride * stride
     return (
-        first[:count].reshape(-1, stride).mean(axis=1),
-        later[:count].reshape(-1, stride).mean(axis=1),
+        inputs[:count].reshape(-1, stride).mean(axis=1),
+        later_outputs[:count].reshape(-1, stride).mean(axis=1),
     )
 
 
 def _find_tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
-    for first, second in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
-        length = min(first.size, second.size)
-        row, width = first.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
+    for branch, next_branch in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
+        length = min(branch.size, next_branch.size)
+        row, width = branch.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
         offset = length // 3
         turn = float(np.sign(2.0 * answer[row] - answer[row - offset] - answer[row + offset]))
         if width >= _MIN_WINDOW_SAMPLES and turn != 0.0:
-            tips.append(_Tip(row, width, 1.0 if first.is_rising else -1.0, turn))
+            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, turn))
     return tips
 
 
 def _candidate_delays(drive: FloatArray, answer: FloatArray, reach: int) -> NDArray[np.intp]:
-    """Return the delays at which the output is about largest, averaged over the reversals."""
+    """Return the delays at which the mean output around the reversals is close to its maximum."""
     reach = max(4, reach)
     stack = [
         tip.output_sign * answer[tip.row - reach : tip.row + reach + 1]
@@ -192,11 +201,11 @@ def _candidate_delays(drive: FloatArray, answer: FloatArray, reach: int) -> NDAr
     if not stack:
         return np.arange(-4, 5)
     mean = np.mean(stack, axis=0)
-    best, low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
-    before, after = np.flatnonzero(low[:best]), np.flatnonzero(low[best:])
-    first = before[-1] if before.size else 0
-    last = best + after[0] if after.size else mean.size - 1
-    return np.arange(first - 3, last + 4) - reach
+    peak, is_low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
+    before, after = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
+    first_index = before[-1] if before.size else 0
+    last_index = peak + after[0] if after.size else mean.size - 1
+    return np.arange(first_index - 3, last_index + 4) - reach
 
 
 def _estimate_in_windows(
@@ -220,9 +229,9 @@ def _estimate_in_windows(
         if estimate is None:
             return None
         estimates.append(estimate)
-    best = min(estimates, key=lambda one: one.error)
+    best_estimate = min(estimates, key=lambda candidate: candidate.error)
     half_difference = 0.5 * abs(estimates[0].delay - estimates[1].delay)
-    return _Estimate(best.delay, max(best.error, half_difference, min_error))
+    return _Estimate(best_estimate.delay, max(best_estimate.error, half_difference, min_error))
 
 
 def _misfit_by_delay(
@@ -247,7 +256,7 @@ def _misfit_by_delay(
 
 
 def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
-    """Return the mean of the delays, weighted with their probability, and its standard error."""
+    """Return the probability-weighted mean of the delays, and its standard error."""
     total = costs.sum(axis=0)
     weights = np.exp(-0.5 * (total - total.min()) / sigma2)
     weights /= weights.sum()
@@ -255,11 +264,11 @@ def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -
         return None
     delay = float(weights @ delays)
     error = float(weights @ (delays - delay) ** 2) ** 0.5
-    best = int(np.argmin(total))
-    left, middle, right = total[best - 1 : best + 2]
-    curvature = float(left - 2.0 * middle + right)
-    if error < 0.7:  # the minimum is narrower than the steps of the delays
-        delay = float(delays[best]) + 0.5 * float(left - right) / curvature
+    best_index = int(np.argmin(total))
+    left_cost, middle_cost, right_cost = total[best_index - 1 : best_index + 2]
+    curvature = float(left_cost - 2.0 * middle_cost + right_cost)
+    if error < 0.7:  # the minimum is narrower than the step of the delays
+        delay = float(delays[best_index]) + 0.5 * float(left_cost - right_cost) / curvature
         error = max(error, (2.0 * sigma2 / curvature) ** 0.5)
     delay_by_tip = np.array([delays[np.argmin(total - cost)] for cost in costs])
     if np.ptp(delay_by_tip) > 1:
@@ -270,12 +279,12 @@ def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -
 def _search_along_path(
     drive: FloatArray, answer: FloatArray, parts: list[Branch], length: float
 ) -> float | None:
-    """Return the delay at which curves over play operators of the input fit the output best."""
+    """Return the delay for which curves over play operators fit the output best, in samples."""
     parts = parts[:_MAX_TIPS]
     stride = max(1, round(length / _COARSE_BRANCH_SAMPLES))
     reach = max(3, int(_MAX_DELAY_SHARE * length / stride)) * stride
     stop = min(drive.size, parts[-1].stop + reach)
-    start = max(parts[0].stop if len(parts) > 3 else 0, reach)  # the first branch may be virgin
+    start = max(parts[0].stop if len(parts) > 3 else 0, reach)  # the first branch may be initial
     rows = np.arange(stop // stride) * stride
     basis = _play_basis(np.add.reduceat(drive[:stop], rows)[: rows.size] / stride)
     is_used = (rows >= start) & (rows < stop - reach - stride)
@@ -302,7 +311,7 @@ def _search_along_path(
 
 
 def _play_basis(drive: FloatArray) -> FloatArray:
-    """Return hinges over play operators of the input, a column each."""
+    """Return play operators of the input and hinge functions of the operators, one column each."""
     size = (drive - drive.min()) / np.ptp(drive)
     columns = [np.ones_like(size)]
     start = np.full((1, _THRESHOLDS.size), size[0])

@@ -1,4 +1,4 @@
-"""Estimates from a record alone: noise, drift, closure, offsets, saturation and sampling."""
+"""Estimate noise, drift, closure error, offsets, saturation and sampling from a single record."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from anhyst.data.path import (
 from anhyst.support.numeric import FloatArray
 
 TO_SIGMA = 1.4826
-"""Median absolute deviation to standard deviation, normal distribution."""
+"""Ratio of standard deviation to median absolute deviation of a normal distribution."""
 
 
 def estimate_noise(values: FloatArray) -> float:
-    """Estimate the standard deviation of white noise on a smooth signal, from differences.
+    """Estimate the standard deviation of white noise on a smooth signal, in units of the signal.
 
-    Differences of any order (2 to 5 are taken) hold the noise and what is left of the signal, so
-    that the smallest of the estimates is the nearest. Robust against spikes and steps (median).
+    A difference of any order contains the noise and a remainder of the signal. Therefore, the
+    smallest estimate of the orders 2 to 5 is the most accurate. The median makes it robust against
+    spikes and steps. The result is 0 for fewer than 12 values.
     """
     if values.size < 12:
         return 0.0
@@ -38,21 +39,22 @@ def estimate_noise(values: FloatArray) -> float:
 
 
 _MAX_DRIFT_SHARE = 0.05
-"""A closure error above this share of the height is no drift but another history."""
+"""Maximum closure error that counts as drift, as a fraction of the height; otherwise it is history.
+"""
 _MIN_DRIFT_SIGMAS = 4.0
-"""Standard errors from which a drift is not noise."""
+"""Number of standard errors above which a drift is not noise."""
 _MAX_TIP_ASYMMETRY = 0.1
-"""Tips of a symmetric loop agree in size within this share."""
+"""Maximum relative difference of the tip inputs of a symmetric loop."""
 _END_SAMPLES = 6
-"""Samples at an end of a cycle that show where it begins and ends."""
+"""Number of samples at each end of a cycle from which its start and end are determined."""
 
 
 def estimate_drift(loop: Loop) -> float | None:
-    """Linear drift of the output over the whole record, ``None`` if it cannot be judged.
+    """Return the linear drift of the output over the record; ``None`` if it cannot be determined.
 
-    From branches that repeat each other, else from the closure of a cycle. What comes before the
-    first reversal of a record that does not start settled is no equal of anything later. A drift
-    that noise alone may make is zero.
+    The drift is estimated from repeated branches, otherwise from the closure error of a cycle.
+    Unless the history is `settled`, the first branch is ignored, because no later branch repeats
+    it. The result is zero if noise alone can explain the drift.
     """
     clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
     slopes, errors = [], []
@@ -65,7 +67,7 @@ def estimate_drift(loop: Loop) -> float | None:
         middle, span = float(np.median(slopes)), float(clock[-1] - clock[0])
         cut = len(slopes) // 10
         mean = float(np.mean(np.sort(slopes)[cut : len(slopes) - cut]))
-        # A drift is common to all repeats; cycles of two kinds in turn only look like one.
+        # A drift is common to all repeats. Two alternating kinds of cycles only look like a drift.
         if abs(mean - middle) > 0.5 * abs(middle) + estimate_noise(loop.output) / span:
             return None
         error = float(np.median(errors)) / len(slopes) ** 0.5
@@ -83,10 +85,10 @@ def estimate_drift(loop: Loop) -> float | None:
 
 
 def closure_error(loop: Loop) -> float | None:
-    """Output at the end of the last full cycle minus output at its start, at the same input.
+    """Return the output at the end of the last full cycle minus the output at its start.
 
-    ``None`` if the record never comes back to a state: its first one if it starts settled, else
-    one of the first two at which the input was turned back.
+    Both outputs are at the same input. ``None`` if no state recurs. The start is the first sample
+    if the history is `settled`, otherwise one of the first two reversals.
     """
     parts = _settled_branches(loop)
     starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]
@@ -95,13 +97,13 @@ def closure_error(loop: Loop) -> float | None:
 
 
 def _settled_branches(loop: Loop) -> list[Branch]:
-    """Branches of a loop, without the first if what comes before it is not settled."""
+    """Return the branches of a loop, without the first one unless the history is `settled`."""
     parts = find_branches(loop.input)
     return parts if loop.history.kind == "settled" else parts[1:]
 
 
 def _return_error(loop: Loop, parts: list[Branch], first: Branch) -> float | None:
-    """By how much a record misses the state at the start of a branch when it comes back last."""
+    """Return the last output in the state at the start of a branch minus the first output there."""
     if parts[-1] is first:
         return None
     inputs, outputs = loop.input[first.start :], loop.output[first.start :]
@@ -113,18 +115,19 @@ def _return_error(loop: Loop, parts: list[Branch], first: Branch) -> float | Non
     if outputs_again.size:
         return float(outputs_again[-1] - outputs[0])
     if abs(inputs[-1] - level) <= 0.02 * float(np.ptp(inputs)):
-        # A cycle often ends one sample before its first one: both ends are taken to the same input.
+        # A cycle often ends one sample before its start, so both ends are extrapolated to the same
+        # input.
         end = _fit_output_at(inputs[-_END_SAMPLES:], outputs[-_END_SAMPLES:], level)
         return end - _fit_output_at(inputs[:_END_SAMPLES], outputs[:_END_SAMPLES], level)
     return None
 
 
 def _fit_output_at(inputs: FloatArray, outputs: FloatArray, level: float) -> float:
-    """Return the output at an input level, from a straight line through the nearest samples."""
+    """Return the output at an input level from a straight line through some samples."""
     span = float(np.ptp(inputs))
     if span == 0.0:
         return float(outputs.mean())
-    # In parts of the span: the squares of the smallest numbers would vanish.
+    # Relative to the span, because squares of the smallest numbers would become zero.
     relative_inputs = (inputs - level) / span
     middle, mean = float(relative_inputs.mean()), float(outputs.mean())
     slope = float((relative_inputs - middle) @ (outputs - mean)) / float(
@@ -134,9 +137,10 @@ def _fit_output_at(inputs: FloatArray, outputs: FloatArray, level: float) -> flo
 
 
 def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
-    """Centre of a symmetric loop: offset of input and of output, ``None`` if it is not symmetric.
+    """Return input and output offset of the centre of a symmetric loop; ``None`` if not symmetric.
 
-    Meaningful for outputs that are odd in the input (flux, flux density), not for force.
+    Only meaningful for outputs that are odd functions of the input (flux, flux density), not for
+    force.
     """
     if not is_bipolar(loop.input) or not loop.reverses:
         return None
@@ -158,9 +162,10 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
 
 
 def slope_ratio_at_tip(loop: Loop) -> float | None:
-    """Slope of the output at the largest input over the largest slope of that branch.
+    """Return the slope of the output at the largest input over the largest slope of its branch.
 
-    1 where the curve is steepest at its tip, near 0 in saturation; ``None`` for short records.
+    The ratio is 1 if the curve is steepest at its tip, and almost 0 in saturation. ``None`` for
+    short records.
     """
     longest = max(find_branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
     x, y = average_in_bins(loop.input[longest.rows], loop.output[longest.rows], bins=30)
@@ -173,7 +178,7 @@ def slope_ratio_at_tip(loop: Loop) -> float | None:
 
 
 def _branch_distance(loop: Loop, first: Branch, second: Branch) -> tuple[float, float]:
-    """Median distance in output of two branches that repeat each other, and its standard error."""
+    """Return the median output distance of two repeated branches, and its standard error."""
     x1, y1 = average_in_bins(loop.input[first.rows], loop.output[first.rows])
     x2, y2 = average_in_bins(loop.input[second.rows], loop.output[second.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
@@ -185,7 +190,7 @@ def _branch_distance(loop: Loop, first: Branch, second: Branch) -> tuple[float, 
 
 
 def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
-    """Mean output where the input passes a level near its tip, up and down."""
+    """Return the mean output where the input crosses a level near its tip, in both directions."""
     up = find_crossings(drive, answer, level, rising=True)
     down = find_crossings(drive, answer, level, rising=False)
     medians = [float(np.median(values)) for values in (up, down) if values.size]
@@ -195,7 +200,7 @@ def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
 
 
 def measure_sampling(loop: Loop) -> tuple[float | None, float | None]:
-    """Return the median time step, s, and the largest deviation from it, relative."""
+    """Return the median time step, s, and the largest relative deviation from it."""
     if loop.time is None:
         return None, None
     steps = np.diff(loop.time)

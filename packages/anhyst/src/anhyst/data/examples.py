@@ -1,4 +1,4 @@
-"""The bundled examples: measured loops and rig files, ready to run."""
+"""List and copy the bundled examples: measured loops and rig files."""
 
 from __future__ import annotations
 
@@ -33,30 +33,31 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
         "anhyst identify {out}/m270_50a.csv --out {out}/model.toml",
     ),
 }
-"""The examples, and what to run in a copy of one."""
+"""Names of the examples, and commands to run in a copy of each."""
 
 _COPIED_SUFFIXES = (".csv", ".md", ".toml")
-"""Suffixes of the files that are copied, and the licence of data of others: no scripts."""
+"""Suffixes of the files that are copied, in addition to third-party licences; no scripts."""
 
 
 def example_files(name: str) -> dict[str, Path]:
-    """Return the files of an example by their names in its folder.
+    """Return the files of an example by their relative path.
 
-    In a source tree they are those that are edited, otherwise the copies inside the package.
+    In a source tree these are the files of the repository, otherwise the copies in the package.
 
     Parameters
     ----------
     name : str
-        Of the example, as ``anhyst example`` takes it.
+        Name of the example, as ``anhyst example`` accepts it.
 
     Returns
     -------
     dict of str to Path
+        Path in the example's folder to the file.
 
     Raises
     ------
     InputError
-        There is no such example, or the installation is not complete.
+        If the example does not exist, or the installation is incomplete.
     """
     if name not in EXAMPLES:
         raise InputError(
@@ -77,11 +78,11 @@ class CopiedExample:
     Parameters
     ----------
     out : Path
-        The folder.
+        Output folder.
     files : tuple of str
-        Paths of the files in it.
+        Relative paths of the files in it.
     run : tuple of str
-        Commands to go on with.
+        Commands to run next.
     """
 
     out: Path
@@ -90,7 +91,7 @@ class CopiedExample:
 
 
 def copy_example(name: str, out: PathLike) -> CopiedExample:
-    """Copy a bundled example into a folder; replace nothing there."""
+    """Copy a bundled example into a folder without replacing any file."""
     files = example_files(name)
     add_files(out, {}, files)
     run = tuple(command.format(out=Path(out)) for command in EXAMPLES[name])

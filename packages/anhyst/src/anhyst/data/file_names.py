@@ -1,4 +1,4 @@
-"""What the names of files say: constants by a pattern, and gaps."""
+"""Read gaps and other constants from file names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from anhyst.support.vocabulary import QUANTITY_WORDS
 
 
 def add_constants_of_name(path: Path, description: FileDescription) -> FileDescription:
-    """Add the constants that the file's name holds, by the pattern ``file_name``."""
+    """Add the constants that the pattern ``file_name`` finds in the name of the file."""
     if description.file_name is None:
         return description
     pieces = re.split(r"\{([^{}]+)\}", description.file_name)
@@ -37,7 +37,7 @@ def add_constants_of_name(path: Path, description: FileDescription) -> FileDescr
             constants[key] = float(text)
         except ValueError:
             raise InputError(
-                f"{path}: '{text}' in the name is no number for {key}",
+                f"{path}: '{text}' in the name is not a number for {key}",
                 code="file-name-pattern",
                 key=key,
             ) from None
@@ -56,17 +56,18 @@ _OTHER_LENGTH_WORDS = re.compile(
     r"[a-z]{2}$",
     re.IGNORECASE,
 )
-"""Words before a length that is not a gap, and names of types such as ``EM12mm``."""
+"""Words before a length that is not a gap, and type designations such as ``EM12mm``."""
 _MAX_GAP_M = 0.02
-"""Longest gap that a name states without a word for it."""
+"""Longest gap that is accepted without a word for it, m."""
 _MAX_GAP_DIFFERENCE = 0.3
-"""A measured gap that differs more from that of the file's name contradicts it."""
+"""Maximum relative difference between the gap column and the gap in the file name."""
 
 
 def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
-    """Return the gap of each file by its name, m; empty unless all names state one.
+    """Return the gap in each file name, m; empty unless each name contains one.
 
-    Without a word for a gap, the names must differ in nothing else than numbers.
+    If a name has no word for a gap, the names must contain several gaps and may otherwise differ
+    only in numbers.
     """
     gaps = {path: _find_gap_in_name(path.stem) for path in paths}
     known_gaps = {path: gap for path, gap in gaps.items() if gap is not None}
@@ -84,32 +85,34 @@ def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
 
 
 def refuse_contradicting_gap(path: Path, measured: Sequence[float | None]) -> None:
-    """Refuse a file whose name states another gap than its column."""
+    """Raise an error if the gap in the name of a file contradicts its gap column."""
     name_gap = _find_gap_in_name(path.stem) if _GAP_PATTERN.search(path.stem) else None
     gap = measured[0]
     if name_gap is None or gap is None or len(set(measured)) > 1:
         return
     if abs(gap - name_gap) > _MAX_GAP_DIFFERENCE * max(gap, name_gap):
         raise InputError(
-            f"{path}: its name says a gap of {1e3 * name_gap:.4g} mm, its column {1e3 * gap:.4g} mm; "
-            "correct the name, or if the column is true: --schedule gap",
+            f"{path}: its name states a gap of {1e3 * name_gap:.4g} mm, its column {1e3 * gap:.4g} mm; "
+            "correct the name, or if the column is correct: --schedule gap",
             code="gap-contradiction",
             key="gap",
         )
 
 
 def describe_name_gaps(gaps: Mapping[Path, float]) -> str:
-    """Say in one line which gaps the names gave."""
+    """Return a note with the gaps that the file names contain."""
     texts = dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in sorted(gaps.values()))
     names = "file name" if len(gaps) == 1 else "file names"
     return f"gap taken from the {names}: {', '.join(texts)}"
 
 
 def _find_gap_in_name(stem: str) -> float | None:
-    """Return the gap that a name states, m: beside a word for it, or the only length in the name.
+    """Return the gap in a file name, m: a length after a word for a gap, or the only length.
 
-    >>> _gap_of_name("Messung_Spalt_0,5mm"), _gap_of_name("gap0p5mm_run3"), _gap_of_name("run_5")
-    (0.0005, 0.0005, None)
+    >>> _find_gap_in_name("Messung_Spalt_0,5mm"), _find_gap_in_name("gap0p5mm_run3")
+    (0.0005, 0.0005)
+    >>> _find_gap_in_name("run_5") is None
+    True
     """
     matches = list(_GAP_PATTERN.finditer(stem))
     if not matches:
@@ -126,7 +129,7 @@ def _find_gap_in_name(stem: str) -> float | None:
 
 
 def _can_be_gap(stem: str, match: re.Match[str]) -> bool:
-    """Whether a length may be a gap: no other word before it, and no digits that belong to it."""
+    """Whether a length in a name can be a gap: no other word and no further digits precede it."""
     before, number = stem[: match.start()], match["number"]
     is_decimal = any(sign in number for sign in ".,p")
     if re.search(r"\d-$" if is_decimal else r"\d[-_]$", before) or "_" in number:

@@ -1,9 +1,9 @@
-"""Remove from the input what does not belong to the drive: the ripple of a switched amplifier and noise.
+"""Remove amplifier ripple and white noise from the input.
 
-Both would drive play operators and would move the reversals. A ripple is a steady line in the
-spectrum of the input, many times faster than its cycles. All channels are averaged over whole
-periods of it, twice, without a delay. White noise is removed from the input alone, by local
-parabolas that do not cross a reversal.
+Both would move play operators and shift the reversals. A ripple is a steady line in the spectrum of
+the input, at a frequency far above that of the cycles. All channels are averaged twice over whole
+periods of it, without delay. White noise is removed from the input only, by local parabolas that do
+not cross a reversal.
 """
 
 from __future__ import annotations
@@ -20,47 +20,51 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 _MIN_RIPPLE_SHARE = 0.002
-"""A ripple has at least this amplitude, in ranges of the input; a smaller one is noise."""
+"""Minimum amplitude of a ripple, as a fraction of the input range; a smaller one is noise."""
 _MAX_RIPPLE_SHARE = 0.2
-"""A larger one is a drive of its own."""
+"""Maximum amplitude of a ripple, as a fraction of the input range; a larger one is intended."""
 _MIN_PERIODS = 120
 _MIN_PERIODS_PER_BRANCH = 40
-"""Fewer are minor loops that somebody drove."""
+"""Minimum number of ripple periods in a branch; fewer periods are intended minor loops."""
 _MIN_LINE_RATIO = 20.0
-"""A line of the spectrum is higher than its surroundings by this factor."""
+"""Minimum ratio of a spectral line to the median of its surroundings."""
 _MIN_KNOWN_LINE_RATIO = 5.0
-"""The same for the output, whose frequency is known: noise exceeds it once in 10 million records."""
+"""The same for the output at this frequency: noise exceeds it once in 10 million records."""
 _MAX_STEP_DEVIATION = 0.2
-"""Steadiness of the clock, as a share of its step."""
+"""Maximum relative deviation of a time step from the median."""
 _SEGMENT_COUNT = 12
 _MIN_STEADY_SHARE = 0.75
-"""Share of the segments that must be steady."""
+"""Minimum fraction of the segments whose amplitude is steady."""
 _STEADY_AMPLITUDE_RATIOS = (0.6, 1.4)
-"""The amplitude in most segments of the record is within these shares of its median."""
+"""Range of the amplitude in a steady segment, relative to the median of all segments."""
 
 _MIN_NOISE_SHARE = 4e-4
-"""Input noise below this share of the range does not move a parameter by more than its error."""
+"""Minimum noise that is removed, as a fraction of the range; less does not affect the parameters.
+"""
 _MIN_NOISE_STEPS = 1.0
-"""Noise turns the input back only if it is larger than the mean step between samples."""
+"""Minimum noise that is removed, in mean steps between samples; less does not reverse the input."""
 _MAX_STEP_SIGMAS = 2.0
-"""White noise makes a median step of 0.95 standard deviations between neighbours."""
+"""Maximum median step between neighbours, in standard deviations of the noise (white noise: 0.95).
+"""
 _STEP_AVERAGE_SAMPLES = 50
-"""Samples over which the mean step is taken: noise does not count in it."""
+"""Number of samples over which the mean step is computed, so that noise does not affect it."""
 _WINDOW_SIGMAS = 12.0
-"""Travel of the input within the window of a parabola, in standard deviations of its noise."""
+"""Travel of the input in the window of a parabola, in standard deviations of the noise."""
 _MAX_WINDOW_SHARE = 0.1
-"""Largest window, as a share of a branch."""
+"""Maximum window, as a fraction of a branch."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Ripple:
-    period: float  # samples
+    """A ripple of the input."""
+
+    period: float  # period, samples
     amplitude: float
-    is_followed: bool = False  # whether the output ripples at the same frequency
+    is_followed: bool = False  # whether the output has a ripple of the same frequency
 
 
 def average_over_ripple(loopset: Loops) -> Loops:
-    """Average all channels over whole periods of a fast and steady ripple of the input."""
+    """Average all channels over whole periods of a fast, steady ripple of the input."""
     ripples = [_find_ripple(loop) for loop in loopset.loops]
     is_followed = any(ripple is not None and ripple.is_followed for ripple in ripples)
     loops, texts, largest = [], [], 0.0
@@ -79,7 +83,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
             texts.append(f"{rate}, {size} in loop '{loop.label}'")
     if not texts:
         return loopset
-    more = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
+    more_text = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
     name, output = loopset.input.name, loopset.output.name.replace("_", " ")
     effect = f"the {output} does not ripple, so the loop is that over the mean {name}"
     if is_followed:
@@ -90,13 +94,13 @@ def average_over_ripple(loopset: Loops) -> Loops:
         )
     return loopset.with_loops(
         loops,
-        f"ripple: the {name} ripples at {'; '.join(texts[:2])}{more}; all channels are averaged "
+        f"ripple: the {name} ripples at {'; '.join(texts[:2])}{more_text}; all channels are averaged "
         f"over its periods; {effect}",
     )
 
 
 def denoise(loopset: Loops) -> Loops:
-    """Smooth the white noise of an input that is smooth between its reversals."""
+    """Smooth white noise of an input that is smooth between its reversals."""
     loops = [_denoise_loop(loop) for loop in loopset.loops]
     count = sum(new is not old for new, old in zip(loops, loopset.loops, strict=True))
     if not count:
@@ -110,7 +114,7 @@ def denoise(loopset: Loops) -> Loops:
 
 
 def _find_ripple(loop: Loop) -> _Ripple | None:
-    """Find the strongest steady line of the input; ``None`` if it is no ripple."""
+    """Find the strongest steady line of the input; ``None`` if it is not a ripple."""
     drive, span = loop.input, float(np.ptp(loop.input))
     _, step_deviation = measure_sampling(loop)
     if loop.n < 4 * _MIN_PERIODS or (
@@ -130,16 +134,16 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
         + (neighbours[1] - neighbours[0]) / (neighbours[0] + 2.0 * amplitude + neighbours[1]) * 2.0
     )
     period = loop.n / float(peak_position)
-    slow = _average_over_period(_average_over_period(drive, period), period)
-    cut = (loop.n - slow.size) // 2
-    fast = drive[cut : cut + slow.size] - slow
-    size = 0.5 * float(np.diff(np.quantile(fast, (0.02, 0.98)))[0])
+    slow_input = _average_over_period(_average_over_period(drive, period), period)
+    cut = (loop.n - slow_input.size) // 2
+    fast_input = drive[cut : cut + slow_input.size] - slow_input
+    size = 0.5 * float(np.diff(np.quantile(fast_input, (0.02, 0.98)))[0])
     candidate = _Ripple(period, size, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE_RATIO))
-    return candidate if _is_ripple(drive, slow, fast, candidate) else None
+    return candidate if _is_ripple(drive, slow_input, fast_input, candidate) else None
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
-    """Return the amplitudes of a signal by frequency, without those of its slow cycles."""
+    """Return the amplitude spectrum of a signal, with 0 for the slow cycles."""
     window = np.hanning(values.size)
     lines = np.abs(np.fft.rfft((values - values.mean()) * window)) * 2.0 / window.sum()
     lines[:_MIN_PERIODS] = 0.0
@@ -147,20 +151,22 @@ def _spectrum(values: FloatArray) -> FloatArray:
 
 
 def _is_line(lines: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO) -> bool:
-    """Whether an amplitude stands out from those around it."""
+    """Whether an amplitude is larger than ``min_ratio`` times the median of its surroundings."""
     surroundings = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
     surroundings = surroundings[surroundings > 0.0]
     return bool(surroundings.size and lines[peak] > min_ratio * float(np.median(surroundings)))
 
 
-def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, candidate: _Ripple) -> bool:
-    """Whether an oscillation is steady, turns the input back, and is fast against its cycles."""
-    length = float(np.median([part.size for part in find_branches(slow)]))
+def _is_ripple(
+    drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray, candidate: _Ripple
+) -> bool:
+    """Whether an oscillation is steady, reverses the input and is fast relative to the cycles."""
+    length = float(np.median([part.size for part in find_branches(slow_input)]))
     if length < _MIN_PERIODS_PER_BRANCH * candidate.period:
         return False
     if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
-        return False  # the steps of a staircase
-    demodulated = fast * np.exp(-2j * np.pi * np.arange(fast.size) / candidate.period)
+        return False  # steps of a staircase
+    demodulated = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
     amplitudes = np.array(
         [abs(part.mean()) for part in np.array_split(demodulated, _SEGMENT_COUNT)]
     )
@@ -174,22 +180,22 @@ def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, candidate:
 
 
 def _average_over_period(values: FloatArray, period: float) -> FloatArray:
-    """Average over a period, which need not be a whole number of samples; both ends are lost."""
-    half = int(np.ceil((period - 1.0) / 2.0))
-    weights = np.ones(2 * half + 1)
-    weights[[0, -1]] = (period - (2 * half - 1)) / 2.0
+    """Average over a period, also of fractions of samples; the ends of the record are lost."""
+    half_width = int(np.ceil((period - 1.0) / 2.0))
+    weights = np.ones(2 * half_width + 1)
+    weights[[0, -1]] = (period - (2 * half_width - 1)) / 2.0
     averaged: FloatArray = np.convolve(values, weights / period, mode="valid")
     return averaged
 
 
 def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> Loop:
-    """Return a loop averaged over the periods of a ripple.
+    """Return a loop averaged over the periods of a ripple, one sample for each period.
 
-    Iron that follows the ripple is magnetised by its edge: the largest input of a period while the
-    mean rises, the smallest while it falls.
+    Iron that follows the ripple is magnetised by the edge of the ripple. The input is then the
+    maximum of each period while the mean rises, and the minimum while it falls.
     """
     cut = 2 * int(np.ceil((found_ripple.period - 1.0) / 2.0))
-    # Averages in between say nothing new.
+    # Averages between whole periods contain no further information.
     rows = slice(cut, loop.n - cut, max(1, round(found_ripple.period)))
 
     def average(values: FloatArray) -> FloatArray:
@@ -210,7 +216,7 @@ def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> L
 
 
 def _denoise_loop(loop: Loop) -> Loop:
-    """Return a loop with a smooth input, or the loop itself if its noise does no harm."""
+    """Return a loop with a smoothed input, or the loop itself if its noise does not matter."""
     drive, span = loop.input, float(np.ptp(loop.input))
     sigma = estimate_noise(drive)
     step = (
@@ -220,7 +226,7 @@ def _denoise_loop(loop: Loop) -> Loop:
         else span
     )
     is_smooth = sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step)
-    # Where neighbours differ by more than their noise, the drive is fast and not noisy.
+    # If neighbours differ by more than the noise, the drive is fast and not noisy.
     is_fast = float(np.median(np.abs(np.diff(drive)))) > _MAX_STEP_SIGMAS * sigma
     if is_smooth or is_fast or find_holes(loop.time):
         return loop
@@ -238,7 +244,7 @@ def _denoise_loop(loop: Loop) -> Loop:
         piece = savgol_filter(drive[part.rows], window, 2, mode="interp")
         ends += [(part.start, piece[0]), (part.stop - 1, piece[-1])]
         smooth[part.rows] = piece
-    # A reversal is where the curves of both sides meet.
+    # At a reversal, the value is the mean of the curves on both sides.
     for row in {row for row, _ in ends}:
         smooth[row] = float(np.mean([value for place, value in ends if place == row]))
     return replace(loop, input=smooth)

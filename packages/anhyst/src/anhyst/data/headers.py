@@ -1,4 +1,4 @@
-"""Headers of a table, with what the user says about its columns: names, scales and signs."""
+"""Interpret the headers of a table together with the user's mapping, scales and signs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _INPUTS_AND_OUTPUTS = frozenset(
     QUANTITIES[name]
     for name in (*DRIVE_QUANTITIES, "force", "thrust", "flux_density", "flux_linkage")
 )
-"""Quantities that one of several columns in the same unit may be."""
+"""Quantities for which several columns in the same unit can be confused."""
 
 
 def map_headers(
@@ -33,9 +33,9 @@ def map_headers(
     scale: Mapping[str, float | str] | None = None,
     flip: Collection[str] = (),
 ) -> tuple[Header, ...]:
-    """Understand the headers of a table, and what the user says about them.
+    """Interpret the headers of a table, and apply the options of the user.
 
-    ``columns`` maps columns of the file to ours. ``scale`` and ``flip`` take either name.
+    ``columns`` maps names in the file to our names. ``scale`` and ``flip`` accept either name.
     """
     rows = table.units or (None,) * len(table.header)
     headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
@@ -52,14 +52,14 @@ def map_headers(
         if index in targets:
             changed = _map_header(table.source_name, changed, targets[index].strip())
         elif header.problem and header.unit is None and index in scales:
-            changed = replace(changed, scale=None)  # the unit is the question, not the scale
+            changed = replace(changed, scale=None)  # the unit is missing, not the scale
         headers[index] = changed
     _require_scales(table.source_name, headers)
     return tuple(_drop_ambiguous_words(headers))
 
 
 def _drop_ambiguous_words(headers: list[Header]) -> list[Header]:
-    """Read no word of an input or an output beside another column in the same kind of unit."""
+    """Ignore a word for an input or output if another unknown column has the same kind of unit."""
     rivals = [
         header.unit.dimension
         for header in headers
@@ -75,15 +75,16 @@ def _drop_ambiguous_words(headers: list[Header]) -> list[Header]:
 
 
 def ignore_quantity_word(header: Header) -> Header:
-    """Return a header whose name counts as it is, even if it is a word for a quantity."""
+    """Return a header whose name is used literally, even if it is a word for a quantity."""
     if not header.is_from_words or header.quantity is None:
         return header
     name = split_header(header.text, header.unit.symbol if header.unit else None)[0]
-    free = Quantity(name, name, header.quantity.unit)
-    return replace(header, name=name, quantity=free, is_from_words=False)
+    own_quantity = Quantity(name, name, header.quantity.unit)
+    return replace(header, name=name, quantity=own_quantity, is_from_words=False)
 
 
 def _find_column(table: OpenTable, name: str, action: str) -> int:
+    """Return the index of a column by its name in the file."""
     index = table.find(name)
     if index is None:
         have = ", ".join(table.header)
@@ -98,7 +99,7 @@ def _find_column(table: OpenTable, name: str, action: str) -> int:
 def _find_by_any_name(
     table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, action: str
 ) -> int:
-    """Return the index of a column by its name in the file, or by ours: ``F_N``, ``F``, ``force``."""
+    """Return the index of a column by its name in the file or by ours: ``F_N``, ``F``, ``force``."""
     if table.find(name) is None:
         quantity = parse_header(name).quantity
         for index, header in enumerate(headers):
@@ -109,6 +110,7 @@ def _find_by_any_name(
 
 
 def _parse_scale(name: str, value: float | str) -> float:
+    """Return a scale factor as a finite number other than zero."""
     try:
         number = float(value)
     except ValueError:
@@ -124,17 +126,17 @@ def _parse_scale(name: str, value: float | str) -> float:
 
 
 def _map_header(source: str, header: Header, target: str) -> Header:
-    """Return a header as the user maps it; units that are stated are kept."""
+    """Return a header as the user maps it; a unit stated in the file is kept."""
     if not target:
         return Header(header.text, "", Quantity("", "", "1"), None, target=target)
     mapped = parse_header(target)
     has_own = header.unit is not None and (mapped.problem or not split_header(target)[1])
     if has_own and header.unit and (with_own := parse_header(target, header.unit.symbol)).is_known:
         mapped = with_own
-    where = f"{source}: column '{header.text}' mapped to '{target}'"
+    place = f"{source}: column '{header.text}' mapped to '{target}'"
     if mapped.problem:
         raise InputError(
-            f"{where}: {header.problem if header.unit is None and header.problem else mapped.problem}",
+            f"{place}: {header.problem if header.unit is None and header.problem else mapped.problem}",
             code="bad-header",
         )
     if (
@@ -143,10 +145,13 @@ def _map_header(source: str, header: Header, target: str) -> Header:
         and header.unit
         and mapped.unit.dimension == header.unit.dimension
     ):
-        same = (mapped.unit.scale, mapped.unit.offset) == (header.unit.scale, header.unit.offset)
-        if not same:
+        is_same_unit = (mapped.unit.scale, mapped.unit.offset) == (
+            header.unit.scale,
+            header.unit.offset,
+        )
+        if not is_same_unit:
             raise InputError(
-                f"{where}: the file says {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
+                f"{place}: the file states {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
                 f"map it to '{mapped.name}' to convert it",
                 code="units-differ",
             )
@@ -155,19 +160,19 @@ def _map_header(source: str, header: Header, target: str) -> Header:
 
 
 def _require_scales(source: str, headers: list[Header]) -> None:
-    """Refuse columns that are mapped to another quantity than their unit says, without a scale."""
+    """Raise an error for columns that are mapped to a quantity of another unit without a scale."""
     unknown: dict[str, str] = {}
     for header in headers:
         if not header.target or header.unit is None or header.scale is not None:
             continue
-        own = replace(header, unit=find_unit(header.stated))
-        if needs_scale(own, header.unit.dimension):
-            unknown[header.text] = scale_placeholder(own, header.unit.symbol)
+        stated_header = replace(header, unit=find_unit(header.stated))
+        if needs_scale(stated_header, header.unit.dimension):
+            unknown[header.text] = scale_placeholder(stated_header, header.unit.symbol)
             stated = header.stated
     if unknown:
         texts = " and ".join(f"'{name}'" for name in unknown)
         raise InputError(
-            f"{source}: {texts}: the unit '{stated}' needs a scale to become what it is mapped to; "
+            f"{source}: {texts}: the unit '{stated}' needs a scale for the quantity to which it is mapped; "
             f"add{scale_advice(headers, unknown)}",
             code="scale-needed",
             key=next(iter(unknown)),

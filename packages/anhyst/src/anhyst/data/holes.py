@@ -1,8 +1,7 @@
-"""Missing stretches of a record: what the input did there is unknown, and so is the history.
+"""Cut records where samples are missing, because the history after the hole is unknown.
 
-The extreme inputs of a record wipe out the history before them. A record with a hole is therefore
-cut there. The samples between the hole and the next extreme input are left out, and a loop with a
-known history begins at that input.
+Extreme inputs of a record wipe out the history before them. Samples between a hole and the next
+extreme input are left out. The next loop begins at that input with a known history.
 """
 
 from __future__ import annotations
@@ -20,30 +19,31 @@ from anhyst.support.numeric import FloatArray
 
 _MIN_CLOCK_SAMPLES = 20
 _SHORT_STEPS_SHARE = 0.98
-"""Share of the time steps that are short in a record with holes; a slow logger has many sizes."""
+"""Minimum fraction of short time steps in a record with holes; an irregular logger has fewer."""
 _MAX_SHORT_STEP_RATIO = 2.5
 _MIN_HOLE_STEPS = 8.0
-"""A time step is a hole if it is longer than this number of median steps."""
+"""Minimum length of a hole, in median time steps."""
 _MAX_TIP_DISTANCE = 0.01
-"""An input within this share of the range of an extreme one wipes out the history as well."""
+"""Maximum distance from an extreme input at which history is wiped out, as a fraction of the range.
+"""
 _MIN_LOOP_SAMPLES = 20
 
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """A missing stretch of a record."""
+    """A stretch of a record without samples."""
 
-    row: int  # the last sample before it
+    row: int  # last sample before the hole
     time_s: float  # time of that sample, s
-    duration_s: float  # time without samples
+    duration_s: float  # time without samples, s
 
     def __str__(self) -> str:
-        """Length and place."""
+        """Return the duration and the position as text."""
         return f"{self.duration_s:.3g} s are missing after sample {self.row + 1} (at {self.time_s:.6g} s)"
 
 
 def find_holes(time: FloatArray | None) -> list[Hole]:
-    """Find the missing stretches of a clock whose other steps are about even."""
+    """Find missing stretches of a clock whose other steps are almost even."""
     if time is None or time.size < _MIN_CLOCK_SAMPLES:
         return []
     steps = np.diff(time)
@@ -57,23 +57,23 @@ def find_holes(time: FloatArray | None) -> list[Hole]:
 def cut_holes(loopset: Loops) -> Loops:
     """Cut records at missing stretches; each later loop begins at an extreme input.
 
-    An output that creeps keeps its record: extreme inputs do not wipe out what still creeps.
+    Outputs with creep are not cut, because extreme inputs do not wipe out the creep.
     """
     if output_map(loopset.output).has_creep:
         return loopset
     for loop in loopset.loops:
         found = find_holes(loop.time)
-        # A drive that waits while the logger sleeps goes on where it was.
+        # Input and output are unchanged after a pause of the drive.
         found = [hole for hole in found if not _is_pause(loop, hole.row)]
         pieces = _cut_loop(loop, found) if found else []
         if not pieces:
             continue
         kept = sum(piece.n for piece in pieces)
         loops = [piece for old in loopset.loops for piece in (pieces if old is loop else [old])]
-        more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        more_text = f" and {len(found) - 1} more" if len(found) > 1 else ""
         loopset = loopset.with_loops(
             loops,
-            f"holes: in loop '{loop.label}' {found[0]}{more}; the history after it is unknown up to "
+            f"holes: in loop '{loop.label}' {found[0]}{more_text}; the history after it is unknown up to "
             f"the next extreme {loopset.input.name}: {loop.n - kept} samples left out, "
             f"{len(pieces)} loops remain",
         )
@@ -81,7 +81,7 @@ def cut_holes(loopset: Loops) -> Loops:
 
 
 def _is_pause(loop: Loop, row: int) -> bool:
-    """Whether input and output are the same after a hole as before it."""
+    """Whether input and output after a hole continue from their values before it."""
     around = slice(max(0, row - 3), row + 1), slice(row + 1, row + 5)
     for values in (loop.input, loop.output):
         before, after = values[around[0]], values[around[1]]
@@ -93,7 +93,7 @@ def _is_pause(loop: Loop, row: int) -> bool:
 
 
 def _cut_loop(loop: Loop, found: list[Hole]) -> list[Loop]:
-    """Return the stretches of a record whose history is known."""
+    """Return the parts of a record whose history is known."""
     edges = [0, *(hole.row + 1 for hole in found), loop.n]
     names = [loop.label, *(f"{loop.label} after {hole.time_s:.4g} s" for hole in found)]
     pieces = []
@@ -114,14 +114,14 @@ def _cut_loop(loop: Loop, found: list[Hole]) -> list[Loop]:
 
 
 def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History] | None:
-    """Return the first sample of a stretch whose history is known, and that history.
+    """Return the first sample of a part whose history is known, and that history.
 
-    At the largest input, the iron has forgotten all before it. At the smallest input, it has
-    forgotten all but the largest one.
+    The input of largest magnitude wipes out the entire history. The opposite extreme wipes out
+    everything except the first one.
     """
-    low, high = float(loop.input.min()), float(loop.input.max())
-    tips = (low, high) if abs(high) >= abs(low) else (high, low)
-    max_distance = _MAX_TIP_DISTANCE * (high - low)
+    lowest, highest = float(loop.input.min()), float(loop.input.max())
+    tips = (lowest, highest) if abs(highest) >= abs(lowest) else (highest, lowest)
+    max_distance = _MAX_TIP_DISTANCE * (highest - lowest)
     was_largest = loop.history.kind == "settled" or bool(
         np.any(np.abs(loop.input[:start] - tips[1]) <= max_distance)
     )
@@ -139,10 +139,10 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
             )
     if not is_near.any():
         return None
-    first = int(np.argmax(is_near))
-    rows_away = np.flatnonzero(~is_near[first:])
-    last = first + int(rows_away[0]) if rows_away.size else is_near.size
-    begin = start + first + int(np.argmin(distance[first:last]))
+    first_near = int(np.argmax(is_near))
+    rows_away = np.flatnonzero(~is_near[first_near:])
+    last_near = first_near + int(rows_away[0]) if rows_away.size else is_near.size
+    begin = start + first_near + int(np.argmin(distance[first_near:last_near]))
     points = (
         turning_points
         if is_bipolar(loop.input) or turning_points[-1] == tips[0]

@@ -1,4 +1,9 @@
-"""How a record starts: on the virgin curve, or in a cycle that has been run often."""
+"""Propose the history before a record: demagnetised, or a cycle that was repeated many times.
+
+The initial magnetisation curve differs from later rises. The first rise of a record is therefore
+compared with a later one, over several parts from rest on. Drift and noise determine the
+uncertainty. Records with only one rise are assessed by their closure.
+"""
 
 from __future__ import annotations
 
@@ -19,28 +24,28 @@ _Curve = tuple[FloatArray, FloatArray]
 _Sigma = tuple[float, float]
 
 _MAX_END_DISTANCE = 0.02
-"""A start or an end within this share of the range counts as reached."""
+"""Maximum distance from a start or an end that counts as reached, as a fraction of the range."""
 _MIN_REMANENCE_SHARE = 2e-3
-"""Share of the height below which a remanence is not looked for."""
+"""Minimum remanence that is searched for, as a fraction of the height."""
 _MAX_REST_SHARE = 0.05
-"""A rise from within this share of the largest input is one from zero."""
+"""Maximum input at which a rise starts from zero, as a fraction of the largest input."""
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
-"""Parts of the first rise over which it is compared: where it differs most, depends on the iron."""
+"""Parts of the first rise that are compared; which one differs most depends on the iron."""
 _RISES_MEET_SHARE = 0.9
-"""From this part of the first rise on, all rises meet: what they differ by there is drift."""
+"""Fraction of the first rise above which all rises meet; a difference there is drift."""
 _MIN_SAMPLES = 3
-"""Samples from which something is estimated."""
+"""Minimum number of samples for an estimate."""
 _MAX_RISE_DISTANCE = 0.05
-"""Rises nearer to each other than this share of the loop's height are one and the same."""
+"""Maximum distance of equal rises, as a fraction of the loop height."""
 _MIN_RISE_SIGMAS = 4.5
-"""Standard errors from which a difference is not noise."""
+"""Number of standard errors above which a difference is not noise."""
 _MIN_NOISE_SHARE = 1e-4
-"""Share of the height that two records of one thing differ by, however little they scatter."""
+"""Assumed minimum difference of two records of the same state, as a fraction of the height."""
 
 
 @dataclass(frozen=True, slots=True)
 class _RiseComparison:
-    """The first rise against a later one: mean difference, its standard error, loop's height."""
+    """Comparison of the first rise with a later one."""
 
     difference: float
     standard_error: float
@@ -48,12 +53,12 @@ class _RiseComparison:
 
     @property
     def difference_sigmas(self) -> float:
-        """Difference in standard errors; zero if an output without noise or change shows none."""
+        """Difference in standard errors; zero for an output without noise or change."""
         return self.difference / self.standard_error if self.standard_error > 0.0 else 0.0
 
     @property
     def verdict(self) -> Literal["virgin", "settled", "unsure"]:
-        """Verdict on the first rise; none where the noise hides it."""
+        """Whether the first rise is an initial curve; ``"unsure"`` if the noise hides it."""
         if self.difference > max(
             _MIN_RISE_SIGMAS * self.standard_error, _MAX_RISE_DISTANCE * self.height
         ):
@@ -66,12 +71,13 @@ class _RiseComparison:
 
 
 def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryProposal]:
-    """Judge from loops recorded alike what happened before each, and say why.
+    """Propose the history before each of several loops of one recording, with a reason.
 
-    The virgin curve lies below later rises from the remanent state, and inside the loop where the
-    input takes both signs: a first rise that lies there, by more than noise, began demagnetised; so
-    did a record that starts at rest and does not come back to its start. Where noise hides it, a
-    record is taken for what all the others that start at rest are, and else for settled.
+    The initial curve lies below later rises from the remanent state, or inside the loop if the
+    input has both signs. If the first rise lies there by more than noise, the record began
+    demagnetised. The same applies if it starts at rest and does not return to its start. If noise
+    hides the difference, a common decision is made for all unsure records that start at rest,
+    otherwise the proposal is settled.
     """
     comparisons = [_compare_rises(loop, even=even) for loop in loops]
     are_all_virgin = _are_all_virgin([parts for parts in comparisons if parts])
@@ -84,35 +90,39 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
 def correct_fast_histories(
     loops: Sequence[Loop], proposals: Sequence[HistoryProposal]
 ) -> list[HistoryProposal]:
-    """Return the proposals, with those of fast loops corrected by the slow loops of their gap.
+    """Return the proposals, with those of fast loops corrected by the slow loops of the same gap.
 
     Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
-    would. A slow loop shows without them whether the session began demagnetised. If it did not, the
-    slow loop is what happened before the fast one.
+    would. Slow loops show without this effect whether the recording began demagnetised. If it did
+    not, the history of the fast loop is the largest slow loop.
     """
     carried = list(proposals)
-    for index, slower in enumerate(find_slower_loops(loops)):
-        not_demagnetised = [place for place in slower if proposals[place][0].kind != "demagnetised"]
+    for index, slower_indices in enumerate(find_slower_loops(loops)):
+        not_demagnetised = [
+            place for place in slower_indices if proposals[place][0].kind != "demagnetised"
+        ]
         if (
             proposals[index][0].kind != "demagnetised"
-            or not slower
-            or len(not_demagnetised) < len(slower)
+            or not slower_indices
+            or len(not_demagnetised) < len(slower_indices)
         ):
             continue
-        slow = max((loops[place] for place in slower), key=lambda loop: float(np.ptp(loop.input)))
-        reason = (
-            "it is faster than others of its gap, and their first rise is not the initial curve; "
-            "eddy currents alone make its first cycle differ (state --history to change this)"
+        largest_slow = max(
+            (loops[place] for place in slower_indices), key=lambda loop: float(np.ptp(loop.input))
         )
-        carried[index] = _history_after_slow(slow, loops[index]), reason
+        reason = (
+            "it is faster than other loops of its gap, whose first rise is not the initial curve; "
+            "eddy currents explain its different first cycle (state --history to change this)"
+        )
+        carried[index] = _history_after_slow(largest_slow, loops[index]), reason
     return carried
 
 
-def _history_after_slow(slow: Loop, fast: Loop) -> History:
-    """Return the history of a loop that begins at rest after a slow one."""
-    span, start = float(np.ptp(slow.input)), float(fast.input[0])
-    last = [slow.n - 1 - int(pick(slow.input[::-1])) for pick in (np.argmin, np.argmax)]
-    ends = [float(f"{slow.input[place]:.4g}") for place in sorted(last)]
+def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
+    """Return the history of a loop that starts at rest after a slow loop."""
+    span, start = float(np.ptp(slow_loop.input)), float(fast_loop.input[0])
+    last = [slow_loop.n - 1 - int(pick(slow_loop.input[::-1])) for pick in (np.argmin, np.argmax)]
+    ends = [float(f"{slow_loop.input[place]:.4g}") for place in sorted(last)]
     return_point = (
         [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
     )
@@ -120,8 +130,8 @@ def _history_after_slow(slow: Loop, fast: Loop) -> History:
 
 
 def _are_all_virgin(seen: Sequence[list[_RiseComparison]]) -> bool:
-    """Whether records that are unsure one by one are virgin taken together."""
-    # Not the clearest part of each: the best of several is never zero on average.
+    """Whether records that are unsure individually are initial curves on average."""
+    # The full part is used, because the clearest of several parts is biased.
     full_parts = [parts[-1] for parts in seen]
     if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in seen):
         return False
@@ -158,12 +168,12 @@ def _propose_history(
 
 
 def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
-    """Judge a record that has no second rise to compare the first with."""
+    """Propose a history for a record without a second rise."""
     drive, answer = loop.input, loop.output
     height = float(np.ptp(answer)) or 1.0
     end_output = _output_at_return(drive, answer)
     closing_error = None if end_output is None else float(end_output - answer[0])
-    # Two single samples differ by noise alone now and then.
+    # Noise alone explains this difference of two samples.
     noise_limit = 5.0 * estimate_noise(answer)
     is_at_rest = _starts_at_rest(loop, even=even)
     if is_at_rest and even and closing_error is not None:
@@ -176,25 +186,31 @@ def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
             or abs(closing_error) > max(_MAX_END_DISTANCE * height, noise_limit)
         )
     if is_virgin:
-        verb_text = "never comes" if closing_error is None else "does not come"
-        return DEMAGNETISED, f"it starts at rest, at zero, and {verb_text} back there"
+        verb_text = "never returns" if closing_error is None else "does not return"
+        return DEMAGNETISED, f"it starts at rest, at zero, and {verb_text} there"
     if closing_error is None:
-        return SETTLED, "it starts away from rest and is no complete cycle: a guess"
+        return SETTLED, "it starts away from rest and is not a complete cycle (uncertain)"
     error_text = f"{abs(closing_error) / height:.2%} of its height"
     if abs(closing_error) <= max(_MAX_END_DISTANCE * height, noise_limit):
-        return SETTLED, f"it comes back to its start within {error_text}"
+        return SETTLED, f"it returns to its start within {error_text}"
     if is_at_rest:
-        return SETTLED, f"it misses its start by {error_text}, as a drift would and no remanence"
-    return SETTLED, f"it starts away from rest and misses its start by {error_text}: a guess"
+        return (
+            SETTLED,
+            f"its end deviates from its start by {error_text}, which is drift and not remanence",
+        )
+    return (
+        SETTLED,
+        f"it starts away from rest, and its end deviates from its start by {error_text} (uncertain)",
+    )
 
 
 def _has_remanence(loop: Loop, closing_error: float) -> bool:
-    """Whether what an even output misses its start by is remanence, and no drift.
+    """Whether the closing error of an even output is remanence and not drift.
 
-    The output is the square of a flux. From rest it grows fourfold while the input grows to twice,
-    or less, as the virgin curve steepens; and remanence is at least as far above that curve in
-    flux there: in output ``(2 + 1)**2 - 2**2`` times what was missed. A drift is as far apart
-    everywhere, and a settled rise starts with a slope.
+    The output is the square of a flux. On the initial curve from rest, it grows by a factor of four
+    while the input at most doubles, because the curve steepens. Above this curve, the remanence in
+    flux is at least as large, so the output difference is at least ``(2 + 1)**2 - 2**2`` times the
+    closing error. A drift is equal everywhere, and a settled rise starts with a slope.
     """
     parts = find_branches(loop.input)
     if len(parts) < 2:
@@ -202,7 +218,7 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     rise, fall = ((loop.input[part.rows], loop.output[part.rows]) for part in parts[:2])
     growth = rise[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
-        return True  # a remanence like that hides all else
+        return True  # such a remanence hides all other effects
     input_at_1, input_at_4 = (
         float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0)
     )
@@ -219,7 +235,7 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
     drive, answer = loop.input, loop.output
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
-    # An even output is least at rest, whatever the offset of its sensor.
+    # The minimum of an even output is at rest, even with a sensor offset.
     zero = float(answer.min()) if even else 0.0
     distance = abs(answer[0] - zero)
     return bool(
@@ -230,20 +246,21 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
 
 
 def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
-    """Compare the first rise with a later one, part by part; ``None`` without a later one."""
+    """Compare the first rise with a later one, part by part; empty without a later rise."""
     size, answer = fold_input(loop, even=even)
     rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(size)))
     parts = find_branches(size)
     if abs(size[0]) > rest_limit or len(parts) < 3:
         return []
-    first = parts[0]
-    if not first.is_rising:
+    first_rise = parts[0]
+    if not first_rise.is_rising:
         size, answer = -size, answer if even else -answer
-    low, end = float(size[0]), float(size[first.stop - 1])
+    start_input, end_input = float(size[0]), float(size[first_rise.stop - 1])
     for index in range(2, len(parts), 2):
-        later = parts[index]
-        top = min(end, float(size[later.stop - 1]))
-        if float(size[later.start]) <= low + rest_limit and top - low >= 0.5 * (end - low):
+        later_branch = parts[index]
+        top = min(end_input, float(size[later_branch.stop - 1]))
+        starts_at_rest = float(size[later_branch.start]) <= start_input + rest_limit
+        if starts_at_rest and top - start_input >= 0.5 * (end_input - start_input):
             break
     else:
         return []
@@ -254,13 +271,15 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     )
     falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
     drift = _estimate_drift(curves[0], curves[index], falls, top, sigma)
-    comparisons = _compare_parts(curves[0], curves[index], curves[1], top - low, drift, sigma)
-    inputs_between = loop.input[first.stop - 1 : later.stop]
+    comparisons = _compare_parts(
+        curves[0], curves[index], curves[1], top - start_input, drift, sigma
+    )
+    inputs_between = loop.input[first_rise.stop - 1 : later_branch.stop]
     inputs_between = inputs_between * np.sign(inputs_between[0])
     if not (float(inputs_between.min()) < -0.1 * float(inputs_between.max())):
         return comparisons
-    # Inside a loop the virgin curve lies above later rises; but close to rest a square of the flux
-    # lies above it, since remanence has the other sign there.
+    # Inside a loop, the initial curve lies above later rises. Near rest, a squared flux lies above
+    # it instead, because the remanence has the other sign there.
     signs = [
         np.sign(part.difference) if even and part is not comparisons[-1] else -1.0
         for part in comparisons
@@ -274,19 +293,25 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
 def _estimate_drift(
     rise: _Curve, later_rise: _Curve, falls: tuple[_Curve, _Curve] | None, top: float, sigma: _Sigma
 ) -> tuple[float, float]:
-    """Mean distance of what must lie on each other if nothing drifts, and its standard error."""
+    """Return the mean distance of curves that coincide without drift, and its standard error."""
     span = top - float(rise[0][0])
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _MAX_REST_SHARE * span:
-        (first, second), low = falls, float(falls[1][0].min())
+        (first_curve, second_curve), low_input = falls, float(falls[1][0].min())
     else:
-        first, second, low = rise, later_rise, top - (1.0 - _RISES_MEET_SHARE) * span
-    is_in_range = (first[0] >= low) & (first[0] <= min(top, float(second[0].max())))
-    size, answer = first[0][is_in_range], first[1][is_in_range]
+        first_curve, second_curve, low_input = (
+            rise,
+            later_rise,
+            top - (1.0 - _RISES_MEET_SHARE) * span,
+        )
+    is_in_range = (first_curve[0] >= low_input) & (
+        first_curve[0] <= min(top, float(second_curve[0].max()))
+    )
+    size, answer = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if size.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
-    difference = _interpolate(second, size) - answer
+    difference = _interpolate(second_curve, size) - answer
     error = _output_scatter(answer, span, sigma) * (2.0 / size.size) ** 0.5
-    # What is not the same all along is no drift.
+    # A difference that varies along the curve is not drift.
     unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
     return float(difference.mean()), max(error, unevenness)
 
@@ -299,7 +324,7 @@ def _compare_parts(
     drift: tuple[float, float],
     sigma: _Sigma,
 ) -> list[_RiseComparison]:
-    """Compare two rises over several parts of the first, all of which begin at rest."""
+    """Compare two rises over several parts of the first one, all of which begin at rest."""
     size, answer = rise
     share = (size - size[0]) / span
     difference, height = (
@@ -308,20 +333,24 @@ def _compare_parts(
     )
     rises = []
     for part in _FIRST_RISE_PARTS:
-        low = share < part
-        count = min(np.count_nonzero(low), np.count_nonzero(later_rise[0] < size[0] + part * span))
+        is_in_part = share < part
+        count = min(
+            np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span)
+        )
         if count < _MIN_SAMPLES:
             continue
-        error = _output_scatter(answer[low], part * span, sigma) * (2.0 / count) ** 0.5
-        mean = float(difference[low].mean()) - drift[0]
+        error = _output_scatter(answer[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
+        mean = float(difference[is_in_part].mean()) - drift[0]
         rises.append(
-            _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[low].mean()))
+            _RiseComparison(
+                mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean())
+            )
         )
     return rises
 
 
 def _output_scatter(answer: FloatArray, span: float, sigma: _Sigma) -> float:
-    """Return the standard deviation of an output at equal input, by the noise of both."""
+    """Return the standard deviation of the output at equal input, from the noise of both."""
     return float(np.hypot(sigma[1], float(np.ptp(answer)) / span * sigma[0]))
 
 
@@ -331,7 +360,7 @@ def _interpolate(curve: _Curve, size: FloatArray) -> FloatArray:
 
 
 def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
-    """Output when the input last passes its first value in the direction it started in."""
+    """Return the output where the input last passes its first value in its first direction."""
     parts = find_branches(drive)
     if len(parts) < 2:
         return None
@@ -344,7 +373,7 @@ def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
     remaining_input, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
     if abs(remaining_input) > _MAX_END_DISTANCE * float(np.ptp(drive)):
         return None
-    # A cycle without its last sample ends a step before its start: where it was going to.
+    # A cycle without its last sample ends one step before its start, so it is extrapolated.
     steps_ahead = remaining_input / step if step != 0.0 else 0.0
     steps_ahead = steps_ahead if 0.0 < steps_ahead <= 1.5 else 0.0
     return float(answer[-1] + steps_ahead * (answer[-1] - answer[-2]))

@@ -1,4 +1,4 @@
-"""What was measured, in figures and in a picture, and what to think of it."""
+"""Inspect measured loops: figures, warnings, gain of a hysteresis model, and plots."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data import estimates
-from anhyst.data.delay import estimate_delay as estimate_skew
-from anhyst.data.estimates import estimate_noise as noise_of
+from anhyst.data.delay import estimate_delay
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.holes import find_holes
 from anhyst.data.initial_history import HistoryProposal, correct_fast_histories, propose_histories
 from anhyst.data.loops import Loop, Loops
@@ -44,39 +44,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Figures of one loop, SI units of its input and output; ``None`` where it cannot be found."""
+    """Figures of one loop in SI units; ``None`` if a figure cannot be determined."""
 
     label: str
     schedule: float | None
     samples: int
-    cycles: float  # up-and-down pairs of the input
+    cycles: float  # half the number of branches
     input_low: float
     input_high: float
     output_low: float
     output_high: float
-    step: float | None  # median time step in s, and the largest deviation from it, relative
-    uneven: float | None
-    input_offset: float | None  # centre of a symmetric loop of an odd output
-    output_offset: float | None
+    step: float | None  # median time step, s
+    uneven: float | None  # largest relative deviation from the median time step
+    input_offset: float | None  # input at the centre of a symmetric loop with an odd output
+    output_offset: float | None  # output at this centre
     drift: float | None  # linear drift of the output over the record
     closure: float | None  # output at the end of the last full cycle minus output at its start
-    noise: float  # standard deviation of the noise of the output
-    skew: float | None  # delay of the output behind the input, in samples
-    skew_s: float | None  # the same in seconds; None without time
-    # slope at the largest input over the largest slope: 1 none, near 0 saturated
+    noise: float  # standard deviation of the output noise
+    skew: float | None  # delay of the output after the input, samples
+    skew_s: float | None  # the same delay, s; None without time
+    # slope at the largest input relative to the largest slope: almost 0 in saturation
     saturation: float | None
-    width: float  # largest distance of neighbouring branches in input and in output
-    height: float
-    single_mean: float  # mean and worst deviation from the best single-valued curve
-    single_worst: float
-    history: History  # past as declared, as proposed from the record, and why
-    proposed: History
-    reason: str
+    width: float  # largest distance of neighbouring branches in the input
+    height: float  # largest distance of neighbouring branches in the output
+    single_mean: float  # mean deviation from the best single-valued curve
+    single_worst: float  # largest deviation from this curve
+    history: History  # as stated or assumed
+    proposed: History  # as proposed from the record
+    reason: str  # reason for the proposal
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Inspection(Result):
-    """What was read and recognised in a set of loops.
+    """Results of `inspect` for a set of loops.
 
     Attributes
     ----------
@@ -87,12 +87,12 @@ class Inspection(Result):
     notes, repairs
         From reading and cleaning.
     warnings
-        What looks odd, one sentence each.
+        Unusual findings, one sentence each.
     verdict
-        Whether a hysteresis model is worth it.
+        Whether a hysteresis model has a benefit.
     rate
-        Whether rate matters, and from where on, as a sentence; empty where all loops of a gap run
-        about as fast.
+        The rate from which loops change, as a sentence; empty if the loops of each gap have about
+        the same speed.
     """
 
     input: Quantity
@@ -107,7 +107,7 @@ class Inspection(Result):
     rate: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
+        """Return all results for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
         units = self._units()
         return {
             "input": self.input.column,
@@ -125,7 +125,7 @@ class Inspection(Result):
         }
 
     def facts(self) -> dict[str, str]:
-        """Return the verdict and the figures behind it."""
+        """Return the verdict and its main figures."""
         verdict, drive, answer = self.verdict, self.input, self.output
         return {
             "worth a hysteresis model": verdict.level,
@@ -138,11 +138,11 @@ class Inspection(Result):
         }
 
     def to_columns(self) -> dict[str, list[Any]]:
-        """Return the figures of each loop, units in their names."""
+        """Return the figures of each loop, with units in their names."""
         return rows_to_columns(self.as_dict()["loops"])
 
     def draw(self, ax: Axes) -> None:
-        """Draw the error of the best single-valued curve on each loop, next to the noise."""
+        """Draw the error of the best single-valued curve for each loop, next to the noise."""
         scale, label = length_scale(self.output)
         positions = np.arange(len(self.loops))
         for offset, name, text in (
@@ -158,7 +158,7 @@ class Inspection(Result):
         ax.set_ylabel(label)
 
     def _units(self) -> dict[str, str]:
-        """Return the unit suffix of each figure that has one."""
+        """Return the unit suffix of each figure that has a unit."""
         drive, answer = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
         names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",
@@ -171,9 +171,9 @@ class Inspection(Result):
 
 
 def inspect(loops: Loops) -> Inspection:
-    """Look at loops: figures of each, warnings, and whether a model is worth it: `anhyst.inspect`.
+    """Return the figures of loops, warnings, and the gain of a hysteresis model: `anhyst.inspect`.
 
-    Noise and delay are those of the record before it is thinned.
+    Noise and delay are those of the given samples, so inspect a record before it is thinned.
     """
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
@@ -210,7 +210,7 @@ def _loop_figures(
 ) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.estimate_offsets(loop)
-    (step, uneven), delay = estimates.measure_sampling(loop), estimate_skew(loop)
+    (step, uneven), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -226,7 +226,7 @@ def _loop_figures(
         output_offset=centre[1] if centre else None,
         drift=estimates.estimate_drift(loop),
         closure=estimates.closure_error(loop),
-        noise=noise_of(loop.output),
+        noise=estimate_noise(loop.output),
         skew=delay,
         skew_s=delay * step if delay is not None and step else None,
         saturation=estimates.slope_ratio_at_tip(loop),
@@ -248,8 +248,8 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
         if figure.skew is not None and abs(figure.skew) >= 0.3:
             seconds = f"{figure.skew_s:.3g} s, " if figure.skew_s else ""
             warnings.append(
-                f"{name}: the output lags by {seconds}{figure.skew:.4g} samples (cleaning step "
-                "'skew' shifts it, if the measurement is to blame and not the device)"
+                f"{name}: the output lags by {seconds}{figure.skew:.4g} samples (if the "
+                "measurement causes it, and not the device, use cleaning step 'skew')"
             )
         warnings += [
             f"{name}: {hole}; the history after it is unknown" for hole in find_holes(loop.time)
@@ -257,14 +257,16 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
         if figure.drift is not None and abs(figure.drift) > max(0.005 * height, 4.0 * figure.noise):
             warnings.append(
                 f"{name}: the output drifts by {figure.drift / height:.1%} of its height over the "
-                "record (cleaning step 'drift' takes it out)"
+                "record (cleaning step 'drift' removes it)"
             )
         if figure.samples < 40:
-            warnings.append(f"{name}: {figure.samples} samples are few; 100 a loop are comfortable")
+            warnings.append(f"{name}: only {figure.samples} samples; 100 per loop are recommended")
         if figure.history.kind == "settled" and figure.proposed.kind == "demagnetised":
-            warnings.append(f"{name}: declared settled, but {figure.reason}")
+            warnings.append(f"{name}: stated as settled, but {figure.reason}")
     if loopset.schedule is not None and len(loopset.schedule_values) == 1:
-        warnings.append(f"one {loopset.schedule.name} only: nothing can be learned about others")
+        warnings.append(
+            f"only one {loopset.schedule.name}: the dependence on it cannot be identified"
+        )
     return warnings
 
 
@@ -273,7 +275,7 @@ def _unit_suffix(quantity: Quantity) -> str:
 
 
 def _as_json_figures(figures: LoopFigures | Verdict, units: dict[str, str]) -> dict[str, Any]:
-    """Return figures for JSON, with their units in the keys."""
+    """Return figures for JSON, with units in the keys."""
     values: dict[str, Any] = {}
     for field in fields(figures):
         value, unit = getattr(figures, field.name), units.get(field.name)
@@ -289,24 +291,28 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
 
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.24))
-    left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
+    loop_axes, residual_axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     text_axes = figure.add_subplot(grid[1, :])
-    loopset.plot(left)
-    left.set_title("measured", loc="left", fontsize="medium")
+    loopset.plot(loop_axes)
+    loop_axes.set_title("measured", loc="left", fontsize="medium")
     has_moving_schedule = any(loop.schedule_value is None for loop in loopset.loops)
     colours = schedule_colours(loopset.schedule_values, has_moving=has_moving_schedule)
     size = largest_output(loopset)
     for loop, residual in single_valued_residuals(loopset):
         shown_rows = thinning_slice(loop.n)
         share = 100.0 * residual[shown_rows] / size
-        right.plot(loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9)
+        residual_axes.plot(
+            loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9
+        )
     noise = 100.0 * inspection.verdict.noise_relative
-    right.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
-    right.set_xlabel(loopset.input.label)
-    right.set_ylabel(f"% of {name_full_scale(loopset.output)}")
-    right.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
-    right.legend(frameon=False, fontsize="small")
-    style_axes(right)
+    residual_axes.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
+    residual_axes.set_xlabel(loopset.input.label)
+    residual_axes.set_ylabel(f"% of {name_full_scale(loopset.output)}")
+    residual_axes.set_title(
+        "residuals of the best single-valued curve", loc="left", fontsize="medium"
+    )
+    residual_axes.legend(frameon=False, fontsize="small")
+    style_axes(residual_axes)
     text_axes.set_axis_off()
     text = "\n".join(inspection.verdict.sentences)
     text_axes.text(0.0, 1.0, text, va="top", fontsize="medium", linespacing=1.5)

@@ -1,9 +1,8 @@
-"""Loops of several sources become one set: the same loop once, the same gap by one number.
+"""Join loops of several sources into one set, and complete the history of successive loops.
 
-Settled loops that were run one after the other: what the iron keeps of the earlier ones.
-
-A cycle that has been run often wipes out whatever is smaller than it. What was larger stays in an
-iron that remembers, and the cycle then lies elsewhere than it would alone.
+Identical loops are kept once, and scheduling values that differ only by rounding become equal. A
+settled loop wipes out smaller loops before it. In iron with return-point memory it lies within a
+larger loop that was run before. Therefore, its history includes the earlier loops of the record.
 """
 
 from __future__ import annotations
@@ -26,9 +25,10 @@ from anhyst.support.units import Quantity
 
 @dataclass(frozen=True, slots=True)
 class SourceLoops:
-    """The loops of one source; those whose history nobody stated are ``open``, by their place.
+    """The loops of one source.
 
-    ``labelled`` says whether the source itself distinguishes them.
+    ``without_history`` lists the indices of loops whose history was not stated. ``is_labelled``
+    states whether the source labels its loops.
     """
 
     source_name: str
@@ -40,24 +40,27 @@ class SourceLoops:
     notes: tuple[str, ...]
     without_history: frozenset[int] = frozenset()
     is_labelled: bool = True
-    has_blocks: bool = False  # whether blank lines or the like distinguish the loops
-    stated_gap: tuple[float | None, str] | None = None  # m, and the remark in the head of the file
+    has_blocks: bool = False  # whether breaks separate the loops
+    stated_gap: tuple[float | None, str] | None = (
+        None  # m, and the comment in the header of the file
+    )
 
 
 def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     """Join the loops of several sources into one set.
 
-    A loop that comes twice with the same data is taken once. Loops of several files that are called
-    alike are named after their files. Scheduling values that differ by rounding become one.
+    A loop that occurs twice with the same data is kept once. Loops with equal labels in several
+    files are labelled with the names of their files. Scheduling values that differ only by rounding
+    become equal.
     """
-    first = parts[0]
+    first_part = parts[0]
     for part, role in product(parts[1:], ("input", "output", "schedule")):
-        mine, theirs = getattr(first, role), getattr(part, role)
+        mine, theirs = getattr(first_part, role), getattr(part, role)
         if mine != theirs:
             texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
             raise InputError(
-                f"{part.source_name}: its {role} is {texts[1]} but that of {first.source_name} is "
-                f"{texts[0]}; files read together must hold the same quantities",
+                f"{part.source_name}: its {role} is {texts[1]} but that of {first_part.source_name} is "
+                f"{texts[0]}; files that are read together must contain the same quantities",
                 code="quantities-differ",
             )
     notes = [note for part in parts for note in part.notes]
@@ -77,13 +80,15 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
                 entries.append(entry)
             else:
                 name = part.source_name
-                notes.append(f"{name}: loop '{loop.label}' is the one in {twin_source}: left out")
+                notes.append(
+                    f"{name}: loop '{loop.label}' is the same as in {twin_source}: left out"
+                )
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(
         _make_labels_unique(entries),
-        first.input,
-        first.output,
-        first.schedule,
+        first_part.input,
+        first_part.output,
+        first_part.schedule,
         sources,
         tuple(notes),
     )
@@ -91,7 +96,7 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A loop that was kept, its scheduling value, and the source it is in."""
+    """A loop of the joined set, its scheduling value, and its source."""
 
     loop: Loop
     schedule_value: float | None
@@ -99,16 +104,16 @@ class _Entry:
 
     @property
     def is_identifiable(self) -> bool:
-        """Whether label and data say which loop it is: not where the scheduling variable moves."""
+        """Whether label and data identify the loop: false if the scheduling variable changes."""
         return self.loop.schedule is None or self.schedule_value is not None
 
 
 def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
-    """Return the loops, each with a name of its own among those at its scheduling value."""
-    alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
+    """Return the loops with labels that are unique at each scheduling value."""
+    entries_by_label: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
     for entry in entries:
         if entry.is_identifiable:
-            alike[entry.loop.label, entry.schedule_value].append(entry)
+            entries_by_label[entry.loop.label, entry.schedule_value].append(entry)
     paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
     stems = Counter(path.stem for path in paths.values())
     names = {
@@ -117,7 +122,7 @@ def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
     }
     labels = {
         id(entry): _unique_label(entry, group[0], names[entry.part.source_name])
-        for group in alike.values()
+        for group in entries_by_label.values()
         if len(group) > 1
         for entry in group
     }
@@ -131,73 +136,73 @@ def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
     value = loop.schedule_value
     if value is None or value in values:
         return loop
-    for near in values:
-        if abs(near - value) <= 1e-9 * abs(near):
-            return replace(loop, schedule=np.full(loop.n, near))
+    for earlier_value in values:
+        if abs(earlier_value - value) <= 1e-9 * abs(earlier_value):
+            return replace(loop, schedule=np.full(loop.n, earlier_value))
     values.append(value)
     return loop
 
 
-def _unique_label(entry: _Entry, first: _Entry, name: str) -> str:
-    """Name a loop after its file; two that a column calls the same, at no gap, contradict each other."""
+def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
+    """Return a label with the name of the file; raise an error for equal labels without a gap."""
     if not entry.part.is_labelled:
         return name
-    if entry.schedule_value is None and entry is not first:
+    if entry.schedule_value is None and entry is not first_entry:
         raise InputError(
             f"{entry.part.source_name}: loop '{entry.loop.label}' is also in "
-            f"{first.part.source_name}, with other data; leave one out, give each its label, or "
-            "say what differs: a gap, a temperature",
+            f"{first_entry.part.source_name}, with other data; leave one out, give each its own label, "
+            "or state what differs, such as a gap or a temperature",
             code="loop-twice",
             key=entry.loop.label,
         )
     return f"{name} {entry.loop.label}"
 
 
-def _find_twin(entry: _Entry, other: _Entry) -> str | None:
-    """Name the file of a loop with the same data, if it may be left out for that."""
-    ours, theirs = entry.loop, other.loop
+def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
+    """Return the other file that contains the same data; raise an error if its gap differs."""
+    ours, theirs = entry.loop, earlier_entry.loop
     if not (
         np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)
     ):
         return None
-    if entry.schedule_value != other.schedule_value:
+    if entry.schedule_value != earlier_entry.schedule_value:
         raise InputError(
-            f"{entry.part.source_name}: holds the same data at {entry.schedule_value:g} as "
-            f"{other.part.source_name} at {other.schedule_value:g}; one of the two is mislabelled",
+            f"{entry.part.source_name}: contains the same data at {entry.schedule_value:g} as "
+            f"{earlier_entry.part.source_name} at {earlier_entry.schedule_value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
-    return other.part.source_name if entry.part is not other.part else None
+    return earlier_entry.part.source_name if entry.part is not earlier_entry.part else None
 
 
 def _fingerprint(loop: Loop) -> tuple[float, ...]:
+    """Return the length and four samples of a loop as a key for quick comparison."""
     ends = [0, loop.n // 3, loop.n // 2, loop.n - 1]
     return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
 
 
 NESTED_LOOPS_NOTE = (
-    "settled loops lie within larger ones that were run before them: each goes on from what the iron "
-    "keeps of those"
+    "settled loops lie within larger loops that were run before them, so their history includes these "
+    "loops"
 )
-"""What a reader is told where that is so."""
+"""Note for records to which earlier loops were added as history."""
 _MAX_END_DISTANCE = 0.02
-"""Ends within this share of the range are the same."""
+"""Maximum distance of equal ends, as a fraction of the range."""
 _MIN_BRANCH_SAMPLES = 8
-"""Samples of a branch from which two are compared."""
+"""Minimum number of samples of a branch that is compared."""
 _MIN_DIFFERENCE_SIGMAS = 4.5
-"""Standard errors from which a difference is not noise."""
+"""Number of standard errors above which a difference is not noise."""
 _MAX_DISTANCE_SHARE = 0.05
-"""Branches nearer to each other than this share of the loop's height are one and the same."""
+"""Maximum distance of branches that are considered equal, as a fraction of the loop height."""
 
 _Curve = tuple[FloatArray, FloatArray]
 
 
 def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> list[Loop]:
-    """Complete the history of settled loops of one record with the loops run before them.
+    """Add earlier loops of a record to the history of its settled loops.
 
-    Where a loop shares an end with a larger one before it at the same scheduling value, the branch
-    from there says whether the iron remembers that one: it is then a part of the larger one's.
-    Without such an end, or where branches lie apart, nothing is taken to have been before, as if the
-    iron had been demagnetised.
+    If a loop shares an end with an earlier, larger loop at the same scheduling value, its branch
+    from there must follow the branch of the larger loop. This shows that the iron remembers the
+    larger loop. If no loop shares an end, or if a branch deviates, no history is added.
     """
     order = _run_order(loops)
     earlier = {
@@ -221,7 +226,7 @@ def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> li
 
 
 def _run_order(loops: Sequence[Loop]) -> list[int]:
-    """Return the indices of the loops by time; none where the order of the runs is not known."""
+    """Return the indices of the loops in time order; empty if this order is unknown."""
     if any(
         loop.history != SETTLED
         or loop.time is None
@@ -236,36 +241,41 @@ def _run_order(loops: Sequence[Loop]) -> list[int]:
 
 
 def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
+    """Return the history of a settled loop after earlier loops."""
     points: list[float] = []
     schedule: list[float | None] = []
-    for other in earlier:
-        turns = find_turning_points(other.input)
-        points += other.input[turns].tolist()
-        same_gap = other.schedule_value == loop.schedule_value
-        schedule += [None if same_gap else other.schedule_value] * turns.size
+    for earlier_loop in earlier:
+        turns = find_turning_points(earlier_loop.input)
+        points += earlier_loop.input[turns].tolist()
+        same_gap = earlier_loop.schedule_value == loop.schedule_value
+        schedule += [None if same_gap else earlier_loop.schedule_value] * turns.size
     return History("settled", tuple(points), tuple(schedule))
 
 
 def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
-    """Whether a branch runs along that of a larger loop; None where none begins at the same end."""
+    """Whether branches follow those of a larger loop; ``None`` if none starts at the same end."""
     span = float(np.ptp(larger.input))
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
     verdicts = []
     for rising in (True, False):
-        inner, outer = _longest_branch(loop, rising), _longest_branch(larger, rising)
-        opposite = _longest_branch(larger, not rising)
-        if inner is None or outer is None or opposite is None:
+        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger, rising)
+        opposite_branch = _longest_branch(larger, not rising)
+        if inner_branch is None or outer_branch is None or opposite_branch is None:
             continue
         end_index = 0 if rising else -1
-        if abs(inner[0][end_index] - outer[0][end_index]) > _MAX_END_DISTANCE * span:
+        if abs(inner_branch[0][end_index] - outer_branch[0][end_index]) > _MAX_END_DISTANCE * span:
             continue
-        is_in_range = (inner[0] >= outer[0][0]) & (inner[0] <= outer[0][-1])
+        is_in_range = (inner_branch[0] >= outer_branch[0][0]) & (
+            inner_branch[0] <= outer_branch[0][-1]
+        )
         if np.count_nonzero(is_in_range) < _MIN_BRANCH_SAMPLES:
             continue
-        inputs, outputs = inner[0][is_in_range], inner[1][is_in_range]
-        distance = float(np.mean(outputs - np.interp(inputs, *outer)))
-        height = abs(float(np.mean(np.interp(inputs, *opposite) - np.interp(inputs, *outer))))
+        inputs, outputs = inner_branch[0][is_in_range], inner_branch[1][is_in_range]
+        distance = float(np.mean(outputs - np.interp(inputs, *outer_branch)))
+        height = abs(
+            float(np.mean(np.interp(inputs, *opposite_branch) - np.interp(inputs, *outer_branch)))
+        )
         slope = float(np.ptp(outputs) / np.ptp(inputs))
         scatter = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
         error = float(scatter) * (2.0 / inputs.size) ** 0.5
@@ -276,7 +286,7 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
 
 
 def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
-    """Return input, ascending, and output of the longest rising or falling branch."""
+    """Return ascending inputs and the outputs of the longest rising or falling branch."""
     parts = [part for part in find_branches(loop.input) if part.is_rising == rising]
     if not parts:
         return None

@@ -1,7 +1,8 @@
-"""Do files without a gap hold the same loops? A gap that nobody states shows in the height.
+"""Check that files without a stated gap contain loops at one gap only.
 
-Minor loops, other speeds and repeated cycles lie within the branches of the largest loop. Loops at
-another gap lie outside them almost everywhere.
+Minor loops, other speeds and repeated cycles lie within the branches of the largest loop. A loop at
+another gap lies outside these branches at almost all inputs. If such a loop is found, an error asks
+for the gap.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
 _LEVEL_SHARES = np.linspace(0.4, 0.95, 12)
-"""Inputs at which two loops are compared, in parts of the smaller one's largest input."""
+"""Inputs at which two loops are compared, as fractions of the largest input of the smaller loop."""
 _MIN_BRANCH_DISTANCE = 0.05
-"""Distance between the branches of two loops, in parts of the output, from which they differ."""
+"""Minimum median distance between the branches of different loops, as a fraction of the output."""
 _MIN_MIDDLE_DISTANCE = 0.08
-"""The same for the middles of the branches, of loops between the same inputs at the same speed."""
+"""The same for the centre lines of loops between the same inputs at the same speed."""
 _MAX_END_DIFFERENCE = 0.03
 _MAX_SPEED_RATIO = 1.5
 _MAX_TIP_DIFFERENCE = 0.25
-"""Difference between the outputs at the largest input of two cycles, in parts of the larger one."""
+"""Maximum difference between the tip outputs of two cycles, as a fraction of the larger one."""
 _TIP_SHARE = 0.97
 _MIN_TIP_SHARE = 0.2
-"""Smallest output at the tip of a cycle that is compared, as a share of the largest output."""
+"""Minimum output at the tip of a cycle that is compared, as a fraction of the largest output."""
 _CHECKED_OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 
 def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
-    """Ask for the gap if files or blocks without one hold loops that no hysteresis explains."""
+    """Ask for the gap if files or blocks without one contain loops that hysteresis cannot explain."""
     files = {loop.source for loop in loopset.loops}
     sources = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
     if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field":
@@ -46,21 +47,23 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
         return
     largest: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
-        other = largest.setdefault(loop.schedule_value, loop)
-        if has_blocks and loop.source == other.source and _are_apart(loop, other):
+        larger_loop = largest.setdefault(loop.schedule_value, loop)
+        if has_blocks and loop.source == larger_loop.source and _are_apart(loop, larger_loop):
             raise InputError(
                 f"{loop.source}: blank lines, remarks or invalid rows separate {len(sources)} "
-                f"blocks, which hold different loops of the same quantities without a gap "
-                f"('{other.label}' and '{loop.label}'); state the gaps in a column 'gap_mm', or by "
+                f"blocks, which contain different loops of the same quantities without a gap "
+                f"('{larger_loop.label}' and '{loop.label}'); state the gaps in a column 'gap_mm', or by "
                 "a line such as '# gap = 0.5 mm' above each block; if there is no gap: "
                 "--schedule none",
                 code="gap-missing",
                 key="gap",
             )
-        if loop.source != other.source and _are_apart(loop, other):
-            names = " and ".join(PurePath(one.source).name for one in (other, loop))
+        if loop.source != larger_loop.source and _are_apart(loop, larger_loop):
+            names = " and ".join(
+                PurePath(named_loop.source).name for named_loop in (larger_loop, loop)
+            )
             raise InputError(
-                f"{loop.source}: the {len(files)} files hold different loops of the same "
+                f"{loop.source}: the {len(files)} files contain different loops of the same "
                 f"quantities without a gap ({names}); state the gap in the file names, such as "
                 "'loop_gap_0.5mm.csv', in a column 'gap_mm', or in a file of the same name, .toml: "
                 "constants = {gap_mm = 0.5}; if there is no gap: --schedule none",
@@ -70,16 +73,16 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
 
 
 def _refuse_different_cycles(loopset: Loops) -> None:
-    """Ask for the gap if cycles of one record end at different outputs for the same input."""
+    """Ask for the gap if cycles of one record reach different outputs at the same input."""
     for loop in loopset.loops:
-        for first, second in find_repeats(loop.input, find_branches(loop.input)):
-            tip_outputs = [_tip_output(loop, branch) for branch in (first, second)]
+        for pair in find_repeats(loop.input, find_branches(loop.input)):
+            tip_outputs = [_tip_output(loop, branch) for branch in pair]
             size = max(map(abs, tip_outputs))
             if size < _MIN_TIP_SHARE * float(np.max(np.abs(loop.output))):
-                continue  # a small cycle, whose tip the noise or a ripple moves
+                continue  # noise or ripple moves the tip of a small cycle
             if abs(tip_outputs[1] - tip_outputs[0]) > _MAX_TIP_DIFFERENCE * size:
                 raise InputError(
-                    f"{loop.source}: loop '{loop.label}' holds cycles that reach {tip_outputs[0]:.3g} and "
+                    f"{loop.source}: loop '{loop.label}' contains cycles that reach {tip_outputs[0]:.3g} and "
                     f"{tip_outputs[1]:.3g} {loopset.output.unit} at the same input, which no hysteresis "
                     "explains; state the gap of each in a column 'gap_mm', or number the loops in a "
                     "column 'loop'; if there is no gap: --schedule none",
@@ -89,23 +92,25 @@ def _refuse_different_cycles(loopset: Loops) -> None:
 
 
 def _tip_output(loop: Loop, branch: Branch) -> float:
-    """Return the output where a branch has its largest input."""
+    """Return the median output near the largest absolute input of a branch."""
     drive = np.abs(loop.input[branch.rows])
     return float(np.median(loop.output[branch.rows][drive >= _TIP_SHARE * drive.max()]))
 
 
 def _are_apart(loop: Loop, larger: Loop) -> bool:
-    """Whether two loops lie apart almost everywhere, as no history and no speed explains."""
+    """Whether two loops are apart at most levels, so that neither history nor speed explains it."""
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
     distances, middles = [], []
     for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
-        pair = [_outputs_at(one, sign, level) for one in (loop, larger)]
+        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger)]
         if pair[0].size == 0 or pair[1].size == 0:
             continue
-        (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
-        size = max(abs(low), abs(high), abs(other_low), abs(other_high)) or 1.0
-        distances.append(max(0.0, low - other_high, other_low - high) / size)
-        middles.append(abs(low + high - other_low - other_high) / (2.0 * size))
+        (lowest, highest), (other_lowest, other_highest) = [
+            (float(p.min()), float(p.max())) for p in pair
+        ]
+        size = max(abs(lowest), abs(highest), abs(other_lowest), abs(other_highest)) or 1.0
+        distances.append(max(0.0, lowest - other_highest, other_lowest - highest) / size)
+        middles.append(abs(lowest + highest - other_lowest - other_highest) / (2.0 * size))
     if not distances:
         return False
     if float(np.median(distances)) > _MIN_BRANCH_DISTANCE:
@@ -114,20 +119,22 @@ def _are_apart(loop: Loop, larger: Loop) -> bool:
 
 
 def _are_comparable(loop: Loop, other: Loop) -> bool:
-    """Whether two loops run between the same inputs at the same speed: then they are comparable."""
-    ends = [(float(one.input.min()), float(one.input.max())) for one in (loop, other)]
+    """Whether two loops have the same input range and the same speed."""
+    pair = (loop, other)
+    ends = [(float(member.input.min()), float(member.input.max())) for member in pair]
     span = ends[1][1] - ends[1][0]
     if max(abs(ends[0][0] - ends[1][0]), abs(ends[0][1] - ends[1][1])) > _MAX_END_DIFFERENCE * span:
         return False
     speeds = [
-        float(np.sum(np.abs(np.diff(one.input)))) / float(one.time[-1] - one.time[0])
-        for one in (loop, other)
-        if one.time is not None
+        float(np.sum(np.abs(np.diff(member.input)))) / float(member.time[-1] - member.time[0])
+        for member in pair
+        if member.time is not None
     ]
     return len(speeds) < 2 or max(speeds) <= _MAX_SPEED_RATIO * min(speeds)
 
 
 def _outputs_at(loop: Loop, sign: float, level: float) -> FloatArray:
+    """Return the outputs where the input crosses a level, in both directions."""
     drive = sign * loop.input
     return np.concatenate(
         [find_crossings(drive, loop.output, level, rising=rising) for rising in (True, False)]

@@ -1,4 +1,4 @@
-"""Measured loops: immutable, SI inside, each with what happened before its first sample."""
+"""Measured loops: input, output, scheduling variable and history, in SI units and immutable."""
 
 from __future__ import annotations
 
@@ -45,28 +45,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """One loop: a record of input and output over time, in SI units.
+    """One loop: a record of input and output, in SI units.
 
     Parameters
     ----------
     label
-        Distinguishes loops; unique together with the scheduling value.
+        Identifies the loop; unique together with the scheduling value.
     input, output
-        Shape (n,), n >= 3, finite; kept as read-only float64.
+        Shape (n,), n >= 3, finite; stored as read-only float64.
     schedule
         The scheduling variable (gap, temperature, ...) at each sample, or ``None``.
     time
-        Time of each sample in s, never going backwards, or ``None`` if not recorded.
+        Time of each sample, s, not decreasing, or ``None`` if not recorded.
     history
-        What happened before the first sample.
+        The history before the first sample.
     source
-        File it came from, for messages; empty if none.
+        File of the loop, for messages; empty if there is none.
 
     Raises
     ------
     InputError
-        If the arrays do not fit together, hold what nobody measured, are too short, the input is
-        constant or time goes backwards.
+        If the arrays have different lengths, contain values that cannot be measured, are too short,
+        the input is constant, or time decreases or is constant.
     """
 
     label: str
@@ -85,20 +85,20 @@ class Loop:
         if np.ptp(self.input) == 0.0:
             raise InputError(
                 f"loop '{self.label}': the input is constant ({self.input[0]:g}); a loop needs an "
-                "input that goes up and down",
+                "input that increases and decreases",
                 code="input-constant",
                 key=self.label,
             )
         if self.time is not None and (fault_row := find_time_reversal(self.time)) is not None:
             raise InputError(
                 f"loop '{self.label}': time goes backwards at sample {fault_row + 1}; sort the samples "
-                "or tell loops apart by a column 'loop'",
+                "or distinguish the loops by a column 'loop'",
                 code="time-backwards",
                 key=self.label,
             )
         if self.time is not None and self.time[0] == self.time[-1]:
             raise InputError(
-                f"loop '{self.label}': time stands still at {self.time[0]:g} s; correct it or "
+                f"loop '{self.label}': time is constant at {self.time[0]:g} s; correct it or "
                 'leave the column out, such as --columns "t_s="',
                 code="time-stands-still",
                 key=self.label,
@@ -108,7 +108,7 @@ class Loop:
         array = np.asarray(values, dtype=np.float64)
         if array.ndim != 1 or array.size != np.size(self.input):
             raise InputError(
-                f"loop '{self.label}': {name} must have one value a sample",
+                f"loop '{self.label}': {name} must have one value per sample",
                 code="length-differs",
                 key=name,
             )
@@ -122,7 +122,7 @@ class Loop:
         if not is_measured.all():
             bad_row = int(np.argmin(is_measured))
             raise InputError(
-                f"loop '{self.label}': {name} holds {array[bad_row]:g} at sample {bad_row + 1}: no "
+                f"loop '{self.label}': {name} is {array[bad_row]:g} at sample {bad_row + 1}, which is not a "
                 "measured value; remove the sample",
                 code="not-finite",
                 key=name,
@@ -139,25 +139,25 @@ class Loop:
 
     @property
     def schedule_value(self) -> float | None:
-        """The scheduling value if there is one and it is constant, else ``None``."""
+        """The scheduling value if there is one and it is constant, otherwise ``None``."""
         if self.schedule is None or np.ptp(self.schedule) != 0.0:
             return None
         return float(self.schedule[0])
 
     @property
     def reversals(self) -> int:
-        """Number of reversals of the input larger than 2 % of its range."""
+        """Number of reversals of the input above 2 % of its range."""
         return reversal_count(self.input)
 
     @property
     def reverses(self) -> bool:
-        """Whether the input ever comes back: a record that does not shows no hysteresis."""
+        """Whether the input reverses; a record without a reversal does not show hysteresis."""
         return self.reversals > 0
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where loops came from: file, SHA-256 of its bytes, and how its columns were read."""
+    """Origin of loops: the file, the SHA-256 of its content, and the mapping of its columns."""
 
     path: str
     sha256: str
@@ -166,16 +166,16 @@ class Source:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Loops(Result):
-    """Loops of one device, in one input and one output quantity.
+    """Loops of one device, with one input and one output quantity.
 
-    ``notes`` say what was found while reading (comments of the file, columns left out, histories
-    proposed); ``repairs`` what the cleaning steps changed.
+    ``notes`` state what was found during reading (comments of the file, unused columns, proposed
+    histories). ``repairs`` state the changes by cleaning steps.
 
     Raises
     ------
     InputError
-        If there are no loops, some have a scheduling value and some not, two share label and
-        scheduling value, or a gap is negative.
+        If there are no loops, only some have a scheduling value, two have equal label and scheduling
+        value, or a gap is negative.
     """
 
     loops: tuple[Loop, ...]
@@ -189,12 +189,12 @@ class Loops(Result):
     def __post_init__(self) -> None:
         if not self.loops:
             raise InputError("no loops: nothing to work with", code="no-loops")
-        seen: set[tuple[str, float | None]] = set()
+        used_keys: set[tuple[str, float | None]] = set()
         for loop in self.loops:
             if (loop.schedule is None) != (self.schedule is None):
-                what = self.schedule.name if self.schedule else "scheduling value"
+                schedule_name = self.schedule.name if self.schedule else "scheduling value"
                 raise InputError(
-                    f"loop '{loop.label}': has a {what} while others do not, or none",
+                    f"loop '{loop.label}': has a {schedule_name} and other loops do not, or the reverse",
                     code="quantities-differ",
                     key=loop.label,
                 )
@@ -206,13 +206,13 @@ class Loops(Result):
                     key=loop.label,
                 )
             key = (loop.label, loop.schedule_value)
-            if key in seen and (loop.schedule is None or key[1] is not None):
+            if key in used_keys and (loop.schedule is None or key[1] is not None):
                 raise InputError(
                     f"two loops are both called '{self.describe(loop)}'; rename one",
                     code="loop-twice",
                     key=loop.label,
                 )
-            seen.add(key)
+            used_keys.add(key)
 
     def __len__(self) -> int:
         return len(self.loops)
@@ -221,45 +221,45 @@ class Loops(Result):
         return iter(self.loops)
 
     def __getitem__(self, index: int | str) -> Loop:
-        """Return a loop by its position or its label."""
+        """Return a loop by its index or its label."""
         if not isinstance(index, str):
             return self.loops[index]
         matches = [loop for loop in self.loops if loop.label == index]
         if len(matches) == 1:
             return matches[0]
-        known = ", ".join(repr(label) for label in dict.fromkeys(self.labels))
-        text = f"no loop '{index}'; there are: {known}"
+        label_list = ", ".join(repr(label) for label in dict.fromkeys(self.labels))
+        text = f"no loop '{index}'; there are: {label_list}"
         if matches:
-            what = self.schedule.name if self.schedule else "scheduling value"
-            text = f"{len(matches)} loops are called '{index}'; select one {what} first: at(value)"
+            schedule_name = self.schedule.name if self.schedule else "scheduling value"
+            text = f"{len(matches)} loops are called '{index}'; select one {schedule_name} first: at(value)"
         raise InputError(text, code="no-such-loop", key=index)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The label of each loop, in their order."""
+        """The labels of the loops, in their order."""
         return tuple(loop.label for loop in self.loops)
 
     @property
     def schedule_values(self) -> tuple[float, ...]:
-        """The distinct constant scheduling values, ascending; empty if nothing is scheduled."""
+        """The distinct constant scheduling values, ascending; empty without a schedule."""
         values = {loop.schedule_value for loop in self.loops}
         return tuple(sorted(value for value in values if value is not None))
 
     def by_schedule(self) -> dict[float, list[Loop]]:
-        """Loops by scheduling value, ascending; all under 0.0 if nothing is scheduled.
+        """Return the loops by scheduling value, ascending; all with key 0.0 without a schedule.
 
         Raises
         ------
         InputError
-            If the scheduling variable moves within a loop.
+            If the scheduling variable changes during a loop.
         """
         if self.schedule is None:
             return {0.0: list(self.loops)}
         for loop in self.loops:
             if loop.schedule_value is None:
                 raise InputError(
-                    f"loop '{loop.label}': the {self.schedule.name} moves during the loop; loops "
-                    "at constant values are needed here (cleaning step 'steady' settles wobble)",
+                    f"loop '{loop.label}': the {self.schedule.name} changes during the loop; loops "
+                    "at constant values are required (cleaning step 'steady' removes small changes)",
                     code="schedule-moves",
                     key=self.schedule.name,
                 )
@@ -269,32 +269,34 @@ class Loops(Result):
         }
 
     def at(self, values: float | Iterable[float]) -> Loops:
-        """Loops at the given scheduling values only (found to 1e-9 of the largest).
+        """Return the loops at the given scheduling values (to 1e-9 of the largest).
 
         Raises
         ------
         InputError
-            If a value has no loop.
+            If there is no loop at a value.
         """
         requested = [values] if isinstance(values, int | float) else list(values)
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
         selected: set[float] = set()
         for value in requested:
-            near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
-            if not near:
-                have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
-                raise InputError(f"no loop at {value:g}; there are: {have}", code="no-such-loop")
-            selected |= near
+            matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
+            if not matching_values:
+                value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
+                raise InputError(
+                    f"no loop at {value:g}; there are: {value_list}", code="no-such-loop"
+                )
+            selected |= matching_values
         loops = tuple(loop for loop in self.loops if loop.schedule_value in selected)
         return replace(self, loops=loops)
 
     def without(self, value: float) -> Loops:
-        """All loops but those at one scheduling value.
+        """Return all loops except those at one scheduling value.
 
         Raises
         ------
         InputError
-            If there is no loop at that value, or nothing is left.
+            If there is no loop at that value, or no loop remains.
         """
         removed_ids = {id(loop) for loop in self.at(value).loops}
         return replace(
@@ -302,41 +304,41 @@ class Loops(Result):
         )
 
     def with_loops(self, loops: Iterable[Loop], repair: str | None = None) -> Loops:
-        """Return the same set with other loops, and the repair that made them so."""
+        """Return the same set with other loops, and add the repair that changed them."""
         repairs = self.repairs if repair is None else (*self.repairs, repair)
         return replace(self, loops=tuple(loops), repairs=repairs)
 
     def with_history(self, history: HistoryLike) -> Loops:
-        """Return the same set with every loop declaring the given history."""
+        """Return the same set with the given history for every loop."""
         past = History.of(history)
         return self.with_loops(replace(loop, history=past) for loop in self.loops)
 
     def require_reversals(self) -> None:
-        """Refuse loops that never reverse, as identification must.
+        """Raise an error for loops without a reversal, which identification cannot use.
 
         Raises
         ------
         InputError
-            Naming the first such loop.
+            With the first such loop.
         """
         for loop in self.loops:
             if not loop.reverses:
                 raise InputError(
                     f"{self.describe(loop)}: the {self.input.name} never reverses, so there is no "
-                    "hysteresis to see; record at least one way up and back",
+                    "hysteresis in the record; record at least one ascending and one descending branch",
                     code="no-reversal",
                 )
 
     def describe(self, loop: Loop) -> str:
-        """Name a loop for a message: its file, its label and its scheduling value."""
-        where = f"{loop.source}: " if loop.source else ""
+        """Return the name of a loop for a message: its file, its label and its scheduling value."""
+        file_text = f"{loop.source}: " if loop.source else ""
         value = loop.schedule_value
         if self.schedule is None or value is None:
-            return f"{where}loop '{loop.label}'"
-        return f"{where}loop '{loop.label}' at {self.schedule.show(value)}"
+            return f"{file_text}loop '{loop.label}'"
+        return f"{file_text}loop '{loop.label}' at {self.schedule.show(value)}"
 
     def to_columns(self) -> dict[str, Column]:
-        """All loops one below the other, as columns of SI values by header."""
+        """Return all loops one after the other, as columns of SI values by header."""
         codes = np.concatenate([np.full(loop.n, n, np.int32) for n, loop in enumerate(self.loops)])
         columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
@@ -350,7 +352,7 @@ class Loops(Result):
         return columns
 
     def facts(self) -> dict[str, str]:
-        """Return number of loops and samples, ranges, and where they were measured."""
+        """Return the numbers of loops and samples, the ranges, and the scheduling values."""
         drive = [end for loop in self.loops for end in (loop.input.min(), loop.input.max())]
         answer = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
         facts = {
@@ -371,17 +373,19 @@ class Loops(Result):
         rows = []
         for loop in self.loops[:MAX_ROWS]:
             value = loop.schedule_value
-            shown = [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
+            schedule_fields = (
+                [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
+            )
             ends = (
                 f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output)
             )
-            rows.append([loop.label, *shown, str(loop.n), *ends, loop.history.kind])
-        rest = len(self) - len(rows)
-        rows += [[f"and {count_text(rest, 'more loop')}"]] if rest else []
+            rows.append([loop.label, *schedule_fields, str(loop.n), *ends, loop.history.kind])
+        hidden_count = len(self) - len(rows)
+        rows += [[f"and {count_text(hidden_count, 'more loop')}"]] if hidden_count else []
         return super()._repr_html_() + html_table(head, rows)
 
     def draw(self, ax: Axes) -> None:
-        """Draw all loops, output over input, one colour a scheduling value."""
+        """Draw all loops, output over input, with one colour for each scheduling value."""
         scale, label = length_scale(self.output)
         has_moving_schedule = any(loop.schedule_value is None for loop in self.loops)
         for group, shade in schedule_colours(
@@ -393,14 +397,14 @@ class Loops(Result):
                     shown_rows = thinning_slice(loop.n)
                     output = loop.output[shown_rows] * scale
                     ax.plot(loop.input[shown_rows], output, color=shade, lw=1.1, label=name)
-                    name = None  # one entry a group
+                    name = None  # one legend entry for each value
         ax.set_xlabel(self.input.label)
         ax.set_ylabel(label)
 
     def save(self, path: PathLike) -> Path:
-        """Write all loops to one CSV file, SI units, full precision, whole or not at all.
+        """Write all loops to one CSV file, SI units, full precision; no partial file is left.
 
-        Histories are not written: state them when reading the file back.
+        Histories are not written; state them again to read the file.
 
         Raises
         ------
@@ -412,7 +416,7 @@ class Loops(Result):
 
 
 def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
-    """Return a loop whose columns are all changed alike, except those that are given."""
+    """Return a loop with the same change to all columns, except those that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed = {
         name: change(values)
@@ -423,15 +427,15 @@ def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **ot
 
 
 def is_even(loopset: Loops) -> bool:
-    """Whether the output does not depend on the sign of the input, as force cannot.
+    """Whether the output is independent of the sign of the input, as a force usually is.
 
-    Not so in a magnet with a bias (permanent magnet or second coil): its force follows the input.
+    False for a magnet with a bias (permanent magnet or second coil), whose force follows the sign.
     """
     return are_even(loopset.loops, loopset.output)
 
 
 def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
-    """Whether an output does not depend on the sign of the input, as `is_even`."""
+    """Whether an output is independent of the sign of the input, as in `is_even`."""
     if not output_map(output).is_even:
         return False
     bipolar = [loop for loop in loops if is_bipolar(loop.input)]
@@ -439,7 +443,7 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
 
 
 def fold_input(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
-    """Input and output of a loop; an even output over the size of its input."""
+    """Return input and output of a loop, with the magnitude of the input for an even output."""
     if even and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output
     if even and is_negative(loop.input):

@@ -1,4 +1,9 @@
-"""What an output makes of the flux density in the iron: known of the quantity, and asked of it once."""
+"""Relation between the flux density of the iron and each output quantity.
+
+An output is ``c_out * B**power + out_0``. `OUTPUT_MAPS` states the power and other properties of
+each quantity, such as whether it has a natural zero. `full_scale` defines the reference of all
+relative errors.
+"""
 
 from __future__ import annotations
 
@@ -14,24 +19,25 @@ from anhyst.support.units import QUANTITIES, Quantity, choose_display_unit
 
 @dataclass(frozen=True, slots=True)
 class OutputMap:
-    """Output over flux density, ``c_out * B**power + out_0``."""
+    """Properties of an output quantity, ``c_out * B**power + out_0``."""
 
-    quantity: str  # name of the output
-    # power of the flux density; an even one does not depend on the sign of the input
+    quantity: str  # name of the output quantity
+    # power of the flux density
     power: int = 1
-    # whether the output grows with the flux of the iron, and encloses energy with the input
+    # whether the output grows with the flux of the iron, so that its loop over the input is an
+    # energy
     is_flux_based: bool = False
     is_flux_density: bool = False  # whether the output is the flux density itself, ``c_out = 1``
-    # whether the output has a natural zero; else deviations refer to its range
+    # whether the output has a natural zero; otherwise deviations refer to its range
     has_natural_zero: bool = True
-    # whether a body that deforms by itself gives it, with lag and creep and no iron in it
+    # whether an active material without iron gives the output, with lag and creep
     has_creep: bool = False
-    # name of the quantity that it is where a current or a field drives, if that is another one
+    # name of the quantity if a current or a field drives it, if different
     magnetised_name: str = ""
 
     @property
     def is_even(self) -> bool:
-        """Whether the output is the same for a flux density and its negative."""
+        """Whether the output is the same for both signs of the flux density."""
         return self.power % 2 == 0
 
     def shape(self, flux_density: FloatArray) -> FloatArray:
@@ -53,19 +59,19 @@ OUTPUT_MAPS = {
         OutputMap("magnetostriction", power=2),
     )
 }
-"""By the name of the quantity, first choice of an output first."""
+"""Output maps by quantity, in the order of preference if a table contains several outputs."""
 
 
 def output_map(output: Quantity) -> OutputMap:
-    """Return the map of an output; in proportion to the flux density if nothing else is known."""
+    """Return the map of an output; an unknown output is proportional to the flux density."""
     return OUTPUT_MAPS.get(output.name) or OutputMap(output.name)
 
 
 def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
-    """Return the full scale of an output, to which every relative deviation refers.
+    """Return the full scale of an output, the reference of every relative deviation.
 
-    It is the largest size in all records. A displacement or a strain has no natural zero: its full
-    scale is the largest range of a record.
+    It is the largest magnitude in all records. A displacement or a strain has no natural zero; its
+    full scale is the largest range of a record.
     """
     has_zero = output_map(output).has_natural_zero
     sizes = (float(np.max(np.abs(each)) if has_zero else np.ptp(each)) for each in records)
@@ -73,7 +79,7 @@ def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
 
 
 def name_full_scale(output: Quantity, size: float | None = None) -> str:
-    """Return the words for a full scale, with its size if given: ``the largest force (24 N)``."""
+    """Return the name of a full scale, with its value if given: ``the largest force (24 N)``."""
     name = output.name.replace("_", " ")
     words = (
         f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
@@ -85,28 +91,28 @@ def name_full_scale(output: Quantity, size: float | None = None) -> str:
 
 
 def measured_quantity(drive: Quantity, answer: Quantity) -> Quantity:
-    """Return what a column measures under a drive: strain of what is magnetised is even."""
+    """Return the quantity of an output for a drive; strain of a magnetised body is even."""
     name = output_map(answer).magnetised_name
     return QUANTITIES[name] if name and drive.name in {"current", "field"} else answer
 
 
 class Device(Protocol):
-    """Loops, or a model: anything with an input and an output."""
+    """Loops or a model: anything with an input and an output quantity."""
 
     @property
     def input(self) -> Quantity:
-        """What drives it."""
+        """Quantity of the drive."""
 
     @property
     def output(self) -> Quantity:
-        """What it answers with."""
+        """Quantity of the response."""
 
 
 def is_actuator(device: Device) -> bool:
-    """Whether a current makes a force: what moves a body."""
+    """Whether a current produces a force that moves a body."""
     return device.input.name == "current" and device.output.name in ("force", "thrust")
 
 
 def is_electromagnet(device: Device) -> bool:
-    """Whether a current pulls: what a bearing and a force controller are made of."""
+    """Whether a current produces an attraction, as in bearings and force control."""
     return device.input.name == "current" and output_map(device.output).is_even

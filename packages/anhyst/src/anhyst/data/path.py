@@ -1,6 +1,7 @@
-"""The path a drive takes: its turning points, before the first sample and along it, and branches between.
+"""Find reversals, branches and invalid samples, and represent the history before a record.
 
-Wobble below a threshold is ignored.
+Input changes below a threshold are ignored. `History` states the reversal points before the first
+sample.
 """
 
 from __future__ import annotations
@@ -20,58 +21,61 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 MIN_REVERSAL_SHARE = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
+"""Minimum size of a reversal, as a fraction of the input range."""
 MAX_MEASURED_VALUE = 1e50
-"""Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
+"""Largest magnitude of a measured value in any unit; its squares and sums stay finite."""
 
 
 def find_runs(mask: NDArray[np.bool_]) -> list[slice]:
-    """Return the stretches of rows at which a mask is true."""
+    """Return the stretches of rows where a mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the states of play operators over some drives, (drives, n); shape (n, drives, plays)."""
+    """Return the states of play operators for several drives.
+
+    ``drive`` has shape (drives, n), and the result has shape (n, drives, plays).
+    """
     along = drive.T[:, :, None]
     low, high = along - thresholds, along + thresholds
     states = np.empty_like(low)
-    now = start
+    current = start
     for i, state in enumerate(states):
-        now = np.minimum(np.maximum(now, low[i]), high[i], out=state)
+        current = np.minimum(np.maximum(current, low[i]), high[i], out=state)
     return states
 
 
 def find_turning_points(values: FloatArray, threshold: float | None = None) -> NDArray[np.intp]:
-    """Find the first sample, every reversal larger than the threshold, and the last sample.
+    """Return the indices of the first sample, the reversals above a threshold and the last sample.
 
-    The threshold is `REVERSAL` of the range unless it is given.
+    The default threshold is `MIN_REVERSAL_SHARE` of the range.
 
-    >>> turning_points(np.array([0.0, 1.0, 0.99, 2.0, 1.0, 0.0]), 0.1).tolist()
+    >>> find_turning_points(np.array([0.0, 1.0, 0.99, 2.0, 1.0, 0.0]), 0.1).tolist()
     [0, 3, 5]
     """
     threshold = MIN_REVERSAL_SHARE * float(np.ptp(values)) if threshold is None else threshold
     extremes = _find_local_extremes(values)
     heights = values[extremes].tolist()
     reversals = [0]
-    low = high = direction = 0
+    lowest = highest = direction = 0
     for index, height in enumerate(heights):
-        if direction <= 0 and height < heights[low]:
-            low = index
-        if direction >= 0 and height > heights[high]:
-            high = index
-        if direction <= 0 and height - heights[low] > threshold:
-            reversals.append(low)
-            direction, high = 1, index
-        elif direction >= 0 and heights[high] - height > threshold:
-            reversals.append(high)
-            direction, low = -1, index
+        if direction <= 0 and height < heights[lowest]:
+            lowest = index
+        if direction >= 0 and height > heights[highest]:
+            highest = index
+        if direction <= 0 and height - heights[lowest] > threshold:
+            reversals.append(lowest)
+            direction, highest = 1, index
+        elif direction >= 0 and heights[highest] - height > threshold:
+            reversals.append(highest)
+            direction, lowest = -1, index
     selected = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
     return extremes[selected]
 
 
 def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
-    """Count the reversals larger than a threshold, as `turning_points`."""
+    """Return the number of reversals above a threshold, as in `find_turning_points`."""
     return max(0, find_turning_points(values, threshold).size - 2)
 
 
@@ -79,21 +83,21 @@ def find_crossings(
     values: FloatArray, other: FloatArray, level: float, *, rising: bool
 ) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction."""
-    below = values < level if rising else values > level
-    at = np.flatnonzero(below[:-1] & ~below[1:])
-    share = (level - values[at]) / (values[at + 1] - values[at])
-    return other[at] + share * (other[at + 1] - other[at])
+    is_before = values < level if rising else values > level
+    rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
+    share = (level - values[rows]) / (values[rows + 1] - values[rows])
+    return other[rows] + share * (other[rows + 1] - other[rows])
 
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
-    """Whether each sample can be a measured value: no NaN, infinity, or beyond `LARGEST`."""
+    """Return where samples can be measured: not NaN, infinite or above `MAX_MEASURED_VALUE`."""
     return np.asarray(np.abs(values) <= MAX_MEASURED_VALUE)
 
 
 _MIN_MARK_DISTANCE = 10.0
-"""Ranges of the other values from which a value that repeats at the end of the range is a mark."""
+"""Minimum distance of an overrange mark from the other values, in ranges of them, if it repeats."""
 _MIN_KNOWN_MARK_DISTANCE = 2.0
-"""The same for a value that instruments are known to send in place of one."""
+"""The same for a number that instruments are known to use as a mark."""
 _MAX_MARK_SHARE = 0.2
 _MAX_PLAIN_NUMBER = 1e16
 _MIN_OTHER_SAMPLES = 8
@@ -101,13 +105,14 @@ _KNOWN_MARK = re.compile(
     r"9{3,}|32767|32768|65535|65536|8388607|8388608|2147483647|2147483648|4294967295|3402823\d*"
     r"|10{6,}"
 )
-"""Digits of overrange marks: nines, the ends of whole numbers of a converter, the largest float."""
+"""Digits of overrange marks: nines, the limits of integers of converters, the largest float."""
 
 
 def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
     """Return a value that is far outside all others and looks like an overrange mark.
 
-    In an output, any value that repeats there does; an input may consist of pulses.
+    In an output, any repeated value of this kind is a mark. An input may consist of pulses, so only
+    known marks count.
     """
     measured = values[are_measured(values)]
     if measured.size < 2 * _MIN_OTHER_SAMPLES:
@@ -115,11 +120,11 @@ def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
     for mark in (float(measured.max()), float(measured.min())):
         is_mark = measured == mark
         count = int(np.count_nonzero(is_mark))
-        others = measured[~is_mark]
-        if others.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured.size:
+        other_values = measured[~is_mark]
+        if other_values.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured.size:
             continue
-        span = float(np.ptp(others))
-        distance = float(np.min(np.abs(others - mark)))
+        span = float(np.ptp(other_values))
+        distance = float(np.min(np.abs(other_values - mark)))
         is_known = _KNOWN_MARK.fullmatch(_significant_digits(mark)) is not None
         if span > 0.0 and (
             (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * span)
@@ -130,7 +135,7 @@ def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
 
 
 def _significant_digits(value: float) -> str:
-    """Return the digits of a number without sign, point and zeros in front."""
+    """Return the digits of a number without sign, decimal point and leading zeros."""
     text = f"{abs(value):.7g}"
     if "e" in text:
         text = f"{abs(value):.0f}" if abs(value) < _MAX_PLAIN_NUMBER else text.partition("e")[0]
@@ -138,20 +143,21 @@ def _significant_digits(value: float) -> str:
 
 
 def refuse_missing(
-    where: Callable[[int], str],
+    locate_row: Callable[[int], str],
     columns: Sequence[tuple[str, FloatArray]],
     remedy: str = "remove the lines",
 ) -> None:
-    """Refuse columns, by their headers, that have a sample without a measured value.
+    """Raise an error for columns that contain a sample without a measured value.
 
-    Every format reads overrange and invalid samples as NaN.
+    Every format returns overrange and invalid samples as NaN. ``columns`` are pairs of header and
+    values.
     """
-    missing = [~are_measured(values) for _, values in columns]
-    for (name, _), is_missing in zip(columns, missing, strict=True):
+    missing_masks = [~are_measured(values) for _, values in columns]
+    for (name, _), is_missing in zip(columns, missing_masks, strict=True):
         if is_missing.any():
-            rows = np.logical_or.reduce(missing)
+            rows = np.logical_or.reduce(missing_masks)
             raise InputError(
-                f"{where(int(np.argmax(is_missing)))}, column '{name}': no measured value "
+                f"{locate_row(int(np.argmax(is_missing)))}, column '{name}': no measured value "
                 f"(overrange, invalid or empty), as in {np.count_nonzero(rows)} of {rows.size} "
                 f"samples; {remedy}",
                 code="not-finite",
@@ -160,32 +166,33 @@ def refuse_missing(
 
 
 def find_time_reversal(time: FloatArray) -> int | None:
-    """Find the index of the first sample whose time is before that of the sample before it."""
+    """Return the index of the first sample that is earlier than the previous one, or ``None``."""
     back = np.flatnonzero(np.diff(time) < 0.0)
     return int(back[0]) + 1 if back.size else None
 
 
 def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
-    """Find the first and the last sample and every local extreme (first of equals)."""
+    """Return the indices of the ends and of every local extreme (the first of equal samples)."""
     moving = np.flatnonzero(np.diff(values) != 0.0)
     if moving.size == 0:
         return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
     up = values[moving + 1] > values[moving]
-    inner = moving[np.flatnonzero(up[1:] != up[:-1])] + 1
-    return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
+    inner_extremes = moving[np.flatnonzero(up[1:] != up[:-1])] + 1
+    return np.unique(np.concatenate(([0], inner_extremes, [values.size - 1]))).astype(np.intp)
 
 
 _MAX_STEP_SHARE = 0.5
-"""Largest step of the output, in parts of its range, beyond which samples in steep parts are added."""
+"""Maximum step of the output, as a fraction of its range, above which samples are added."""
 
 
 def thin_rows(
     drive: FloatArray, max_samples: int, output: FloatArray | None = None
 ) -> NDArray[np.intp]:
-    """Return the places of at most about `most` samples, and of every reversal.
+    """Return the rows of about ``max_samples`` samples at most, and of every reversal.
 
-    The samples are spread evenly over the way of the drive. If an output is steep somewhere, more
-    are added, so that no step of it exceeds the mean step: at most twice as many in all.
+    The samples are evenly spaced along the travel of the drive. If the output has a step above
+    `_MAX_STEP_SHARE`, samples are added until no step exceeds the mean step, at most twice as many
+    in total.
     """
     if drive.size <= max_samples:
         return np.arange(drive.size)
@@ -208,20 +215,20 @@ def _travel(values: FloatArray) -> FloatArray:
 
 
 def _spread_evenly(travel: FloatArray, count: int) -> NDArray[np.intp]:
-    """Return the places of `most` samples, spread evenly over a way."""
+    """Return the indices of ``count`` samples, evenly spaced along a travel."""
     nearest = np.searchsorted(travel, np.linspace(travel[0], travel[-1], count))
     return np.clip(nearest, 0, travel.size - 1)
 
 
 _MIN_BRANCH_SHARE = 0.05
-"""Input reversals below this share of its range are noise, not branches."""
+"""Minimum size of an input reversal that separates branches, as a fraction of the range."""
 _MAX_REPEAT_DISTANCE = 0.03
-"""Branches repeat each other if their ends agree within this share of the range."""
+"""Maximum distance between the ends of repeated branches, as a fraction of the range."""
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Samples ``start`` to ``stop`` (exclusive) of a loop, over which the input is monotonic."""
+    """Samples ``start`` to ``stop`` (exclusive) of a loop, in which the input is monotonic."""
 
     start: int
     stop: int
@@ -229,7 +236,7 @@ class Branch:
 
     @property
     def rows(self) -> slice:
-        """The branch's samples."""
+        """The samples of the branch."""
         return slice(self.start, self.stop)
 
     @property
@@ -239,10 +246,10 @@ class Branch:
 
 
 def find_branches(drive: FloatArray) -> list[Branch]:
-    """Cut a record at its reversals; neighbours share the turning point."""
+    """Cut a record into branches at its reversals; neighbours share the turning point."""
     wobble = _MIN_BRANCH_SHARE * float(np.ptp(drive))
     turns = find_turning_points(drive, wobble).tolist()
-    # A record that wobbles before it sets out, or after it has come home, has no branch there.
+    # Wobble before the drive starts or after it has returned is not a branch.
     while len(turns) > 2 and abs(drive[turns[1]] - drive[0]) <= wobble:
         del turns[1]
     while len(turns) > 2 and abs(drive[turns[-2]] - drive[-1]) <= wobble:
@@ -251,20 +258,20 @@ def find_branches(drive: FloatArray) -> list[Branch]:
 
 
 def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
-    """Pairs of branches, one cycle apart, that start and end at the same input."""
-    near = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
+    """Return pairs of branches, one cycle apart, that start and end at the same input."""
+    max_distance = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
     return [
         (first, second)
         for first, second in zip(parts, parts[2:], strict=False)
-        if abs(drive[first.start] - drive[second.start]) <= near
-        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= near
+        if abs(drive[first.start] - drive[second.start]) <= max_distance
+        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= max_distance
     ]
 
 
 def average_in_bins(
     drive: FloatArray, answer: FloatArray, bins: int = 100
 ) -> tuple[FloatArray, FloatArray]:
-    """Average one branch in equal bins of the input."""
+    """Return the means of input and output in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
     bin_of = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
@@ -276,22 +283,25 @@ def average_in_bins(
 
 
 def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a curve through samples, averaged in bins of the input, straight on to both ends."""
+    """Return a binned curve through samples, extrapolated linearly to both ends."""
     x, y = average_in_bins(drive, answer, 60)
     if x.size < 2:
         return x, y
     slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
-    ends = np.array([drive.min(), drive.max()])
-    outer = y[[0, -1]] + slopes * (ends - x[[0, -1]])
-    return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([outer[:1], y, outer[1:]])
+    end_inputs = np.array([drive.min(), drive.max()])
+    end_outputs = y[[0, -1]] + slopes * (end_inputs - x[[0, -1]])
+    return np.concatenate([end_inputs[:1], x, end_inputs[1:]]), np.concatenate(
+        [end_outputs[:1], y, end_outputs[1:]]
+    )
 
 
 def branch_separation(
     drive: FloatArray, answer: FloatArray, first: Branch, second: Branch
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Output of the falling branch minus that of the rising one, over the input they share.
+    """Return an input grid and the output of the falling branch minus that of the rising branch.
 
-    Positive where the loop runs as one that loses energy. ``None`` if they share nothing.
+    The difference is positive if the loop loses energy. ``None`` if the branches have no common
+    input.
     """
     up, down = (first, second) if first.is_rising else (second, first)
     x1, y1 = average_in_bins(drive[up.rows], answer[up.rows])
@@ -304,18 +314,18 @@ def branch_separation(
 
 
 def is_bipolar(drive: FloatArray) -> bool:
-    """Whether the input takes both signs, by more than a tenth of the larger."""
+    """Whether the input has both signs, and the smaller extreme is above a tenth of the larger."""
     low, high = float(drive.min()), float(drive.max())
     return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
 
 
 def is_negative(drive: FloatArray) -> bool:
-    """Whether the input takes negative values only, but for an offset or noise around zero."""
+    """Whether the input is negative, except for an offset or noise around zero."""
     return not is_bipolar(drive) and float(drive.min()) < -abs(float(drive.max()))
 
 
 def correlation(first: FloatArray, second: FloatArray) -> float:
-    """Coefficient of correlation of two signals; 0 if one is constant."""
+    """Return the correlation coefficient of two signals; 0 if one is constant."""
     a, b = first - first.mean(), second - second.mean()
     scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
     return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
@@ -331,13 +341,13 @@ _HISTORY_ADVICE = (
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """The magnetic past of a loop.
+    """The magnetic history before a loop.
 
-    ``demagnetised``: nothing; ``settled``: the loop is a cycle that has been run often, after
-    the drive had gone through ``turning_points``, if there are any; ``conditioned``: the drive went
-    through ``turning_points`` (SI units of the input), from the demagnetised state, just before the
-    first sample. ``schedule`` holds the scheduling variable at each of these, SI, None where it was
-    that of the loop; empty if it was so at all.
+    ``demagnetised``: none. ``settled``: the loop is a cycle that was repeated many times, after the
+    drive had gone through ``turning_points``, if any. ``conditioned``: the drive went from the
+    demagnetised state through ``turning_points`` (SI units of the input), just before the first
+    sample. ``schedule`` holds the scheduling variable at each turning point (SI units), or ``None``
+    for the value of the loop. It is empty if all turning points were at that value.
     """
 
     kind: HistoryKind
@@ -351,8 +361,11 @@ class History:
                 code="unknown-history",
                 key="history",
             )
-        wrong = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
-        if wrong.get(self.kind, False):
+        wrong_by_kind = {
+            "conditioned": not self.turning_points,
+            "demagnetised": bool(self.turning_points),
+        }
+        if wrong_by_kind.get(self.kind, False):
             raise InputError(
                 f"history '{self.kind}' with the wrong turning points; {_HISTORY_ADVICE}",
                 code="history-turning-points",
@@ -377,9 +390,9 @@ class History:
 
     @classmethod
     def of(cls, value: HistoryLike) -> History:
-        """Return a history as the functions of the package accept it.
+        """Return a history from any form that the functions of the package accept.
 
-        A row of numbers lists the turning points before the first sample.
+        A sequence of numbers lists the turning points before the first sample.
 
         >>> str(History.of([0, 2, 0]))
         'conditioned:0.0,2.0,0.0'
@@ -401,14 +414,14 @@ class History:
 
     @classmethod
     def parse(cls, text: str) -> History:
-        """Read a history from its text form, such as ``settled`` or ``conditioned:0,2,0``.
+        """Return a history from its text form, such as ``settled`` or ``conditioned:0,2,0``.
 
         >>> str(History.parse("conditioned: 0, 2, 0"))
         'conditioned:0.0,2.0,0.0'
         >>> History.parse("settled:0,3,0@0.0003;0,2,0").schedule
         (0.0003, 0.0003, 0.0003, None, None, None)
         """
-        kind, colon, rest = text.strip().partition(":")
+        kind, colon, points_text = text.strip().partition(":")
         kind = kind.strip().lower().replace("demagnetized", "demagnetised")
         if kind not in {"demagnetised", "settled", "conditioned"}:
             raise InputError(
@@ -419,26 +432,26 @@ class History:
         points: list[float] = []
         schedule: list[float | None] = []
         try:
-            for stretch in rest.split(";") if colon else ():
+            for stretch in points_text.split(";") if colon else ():
                 turns, at_sign, value = stretch.partition("@")
                 points += [float(point) for point in turns.split(",")]
                 schedule_value = float(value) if at_sign else None
                 schedule += [schedule_value] * (len(points) - len(schedule))
         except ValueError:
             raise InputError(
-                f"history '{text}': turning points are no numbers; {_HISTORY_ADVICE}",
+                f"history '{text}': turning points are not numbers; {_HISTORY_ADVICE}",
                 code="history-turning-points",
                 key="history",
             ) from None
         return cls(cast("HistoryKind", kind), tuple(points), tuple(schedule))
 
     def schedule_at_points(self, loop_value: float | None) -> tuple[float | None, ...]:
-        """Return the scheduling variable at each turning point, for a loop at a value of its own."""
+        """Return the scheduling variable at each turning point, given the value of the loop."""
         schedule = self.schedule or (None,) * len(self.turning_points)
         return tuple(loop_value if value is None else value for value in schedule)
 
     def __str__(self) -> str:
-        """Text form, exact to the last digit; `parse` reads it back."""
+        """Return the text form with full precision, which `parse` accepts."""
         if not self.turning_points:
             return self.kind
         pairs = zip(self.turning_points, self.schedule_at_points(None), strict=True)
@@ -454,7 +467,7 @@ HistoryLike = History | str | Sequence[float] | FloatArray
 
 
 def history_text(history: HistoryLike) -> str:
-    """Return the text form of a history; a text stays as it was written."""
+    """Return the text form of a history; a text is returned unchanged."""
     return history if isinstance(history, str) else str(History.of(history))
 
 

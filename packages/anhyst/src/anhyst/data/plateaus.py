@@ -1,7 +1,8 @@
-"""Plateaus of a measured gap: a sensor adds noise to a gap that is set and kept.
+"""Find the plateaus of a noisy scheduling variable, such as a gap that is set and kept constant.
 
-A moving average shows whether the value rests. Samples near the mean of a rest belong to it, and
-samples between two rests belong to no loop. A gap that moves during the loops has no such rests.
+A moving average shows where the value is constant. Samples near the mean of such a stretch belong
+to it, and samples between two stretches belong to no loop. A gap that changes during the loops has
+no plateaus.
 """
 
 from __future__ import annotations
@@ -18,25 +19,25 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
 
 _MIN_RUN_SAMPLES = 6
-"""Exact values that last at least this long need no search."""
+"""Minimum length of runs of equal values that count as exact and need no search."""
 _WINDOW_SHARE = 0.01
-"""Width of the moving average, in parts of the record."""
+"""Width of the moving average, as a fraction of the record."""
 _MAX_WINDOW_SAMPLES = 301
 _MIN_WINDOW_SAMPLES = 5
 _MAX_DRIFT = 0.005
-"""Change of the moving average within a plateau, in parts of its value; the noise is added."""
+"""Maximum change of the moving average within a plateau, relative to the median; noise is added."""
 _MAX_DISTANCE_SIGMAS = 6.0
-"""Samples farther from a plateau than this number of standard deviations lie beside it."""
+"""Maximum distance of a sample from its plateau, in standard deviations."""
 _MAX_LOST_SHARE = 0.1
-"""Part of the record that may lie between the plateaus."""
+"""Fraction of the record between the plateaus above which the input must be constant there."""
 _MIN_INPUT_SHARE = 0.3
-"""Part of the input's range that a plateau runs through."""
+"""Minimum part of the input range in a plateau."""
 _MIN_REVERSAL_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Plateaus:
-    """Rows that belong to plateaus, and the value of the plateau at each of them."""
+    """Rows of the plateaus, and the value of the plateau at each of them."""
 
     rows: NDArray[np.intp]
     values: FloatArray
@@ -45,7 +46,7 @@ class Plateaus:
 
 @dataclass(frozen=True, slots=True)
 class _Plateau:
-    """A stretch where the value rests: its rows, mean and standard deviation."""
+    """A stretch of constant value: its rows, mean and standard deviation."""
 
     rows: slice
     mean: float
@@ -53,7 +54,7 @@ class _Plateau:
 
 
 def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> Plateaus | None:
-    """Find the plateaus of a noisy scheduling variable; ``None`` if it is exact or moves."""
+    """Return the plateaus of a noisy scheduling variable; ``None`` if it is exact or changes."""
     bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
     is_exact = bounds.size == 2 or int(np.diff(bounds).min()) >= _MIN_RUN_SAMPLES
     if values.size < 4 * _MIN_WINDOW_SAMPLES or is_exact:
@@ -64,17 +65,20 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
         _Plateau(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)
     ]
     plateaus = exact_plateaus if len(exact_plateaus) > 1 else _search_plateaus(values)
-    if not plateaus or not all(has_loop(drive, rest.rows) for rest in plateaus):
+    if not plateaus or not all(has_loop(drive, plateau.rows) for plateau in plateaus):
         return None
     levels = _plateau_values(plateaus)
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
-        return None  # one temperature with noise says nothing
+        return None  # one temperature with noise contains no information
     plateau_of_row = _assign_rows(values, plateaus)
-    if all(rest.sigma == 0.0 for rest in plateaus) and not _are_only_ramps(values, plateau_of_row):
+    if all(plateau.sigma == 0.0 for plateau in plateaus) and not _are_only_ramps(
+        values, plateau_of_row
+    ):
         return None
     rows = np.flatnonzero(plateau_of_row >= 0)
     if rows.size < (1.0 - _MAX_LOST_SHARE) * values.size:
-        # No loop is cut, however long it takes, if the input rests wherever the gap moves.
+        # If the input is constant wherever the gap changes, no loop is cut, however many rows are
+        # lost.
         span = float(np.ptp(drive))
         if any(
             np.ptp(drive[moved]) > _MIN_REVERSAL_SHARE * span
@@ -89,19 +93,23 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
 
 
 def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> bool:
-    """Whether all that is left out lies between two gaps, and is not a wrong value at one of them."""
+    """Whether all rows outside the plateaus are ramps between two values, and not outliers."""
     for rows in find_runs(plateau_of_row < 0):
         if rows.start == 0 or rows.stop == values.size:
             return False
-        low, high = sorted((values[rows.start - 1], values[rows.stop]))
-        between = values[rows]
-        if low == high or between.min() < low or between.max() > high:
+        lower_value, upper_value = sorted((values[rows.start - 1], values[rows.stop]))
+        values_between = values[rows]
+        if (
+            lower_value == upper_value
+            or values_between.min() < lower_value
+            or values_between.max() > upper_value
+        ):
             return False
     return True
 
 
 def _search_plateaus(values: FloatArray) -> list[_Plateau]:
-    """Find the stretches whose moving average stays; an empty list if it drifts within one."""
+    """Return the stretches with a constant moving average; empty if it drifts within one."""
     from scipy.ndimage import uniform_filter1d  # slow to load, and needed for noisy gaps only
 
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
@@ -119,8 +127,8 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
     for rows in find_runs(is_still):
         if rows.stop - rows.start < 2 * width:
             continue
-        inner = values[rows]
-        mean, sigma = float(np.mean(inner)), float(np.std(inner))
+        plateau_values = values[rows]
+        mean, sigma = float(np.mean(plateau_values)), float(np.std(plateau_values))
         swing = float(np.ptp(smooth[rows]))
         if swing > 2.0 * max_change:
             return []
@@ -129,51 +137,53 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
 
 
 def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
-    """Whether some rows of a record hold a loop: the input runs through much of its range and back."""
-    inner, span = drive[rows], float(np.ptp(drive))
-    is_wide = float(np.ptp(inner)) >= _MIN_INPUT_SHARE * span
-    return is_wide and reversal_count(inner, _MIN_REVERSAL_SHARE * span) > 0
+    """Whether rows contain a loop: the input covers much of its range and reverses."""
+    inputs, span = drive[rows], float(np.ptp(drive))
+    is_wide = float(np.ptp(inputs)) >= _MIN_INPUT_SHARE * span
+    return is_wide and reversal_count(inputs, _MIN_REVERSAL_SHARE * span) > 0
 
 
 def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
-    """Return the value of each rest, one for those that agree, rounded well below the scatter."""
+    """Return the value of each plateau, rounded well below the scatter, equal if plateaus agree."""
     levels: list[float] = []
-    for rest in plateaus:
-        decimals = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
-        # Contact is 0, whatever the zero of the sensor makes of it.
-        equal_levels = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
-        levels.append(equal_levels[0] if equal_levels else round(rest.mean, decimals))
+    for plateau in plateaus:
+        decimals = max(0, 1 - math.floor(math.log10(plateau.sigma))) if plateau.sigma > 0.0 else 12
+        # At contact the gap is 0, even if the sensor has an offset.
+        equal_levels = [
+            level for level in (*levels, 0.0) if abs(level - plateau.mean) <= plateau.sigma
+        ]
+        levels.append(equal_levels[0] if equal_levels else round(plateau.mean, decimals))
     return levels
 
 
 def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.intp]:
-    """Return the rest that each row belongs to, -1 for rows between two."""
+    """Return the index of the plateau of each row, -1 for rows between two plateaus."""
     plateau_of_row = np.full(values.size, -1, np.intp)
-    edges = [0, *(rest.rows.stop for rest in plateaus[:-1]), values.size]
-    for index, rest in enumerate(plateaus):
-        # Up to the next rest a row may belong to either.
+    edges = [0, *(plateau.rows.stop for plateau in plateaus[:-1]), values.size]
+    for index, plateau in enumerate(plateaus):
+        # A row between two plateaus may belong to either.
         start = edges[index] if index == 0 else plateaus[index - 1].rows.stop
         stop = values.size if index + 1 == len(plateaus) else plateaus[index + 1].rows.start
         rows = slice(start, stop)
-        distance = np.abs(values[rows] - rest.mean)
-        is_near = distance <= _MAX_DISTANCE_SIGMAS * rest.sigma
-        for other in (index - 1, index + 1):
-            if 0 <= other < len(plateaus):
-                is_near &= distance <= np.abs(values[rows] - plateaus[other].mean)
+        distance = np.abs(values[rows] - plateau.mean)
+        is_near = distance <= _MAX_DISTANCE_SIGMAS * plateau.sigma
+        for neighbour in (index - 1, index + 1):
+            if 0 <= neighbour < len(plateaus):
+                is_near &= distance <= np.abs(values[rows] - plateaus[neighbour].mean)
         plateau_of_row[rows][is_near] = index
-        plateau_of_row[rest.rows] = index
+        plateau_of_row[plateau.rows] = index
     return plateau_of_row
 
 
 def _describe(
     plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity
 ) -> str:
-    scatter = max(rest.sigma for rest in plateaus)
+    scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
-    shown = list(dict.fromkeys(texts))
+    value_texts = list(dict.fromkeys(texts))
     size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
     name = quantity.name.replace("_", " ")
-    many = f"{len(shown)} plateaus" if len(shown) > 1 else "one plateau"
-    text = f"{name} has {many}:{','.join(shown)}"
+    count_text = f"{len(value_texts)} plateaus" if len(value_texts) > 1 else "one plateau"
+    text = f"{name} has {count_text}:{','.join(value_texts)}"
     text += f" (scatter {size})" if scatter != 0.0 else ""
     return text + (f"; {lost_count} samples between them left out" if lost_count else "")

@@ -1,4 +1,9 @@
-"""Is a record what its headers say? Swapped channels and flipped signs give themselves away."""
+"""Check whether records are physically plausible, to find swapped channels and reversed signs.
+
+The attraction of an electromagnet grows with the square of the flux, flux grows with the field, and
+a loop loses energy. Records that contradict this raise an error with the option that corrects it.
+Less certain findings become warnings.
+"""
 
 from __future__ import annotations
 
@@ -30,38 +35,37 @@ _PLAUSIBLE_RANGES: dict[str, tuple[float, float, str, str]] = {
     "flux_density": (1e-5, 4.0, "T, not mT", "mT or G, not T"),
     "displacement": (1e-10, 1.0, "um, not nm", "mm or um, not m"),
 }
-"""What an actuator's largest value lies between, SI, and the likely unit below and above that."""
+"""Plausible largest value of each quantity (SI), and the likely unit below and above that range."""
 _PLAUSIBLE_GAPS_M = (2e-6, 0.02)
-"""The same of the largest gap, m: below it is finer than surfaces are flat."""
+"""Plausible range of the largest gap, m; surfaces are not flat enough for smaller gaps."""
 _MIN_RELATIVE_DIFFERENCE = 1e-3
-"""Scheduling values nearer to each other than this, relative, are more likely the same."""
+"""Minimum relative difference of scheduling values; closer values are probably equal."""
 _MAX_SWAPPED_CORRELATION = 0.3
 _MIN_SQUARE_CORRELATION = 0.8
 _MAX_SENSOR_OFFSET_SHARE = 0.05
-"""Largest negative force, in parts of the largest of all loops, that may be an offset of the sensor."""
+"""Largest negative force that can be a sensor offset, as a fraction of the largest force."""
 _MIN_CLIPPED_SAMPLES = 8
 _MIN_CLIPPED_SHARE = 0.1
-"""Part of the range of the input over which an output that is not clipped never stays the same."""
+"""Maximum fraction of the input range over which an output that is not clipped can be constant."""
 _MIN_SIGMAS = 4.0
-"""Standard errors by which a slope, or what a cycle would win, must be too large to count as such."""
+"""Number of standard errors by which a slope or an energy must exceed its limit."""
 
 
 def check_plausible(loopset: Loops) -> tuple[str, ...]:
-    """Refuse records that cannot be what they claim, and warn about odd ones.
+    """Raise an error for records that cannot be what their headers state, and return warnings.
 
-    The attraction of an electromagnet grows with the square of the flux: force falls nowhere as
-    the size of the current grows, and starts flat. Flux grows with its field, and energy is lost,
-    not won.
+    The force of an electromagnet never falls as the magnitude of the current grows, and its curve
+    starts flat.
 
-    Columns and signs of the force are judged by the largest loop of each gap, and so is the sense of
-    one that is driven to both sides: in a small one remanence, offset and noise may be larger than
-    what the current adds.
+    Columns and force signs are checked on the largest loop of each gap, because remanence, offset
+    and noise can dominate a small loop. For the same reason, the direction of a bipolar even loop
+    is only checked there.
     """
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
     loopset, is_even_output = recentre(loopset)
     answer = output_map(loopset.output)
-    largest: dict[float | None, Loop] = {}  # by the gap; None where it moves, or there is none
+    largest: dict[float | None, Loop] = {}  # key: gap; None if it changes or there is none
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
         largest.setdefault(loop.schedule_value, loop)
     for loop in loopset.loops:
@@ -69,7 +73,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         is_largest = loop is largest[loop.schedule_value]
         if answer.is_even and is_largest:
             _check_force_sign(loopset, loop, name)
-            # A biased force starts steep.
+            # A biased force starts with a slope.
             if loopset.input.name == "current" and (is_even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
         if (
@@ -89,12 +93,12 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         _check_branch_order(loopset, loop, name)
         warnings += _check_clipping(loopset, loop, name)
         if not loop.reverses:
-            warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
+            warnings.append(f"{name}: the input never reverses, so the record shows no hysteresis")
     return tuple(warnings)
 
 
 def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
-    """Warn of an output that stays at its extreme while the input moves on."""
+    """Warn of an output that is constant at its extreme while the input changes."""
     warnings = []
     for extreme in (float(loop.output.max()), float(loop.output.min())):
         spans = [
@@ -106,7 +110,7 @@ def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
         if extreme != 0.0 and share > _MIN_CLIPPED_SHARE:
             output = loopset.output
             warnings.append(
-                f"{name}: the {output.name.replace('_', ' ')} stays at {extreme:.6g} {output.unit} "
+                f"{name}: the {output.name.replace('_', ' ')} is constant at {extreme:.6g} {output.unit} "
                 f"over {share:.0%} of the {loopset.input.name}'s range: the sensor is clipped, and "
                 "the model will be wrong there; measure again with a larger range of the sensor"
             )
@@ -125,20 +129,20 @@ def _check_schedule(loopset: Loops) -> list[str]:
         )
     if quantity.name == "gap" and 0.0 < values[-1] < _PLAUSIBLE_GAPS_M[0]:
         warnings.append(
-            f"gaps up to {1e3 * values[-1]:.4g} mm are finer than surfaces are flat; if the "
+            f"gaps up to {1e3 * values[-1]:.4g} mm are smaller than the flatness of surfaces; if the "
             "numbers of the file are m, name the column 'gap_m'"
         )
     for lower, upper in itertools.pairwise(values):
         if upper - lower < _MIN_RELATIVE_DIFFERENCE * max(abs(lower), abs(upper)):
             warnings.append(
-                f"{quantity.name} {lower:.9g} and {upper:.9g} {quantity.unit} are all but the same; if "
-                "they are, write one value for both"
+                f"{quantity.name} {lower:.9g} and {upper:.9g} {quantity.unit} are almost equal; if "
+                "they are the same, write one value for both"
             )
     return warnings
 
 
 def _check_magnitude(loopset: Loops) -> list[str]:
-    """Warn of a quantity whose largest value no actuator has."""
+    """Warn of a quantity whose largest value is outside the range of actuators."""
     warnings = []
     for quantity, name in ((loopset.input, "input"), (loopset.output, "output")):
         largest = max(float(np.max(np.abs(getattr(loop, name)))) for loop in loopset.loops)
@@ -148,55 +152,58 @@ def _check_magnitude(loopset: Loops) -> list[str]:
             quantity.name
         ]
         if not min_plausible <= largest <= max_plausible:
-            what = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
+            value_text = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
             unit = unit_if_small if largest < min_plausible else unit_if_large
             warnings.append(
-                f"the largest {what}, which is hardly plausible; are the numbers in {unit}?"
+                f"the largest {value_text}, which is implausible; are the numbers in {unit}?"
             )
     return warnings
 
 
 def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
-    low, high = float(loop.output.min()), float(loop.output.max())
-    if -low <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
+    lowest, highest = float(loop.output.min()), float(loop.output.max())
+    if -lowest <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
         return
     falls = correlation(loop.input**2, loop.output) < -0.5
-    if falls or high <= 0.0 or -low > 5.0 * high:
-        drive, force_range = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
+    if falls or highest <= 0.0 or -lowest > 5.0 * highest:
+        drive, force_range = (
+            loopset.input.name,
+            f"{lowest:.4g} to {highest:.4g} {loopset.output.unit}",
+        )
         if is_negative(loop.input):
             raise InputError(
-                f"{name}: the force is negative ({force_range}), and so is the {drive}; attraction counts "
+                f"{name}: the force is negative ({force_range}), and so is the {drive}; attraction must be "
                 f"positive: --flip {loopset.input.symbol},{loopset.output.symbol}",
                 code="force-negative",
                 key=name,
             )
         raise InputError(
             f"{name}: the force is negative ({force_range}) and falls as the {drive} grows; attraction "
-            f"counts positive: --flip {loopset.output.symbol}",
+            f"must be positive: --flip {loopset.output.symbol}",
             code="force-negative",
             key=name,
         )
 
 
 def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
-    """Refuse a table that lists both branches of a loop in the same direction of the input."""
+    """Raise an error for a table that lists both branches of a loop in the same input direction."""
     parts = find_branches(loop.input)
     if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
         return
-    first, second = parts[0], parts[2]
-    ends = loop.input[[first.stop - 1, second.start]]
-    # A step of the drive is fast, and a record of one has a clock.
-    distance = branch_separation(loop.input, loop.output, first, second)
+    branch, later_branch = parts[0], parts[2]
+    ends = loop.input[[branch.stop - 1, later_branch.start]]
+    # A real step of the drive is fast, and its record has a clock.
+    distance = branch_separation(loop.input, loop.output, branch, later_branch)
     min_distance = max(
         _MIN_SIGMAS * estimate_noise(loop.output),
         _MIN_RELATIVE_DIFFERENCE * float(np.ptp(loop.output)),
     )
     if distance is None or float(np.max(np.abs(distance[1]))) < min_distance:
         return
-    # The falling branch of a loop that loses energy is the upper one.
-    branch_to_reverse = second if float(np.mean(distance[1])) > 0.0 else first
+    # If a loop loses energy, its falling branch is the upper one.
+    branch_to_reverse = later_branch if float(np.mean(distance[1])) > 0.0 else branch
     top = float(np.max(np.abs(ends)))
-    is_closed = abs(loop.output[first.start] - loop.output[second.start]) < min_distance
+    is_closed = abs(loop.output[branch.start] - loop.output[later_branch.start]) < min_distance
     history_option = (
         "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
     )
@@ -234,25 +241,29 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
             key=name,
         )
     if slope_ratio > 1.0:
-        return [f"{name}: the force does not start flat as a square does; {_SWAP_ADVICE}"]
+        return [f"{name}: the force does not start flat as a square would; {_SWAP_ADVICE}"]
     return []
 
 
 def _initial_slope_ratio(loop: Loop) -> float | None:
-    """Mean slope over the first tenth of a unipolar input, over that of the next two tenths, noise off."""
+    """Return the mean slope over the first tenth of the input over that of the next two tenths.
+
+    The input is folded to one sign, and the noise is subtracted. ``None`` if the record cannot show
+    it.
+    """
     inputs, answer = fold_input(loop, even=True)
     if is_bipolar(loop.input) and is_bipolar(answer):
         return None
     span = float(np.ptp(inputs))
     if float(inputs.min()) > 0.05 * float(inputs.max()):
-        return None  # a record that does not start near zero does not show it
+        return None  # the record does not start near zero
     heights, variances = [], []
     for level in (0.0, 0.1, 0.3):
-        near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
-        if np.count_nonzero(near) < 2:
+        is_near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
+        if np.count_nonzero(is_near) < 2:
             return None
-        heights.append(float(np.mean(answer[near])))
-        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(near))
+        heights.append(float(np.mean(answer[is_near])))
+        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(is_near))
     next_slope = (heights[2] - heights[1]) / 0.2
     uncertainty = _MIN_SIGMAS * float(np.sqrt(variances[0] + variances[1]))
     first_slope = (heights[1] - heights[0] - uncertainty) / 0.1
@@ -260,24 +271,24 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
 
 
 def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
-    """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
+    """Warn of a loop in the wrong direction: it would gain energy."""
     if not output_map(loopset.output).is_flux_based or not loop.reverses:
         return []
     inputs, answer = fold_input(loop, even=even)
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
-    for first, second in itertools.pairwise(find_branches(inputs)):
-        width = branch_separation(inputs, answer, first, second)
+    for branch, next_branch in itertools.pairwise(find_branches(inputs)):
+        width = branch_separation(inputs, answer, branch, next_branch)
         if width is not None:
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
-            samples = min(part.size for part in (first, second))
+            samples = min(part.size for part in (branch, next_branch))
             variance += 2.0 * (share * estimate_noise(answer)) ** 2 / samples
-    # What a narrow loop would win or lose may be the noise of the sensor.
+    # Noise of the sensor can explain the sign of a narrow loop.
     if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):
         return [
-            f"{name}: the loop runs the wrong way round (it would win energy): channels skewed, "
-            "samples in reverse order, or a sign flipped"
+            f"{name}: the loop has the wrong direction (it would gain energy): a delay between channels, "
+            "samples in reverse order, or a reversed sign"
         ]
     return []

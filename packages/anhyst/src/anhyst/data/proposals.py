@@ -1,7 +1,7 @@
-"""Which options a message proposes for columns whose headers do not say enough.
+"""Propose command-line options for columns whose headers are incomplete.
 
-A proposal repeats what the user mapped already, so that it can replace the option as a whole. It
-never changes a unit: volts of a sensor, and units that are not known, need a scale from the user.
+A proposal includes what the user has mapped already, so it can replace the whole option. It never
+changes a unit: for sensor voltages and unknown units, the user must state a scale.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _NAME_HINTS = {
     "magnetostriction": ("magnetostriction", "lambda"),
     "gap": ("clearance", "distance", "dist"),
 }
-"""What columns are called beside the words of `named_quantities`; they propose, and never decide."""
+"""Names that suggest a quantity, in addition to `named_quantities`; only used for proposals."""
 
 _EXCLUDING_WORDS = {
     "flux_density": {
@@ -57,18 +57,18 @@ _EXCLUDING_WORDS = {
     },
     "field": {"m", "magnetisation", "magnetization", "magnetisierung", "aimantation"},
 }
-"""Words of other quantities in the unit of one: the polarisation J in T is not B."""
+"""Words that exclude a quantity despite its unit: a polarisation J in T is not B."""
 
 _ELECTROMAGNETIC = frozenset({"current", "field", "force", "flux_density", "flux_linkage"})
-"""What a file about a piezo does not hold."""
+"""Quantities that the file of a piezo actuator does not contain."""
 
 _MAX_CHOICES = 4
 _UNIT_SCORE = 4
-"""Score of a unit that fits a quantity."""
+"""Score of a matching unit."""
 _NAME_SCORE = 2
-"""Score of a name that fits a quantity."""
+"""Score of a matching name."""
 _DOUBT_PENALTY = 4
-"""Score that a name loses by a word such as *setpoint* or by being a formula."""
+"""Score that is subtracted for a formula or a word such as *setpoint* in the name."""
 
 
 def advise_mapping(
@@ -77,34 +77,34 @@ def advise_mapping(
     skip: Collection[int] = (),
     min_score: int = -8,
 ) -> str:
-    """Advise how to map the likeliest columns to what is missing."""
+    """Return the advice how to map the likeliest columns to the missing quantities."""
     found = find_likely_columns(headers, missing, skip, min_score)
     note = _note_formulas(headers)
     if not found:
         return note
     for column, name in found:
         if rivals := _find_rivals(headers, column, name, found, skip):
-            # Several columns may be what is missing: the choice is the user's, one at a time.
+            # Several columns are possible. The user must choose, one quantity at a time.
             choices = [_mapping_options(headers, [(one, name)]) for one in (column, *rivals)]
             choice_text = name.replace("_", " ")
             choice_text += f": {' or '.join(choices[:_MAX_CHOICES])}"
-            return f"{note}; or say which one is the {choice_text}"
+            return f"{note}; or state which one is the {choice_text}"
     doubted = [f"'{headers[column].text}'" for column, _ in found
                if has_qualifier(headers[column].name)]  # fmt: skip
-    them = "it" if len(found) == 1 else "them"
+    object_text = "it" if len(found) == 1 else "them"
     if doubted:
-        them = f"{them}, if {' and '.join(doubted)} can replace what was measured"
-    return f"{note}; or map {them}: {_mapping_options(headers, found)}"
+        object_text = f"{object_text}, if {' and '.join(doubted)} can replace the measured value"
+    return f"{note}; or map {object_text}: {_mapping_options(headers, found)}"
 
 
 def _note_formulas(headers: Sequence[Header]) -> str:
-    """Say which columns hold a formula of a quantity instead of the quantity."""
+    """Return a note about columns that contain a formula of a quantity instead of the quantity."""
     texts = [f"'{header.text}'" for header in headers
              if not header.is_known and is_formula(header.name) and header.target is None]  # fmt: skip
     if not texts:
         return ""
-    one = "is a formula" if len(texts) == 1 else "are formulas"
-    return f"; {' and '.join(texts)} {one}: export the quantity itself"
+    verb_text = "is a formula" if len(texts) == 1 else "are formulas"
+    return f"; {' and '.join(texts)} {verb_text}: export the quantity itself"
 
 
 def _is_doubted(header: Header) -> bool:
@@ -112,7 +112,7 @@ def _is_doubted(header: Header) -> bool:
 
 
 def _mapping_options(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
-    """Return the options that map columns, with scales to complete."""
+    """Return the options that map columns, with placeholders for unknown scales."""
     pairs = [(headers[column], name) for column, name in found]
     mapped = current_mapping(headers)
     mapped |= {header.text: _target_column(header, name) for header, name in pairs}
@@ -122,35 +122,39 @@ def _mapping_options(headers: Sequence[Header], found: Sequence[tuple[int, str]]
 
 
 def current_mapping(headers: Sequence[Header]) -> dict[str, str]:
-    """Return what the user maps already, for a proposal to repeat."""
+    """Return the mapping that the user has already given, which a proposal repeats."""
     return {header.text: header.target for header in headers if header.target is not None}
 
 
 def _find_rivals(
     headers: Sequence[Header],
-    best: int,
+    chosen_column: int,
     name: str,
     found: Sequence[tuple[int, str]],
     skip: Collection[int],
 ) -> list[int]:
-    """Return the other columns whose unit fits a quantity and that look as much like it."""
+    """Return other columns with a matching unit that are at least as likely for a quantity."""
     chosen_columns = {column for column, _ in found}
-    chosen, score = headers[best], _likeness_score(headers[best], name)
-    others = [column for column in _unmapped_columns(headers, skip) if column not in chosen_columns]
+    chosen, score = headers[chosen_column], _likeness_score(headers[chosen_column], name)
+    other_columns = [
+        column for column in _unmapped_columns(headers, skip) if column not in chosen_columns
+    ]
     if _has_matching_unit(chosen, name):
         score -= 0 if _is_doubted(chosen) else _NAME_SCORE
-        others = [column for column in others if _has_matching_unit(headers[column], name)]
+        other_columns = [
+            column for column in other_columns if _has_matching_unit(headers[column], name)
+        ]
     elif chosen.unit is not None or chosen.stated:
         return []
     return [
         column
-        for column in others
+        for column in other_columns
         if _can_hold(headers[column], name) and _likeness_score(headers[column], name) >= score
     ]
 
 
 def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
-    """Ask for scales that the file does not say, as an option to complete; empty if none is."""
+    """Return the option for scales that the file does not state; empty if none is missing."""
     if not unknown:
         return ""
     stated = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
@@ -161,9 +165,9 @@ def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
 
 
 def format_option(name: str, pairs: dict[str, str]) -> str:
-    r"""Return an option of the command line that takes pairs, quoted for a shell.
+    r"""Return a command-line option with pairs, quoted for a shell.
 
-    >>> option("columns", {"Current, coil (A)": "I_A"})
+    >>> format_option("columns", {"Current, coil (A)": "I_A"})
     '--columns \'"Current, coil (A)"=I_A\''
     """
     text = ",".join(join_pair(left, right) for left, right in pairs.items())
@@ -173,12 +177,12 @@ def format_option(name: str, pairs: dict[str, str]) -> str:
 
 
 def join_pair(name: str, value: object) -> str:
-    """Write a pair as one field of a list."""
+    """Return a pair ``name=value`` as one field of a list."""
     return f"{quote_name(name)}={value}"
 
 
 def quote_name(name: str) -> str:
-    """Write a name in double quotes if it cannot be a part of a list without them."""
+    """Return a name in double quotes if a list could not contain it without quotes."""
     if "," in name or name.startswith('"') or name != name.strip():
         return '"' + name.replace('"', '""') + '"'
     return name
@@ -190,28 +194,30 @@ def find_likely_columns(
     skip: Collection[int] = (),
     min_score: int = -8,
 ) -> list[tuple[int, str]]:
-    """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
-    free = _unmapped_columns(headers, skip)
+    """Return the likeliest column for each missing quantity, as pairs of index and quantity."""
+    free_columns = _unmapped_columns(headers, skip)
     candidates = []
     for quantities in missing:
         is_driven_by_volts = set(quantities) >= set(DRIVE_QUANTITIES) and _is_piezo(headers)
         names = ("voltage",) if is_driven_by_volts else quantities
         pool = [
             (_likeness_score(headers[index], name), index, name)
-            for index in free
+            for index in free_columns
             for name in names
             if _can_hold(headers[index], name)
         ]
-        # Of equals the first: max keeps it.
-        score, best, name = max(pool, key=lambda scored: scored[0], default=(min_score - 1, 0, ""))
+        # Of equal scores, max returns the first.
+        score, best_column, name = max(
+            pool, key=lambda scored: scored[0], default=(min_score - 1, 0, "")
+        )
         if score >= min_score:
-            free.remove(best)
-            candidates.append((best, name))
+            free_columns.remove(best_column)
+            candidates.append((best_column, name))
     return candidates
 
 
 def _unmapped_columns(headers: Sequence[Header], skip: Collection[int]) -> list[int]:
-    """Return the columns that nobody understands yet."""
+    """Return the columns whose quantity is unknown or faulty and not mapped by the user."""
     return [
         column
         for column, header in enumerate(headers)
@@ -223,16 +229,20 @@ def _unmapped_columns(headers: Sequence[Header], skip: Collection[int]) -> list[
 
 
 def _is_piezo(headers: Sequence[Header]) -> bool:
-    """Whether volts beside a length or a strain drive it, because nothing else can."""
-    rest = [header for header in headers if header.quantity != QUANTITIES["gap"]]
-    dimensions = {header.unit.dimension for header in rest if header.unit is not None}
-    named = {name for header in rest for name in named_quantities(header.name)}
+    """Whether a voltage can be the input, because all other columns are lengths or strains."""
+    other_headers = [header for header in headers if header.quantity != QUANTITIES["gap"]]
+    dimensions = {header.unit.dimension for header in other_headers if header.unit is not None}
+    named_in_headers = {name for header in other_headers for name in named_quantities(header.name)}
     is_moved = not dimensions.isdisjoint({"length", "number"})
-    return "voltage" in dimensions and is_moved and _ELECTROMAGNETIC.isdisjoint(dimensions | named)
+    return (
+        "voltage" in dimensions
+        and is_moved
+        and _ELECTROMAGNETIC.isdisjoint(dimensions | named_in_headers)
+    )
 
 
 def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
-    """Advise how to map a column whose unit is the problem."""
+    """Return the advice how to map a column whose unit is missing or contradictory."""
     name = header.quantity.name if header.quantity else ""
     if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
         targets = [
@@ -240,7 +250,7 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
         ]
         mapped = current_mapping(headers)
         choices = [format_option("columns", mapped | {header.text: target}) for target in targets]
-        return f"; say which one is true: {' or '.join(choices)}"
+        return f"; state which one is correct: {' or '.join(choices)}"
     if name in QUANTITIES and header.unit is not None and header.unit.dimension == "number":
         unit = QUANTITIES[name].unit
         scale = format_option("scale", {header.text: f"{unit}_PER_PERCENT"})
@@ -251,9 +261,15 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
     if name not in QUANTITIES or not (header.unit is None or _can_hold(header, name)):
         return ""
     if has_missing_unit(header):
-        # All that have no unit are asked for together: one round instead of four.
-        alike = {other.quantity: other for other in [*columns_without_unit(headers), header]}
-        names = {other.text: QUANTITIES[kind.name] for kind, other in alike.items() if kind}
+        # All columns without a unit are asked for together, in one round instead of four.
+        headers_without_unit = {
+            other.quantity: other for other in [*columns_without_unit(headers), header]
+        }
+        names = {
+            other.text: QUANTITIES[kind.name]
+            for kind, other in headers_without_unit.items()
+            if kind
+        }
         if len(names) > 1:
             columns = {
                 text: _target_column(header, quantity.name) for text, quantity in names.items()
@@ -264,7 +280,7 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
 
 
 def has_missing_unit(header: Header) -> bool:
-    """Whether a column is a known quantity whose unit nobody says."""
+    """Whether a column has a known quantity but no unit."""
     is_open = header.unit is None and not header.stated and header.target is None
     return header.is_known and is_open and "has no unit" in (header.problem or "")
 
@@ -282,22 +298,24 @@ def mapping_option(header: Header, name: str, headers: Sequence[Header]) -> str:
 def selection_option(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
     mapped = current_mapping(headers)
-    alike = [other for other in headers if other.quantity == header.quantity]
-    certain = {other.text: "" for other in alike if other.is_certain and other is not header}
+    same_quantity = [other for other in headers if other.quantity == header.quantity]
+    certain = {
+        other.text: "" for other in same_quantity if other.is_certain and other is not header
+    }
     return format_option("columns", mapped | certain | {header.text: header.name})
 
 
 def needs_scale(header: Header, dimension: str) -> bool:
-    """Whether a column says a unit in brackets or a row of units that is not of a dimension."""
+    """Whether the stated unit of a column is unknown or has another dimension."""
     if not header.stated or header.stated == "-":
         return False
     return header.unit is None or header.unit.dimension != dimension
 
 
 def scale_placeholder(header: Header, unit: str) -> str:
-    """Return a word for the scale of a column that the user has to know, such as ``N_PER_V``."""
-    own = header.unit.symbol if header.unit else header.stated
-    words = (re.sub(r"\W+", "_", text).strip("_") for text in (unit, own))
+    """Return a placeholder for an unknown scale, such as ``N_PER_V``."""
+    file_unit = header.unit.symbol if header.unit else header.stated
+    words = (re.sub(r"\W+", "_", text).strip("_") for text in (unit, file_unit))
     return "_PER_".join(word or "UNIT" for word in words)
 
 
@@ -316,7 +334,7 @@ def _has_matching_unit(header: Header, name: str) -> bool:
 
 
 def _can_hold(header: Header, name: str) -> bool:
-    """Whether a column can hold a quantity: its unit fits, is not known, or is that of a sensor."""
+    """Whether a column can contain a quantity: its unit matches, is unknown or is a sensor's."""
     if not _EXCLUDING_WORDS.get(name, set()).isdisjoint(split_words(header.name)):
         return False
     unit = header.unit or find_unit(header.name)
@@ -326,9 +344,11 @@ def _can_hold(header: Header, name: str) -> bool:
             "voltage",
         }
     is_named = name in _suggested_quantities(header)
-    first = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes to scale
+    first_unit = find_unit(
+        re.split(r"\W", header.stated)[0]
+    )  # ampere-turns are amperes with a scale
     is_named = is_named or (
-        first is not None and first.dimension == QUANTITY_DIMENSIONS.get(name, name)
+        first_unit is not None and first_unit.dimension == QUANTITY_DIMENSIONS.get(name, name)
     )
     if has_qualifier(header.name) and not is_named:
         return False
@@ -338,17 +358,17 @@ def _can_hold(header: Header, name: str) -> bool:
 
 def _suggested_quantities(header: Header) -> set[str]:
     """Return the quantities that the name of a column suggests."""
-    plain = header.name.lower()
+    lower_name = header.name.lower()
     quantities = named_quantities(header.name) | {
         key
         for key, words in _NAME_HINTS.items()
-        if any(plain == word if len(word) == 1 else word in plain for word in words)
+        if any(lower_name == word if len(word) == 1 else word in lower_name for word in words)
     }
     return quantities if is_drive(header.name) else quantities - {"voltage"}
 
 
 def _likeness_score(header: Header, name: str) -> int:
-    """Return how much a column looks like a quantity: by its name, its unit, or what else it is."""
+    """Return how well a column matches a quantity, by its name, its unit and other hints."""
     if header.quantity is not None and header.quantity.name == name:
         return 2 * _UNIT_SCORE
     suggested = _suggested_quantities(header)
@@ -356,7 +376,7 @@ def _likeness_score(header: Header, name: str) -> int:
     score += is_measured(header.name) - _DOUBT_PENALTY * _is_doubted(header)
     if name in DRIVE_QUANTITIES and is_sensor(header.name):
         score -= 2 * _UNIT_SCORE
-    # Volts may be anything that a sensor gives, as a column without a unit may.
+    # Volts can be the signal of any sensor, and a column without a unit can be any quantity.
     is_plain = header.unit is not None and header.unit.symbol == "-"
     if (
         _has_matching_unit(header, name)

@@ -1,4 +1,9 @@
-"""From files to loops: rows that belong together, files that belong together."""
+"""Read files or data frames, and split their rows into loops.
+
+The headers, the options of the user and sidecar files determine the role of each column. Rows are
+split into loops by labels, scheduling values and blocks of rows. Loops of several files become one
+set. A history that is not stated is proposed from the data.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +23,11 @@ from anhyst.data.file_names import (
     find_gaps_in_names,
     refuse_contradicting_gap,
 )
-from anhyst.data.formats import FORMATS, OpenTable, open_table
+from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
 from anhyst.data.initial_history import correct_fast_histories, propose_histories
+from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_files
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
@@ -38,7 +44,7 @@ from anhyst.data.roles import (
     find_label,
     find_roles,
 )
-from anhyst.data.sidecar import FileDescription, is_sidecar
+from anhyst.data.sidecar import FileDescription
 from anhyst.data.table import (
     LOOP_SOURCES_TEXT,
     check_source,
@@ -59,24 +65,27 @@ Rows = NDArray[np.intp]
 _UNKNOWN_QUANTITY = Quantity("value", "value", "1")
 _GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
 _MIN_MEAN_RUN_SAMPLES = 6
-"""Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
+"""Minimum mean length of runs of equal scheduling values that are separate loops, in samples."""
 _MAX_LOOPS = 2000
 _MAX_GAP_NOISE_SHARE = 0.01
-"""Noise of a gap sensor at contact, which may make some gaps negative: share of the largest gap."""
+"""Maximum negative gap from sensor noise at contact, as a fraction of the largest gap."""
 _DEFAULT_LABEL = "1"
-"""Label of a loop that nobody labelled."""
+"""Label of a loop without a label."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """Columns of one source in SI units, not yet cut into loops; ``where`` puts a row into words."""
+    """Columns of one source in SI units, before they are split into loops.
+
+    ``locate_row`` returns the place of a row as text.
+    """
 
     source_name: str
     input: FloatArray
     output: FloatArray
     schedule: FloatArray | None
     time: FloatArray | None
-    has_times: bool  # whether the clock has a unit; else it says the order of the rows
+    has_times: bool  # whether the clock has a unit; otherwise it only orders the rows
     labels: Texts
     locate_row: Callable[[int], str]
 
@@ -97,34 +106,34 @@ def read_loops(
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Loops:
-    """Read loops from one or several files, from all in a folder, or from columns in memory.
+    """Read loops from one or several files, from all files in a folder, or from columns in memory.
 
     Parameters
     ----------
     paths
-        Files or folders. Loops of several files join into one set. Or columns: a data frame
-        (pandas, polars, pyarrow, whatever has ``__dataframe__``) or a mapping of names to arrays;
-        names are read as headers of a file.
+        Files or folders; the loops of several files join into one set. Or columns in memory: a data
+        frame (pandas, polars, pyarrow, or any object with ``__dataframe__``) or a mapping of names to
+        arrays, whose names are interpreted as headers of a file.
     columns, history, schedule, loop, constants, select, file_name
-        What the headers do not say, as the keys of a sidecar (`FileDescription.from_toml`). These
-        arguments take precedence over a sidecar.
+        Information that the headers do not state, as the keys of a sidecar
+        (`FileDescription.from_toml`). These arguments take precedence over a sidecar.
     scale
-        By column, the value in our unit per unit in the file: ``{"CH1": 10}`` for a probe of 10 A
+        By column, the value in our unit per unit of the file: ``{"CH1": 10}`` for a probe of 10 A
         per V.
     flip
         Columns whose sign is reversed.
     drop
-        ``"invalid"`` leaves out samples without a measured value; a note states their number.
+        ``"invalid"`` omits samples without a measured value; a note states their number.
     sidecar
-        TOML file that describes all the files. Without it, ``<stem>.toml`` beside each file is
-        used where there is one.
+        TOML file that describes all files. Without it, ``<stem>.toml`` next to each file is used if
+        it exists.
     progress
-        Called with bytes read and size of the present file.
+        Called with the bytes read and the size of the current file.
 
     Raises
     ------
     InputError
-        If a file cannot be read or understood, or the files do not fit together.
+        If a file cannot be read or interpreted, or the files do not belong together.
     """
     description = FileDescription.from_arguments(
         columns=columns,
@@ -149,10 +158,10 @@ def read_loops(
                 [_read_table(frame_to_table(paths), _DEFAULT_LABEL, file_description, progress)]
             )
         )
-    files = _expand_folders(paths)
+    files = expand_folders(paths)
     described = {
         path: description.with_defaults(
-            shared_sidecar if shared_sidecar is not None else _find_sidecar(path)
+            shared_sidecar if shared_sidecar is not None else find_sidecar(path)
         )
         for path in files
     }
@@ -169,7 +178,7 @@ def read_loops(
         if parts[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
             refuse_contradicting_gap(path, [loop.schedule_value for loop in parts[-1].loops])
     loops = join_loops(_fill_in_histories(apply_stated_gaps(parts)))
-    loops = replace(loops, notes=(*_note_skipped_files(paths, files), *loops.notes))
+    loops = replace(loops, notes=(*note_skipped_files(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(describe_name_gaps(gaps), *loops.notes))
     if all(one.schedule is None for one in described.values()):
@@ -178,12 +187,16 @@ def read_loops(
 
 
 def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, float]:
-    """Return the gap of each file by its name, m; empty if the files or the user say another one."""
+    """Return the gap in each file name, m; empty if the files or the user state another schedule."""
     gaps = find_gaps_in_names(list(described))
     for path in gaps:
         reading = described[path]
-        known = {header.quantity for header in map(parse_header, reading.constants)}
-        if reading.schedule not in (None, "gap") or reading.file_name or QUANTITIES["gap"] in known:
+        constant_quantities = {header.quantity for header in map(parse_header, reading.constants)}
+        if (
+            reading.schedule not in (None, "gap")
+            or reading.file_name
+            or QUANTITIES["gap"] in constant_quantities
+        ):
             return {}
         headers = map_headers(open_table(path), reading.columns, reading.scale, reading.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
@@ -192,73 +205,10 @@ def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, flo
     return gaps
 
 
-def list_input_files(
-    paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None
-) -> list[Path]:
-    """Files that `read_loops` reads for these arguments, sidecars included."""
-    files = _expand_folders(paths)
-    if sidecar is not None:
-        return [*files, Path(sidecar)]
-    beside = [path.with_suffix(".toml") for path in files if path.suffix != ".toml"]
-    return files + [path for path in beside if is_sidecar(path)]
-
-
-def _as_path_list(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
-    return list(map(Path, listed))
-
-
-def _expand_folders(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    files: list[Path] = []
-    for path in _as_path_list(paths):
-        if path.is_dir():
-            data_files = [file for file in _data_files_in(path) if _may_be_table(file)]
-            if not data_files:
-                raise InputError(
-                    f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
-                )
-            files += data_files
-        else:
-            files.append(path)
-    if not files:
-        raise InputError("no files given: name at least one", code="no-files")
-    return files
-
-
-def _data_files_in(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
-
-
-def _may_be_table(path: Path) -> bool:
-    """Whether a file in a folder may be a table: not if it is a text such as readme.txt."""
-    if path.suffix.lower() != ".txt":
-        return True
-    try:
-        rows = open_table(path).first_rows(MIN_LOOP_SAMPLES)
-    except InputError as error:
-        return error.code not in {"single-column", "no-table", "no-data", "empty-file"}
-    return any(is_number_or_mark(field) for row in rows for field in row)
-
-
-def _note_skipped_files(
-    paths: PathLike | Sequence[PathLike], files: Sequence[Path]
-) -> tuple[str, ...]:
-    """Name the texts in folders that are no tables."""
-    folders = [path for path in _as_path_list(paths) if path.is_dir()]
-    texts = [file for folder in folders for file in _data_files_in(folder) if file not in files]
-    return tuple(f"{text}: is left out, because it holds no table" for text in texts)
-
-
-def _find_sidecar(path: Path) -> FileDescription:
-    sidecar = path.with_suffix(".toml")
-    beside = sidecar != path and is_sidecar(sidecar)
-    return FileDescription.from_toml(sidecar) if beside else FileDescription()
-
-
 def _read_table(
     table: OpenTable, name: str, description: FileDescription, progress: Progress | None
 ) -> SourceLoops:
-    """Read a table; ``name`` labels its loop where the table has no label of its own."""
+    """Read a table; ``name`` labels its loop if the table has no label."""
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
     refuse_wide_table(source_name, headers)
@@ -303,8 +253,8 @@ def _read_table(
     candidates = {index: used.texts(index) for index in label_candidates}
     label = find_label(source_name, headers, candidates, drive, answer, schedule)
     if label is not None:
-        unused = tuple(index for index in roles.unused if index != label)
-        roles = replace(roles, label=label, unused=unused, is_label_inferred=True)
+        unused_columns = tuple(index for index in roles.unused if index != label)
+        roles = replace(roles, label=label, unused=unused_columns, is_label_inferred=True)
     can_use_gap = _can_use_stated_gap(headers, roles, description)
     blocks = None
     if roles.label is None and roles.constant_label is None and roles.schedule is None:
@@ -334,10 +284,10 @@ def _read_table(
 
 
 def _row_labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
-    """Return the label of the loop of each row.
+    """Return the loop label of each row.
 
-    Unlabelled files at different gaps hold "the" loop each. Without gaps, only the name of the file
-    distinguishes them.
+    Files without labels at different gaps have equal labels. Without gaps, the name of the file is
+    the label.
     """
     if roles.label is not None:
         return used.texts(roles.label)
@@ -346,11 +296,11 @@ def _row_labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
 
 
 def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
-    """Refuse a table of one channel, as oscilloscopes write a file for each channel."""
+    """Raise an error for a table with one channel; some oscilloscopes write one file per channel."""
     signals = [header.text for header in headers if header.text and not header.is_clock]
     if len(signals) == 1 and len(headers) > 1:
         raise InputError(
-            f"{source_name}: holds one channel only ('{signals[0]}'), and a loop needs the input and "
+            f"{source_name}: contains only one channel ('{signals[0]}'), but a loop needs the input and "
             "the output in one table; export the channels together, or join the columns of their "
             "files into one file",
             code="one-channel",
@@ -361,7 +311,7 @@ def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
 def _can_use_stated_gap(
     headers: Sequence[Header], roles: Roles, description: FileDescription
 ) -> bool:
-    """Whether a gap that remarks state would be the scheduling variable."""
+    """Whether a gap in comments can be the scheduling variable."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     return (
         roles.schedule_quantity is None
@@ -373,7 +323,10 @@ def _can_use_stated_gap(
 
 
 def _read_schedule(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
-    """Return the scheduling variable in SI units; rows between its plateaus are left out."""
+    """Return the rows in use, the scheduling variable in SI units, and notes.
+
+    Rows between plateaus of the scheduling variable are removed.
+    """
     drive = used.si_values(roles.input)
     if roles.schedule_constant is not None:
         return used, np.full(drive.size, roles.schedule_constant), []
@@ -395,7 +348,7 @@ def _read_schedule(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray |
 
 
 def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[int]) -> None:
-    """Ask about a column that nobody uses and that rests at several values, as a gap does."""
+    """Ask about an unused column that has plateaus, because it can be the gap."""
     output, drive = used.headers[roles.output].quantity, used.si_values(roles.input)
     if (
         roles.schedule_quantity is not None
@@ -412,7 +365,7 @@ def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[i
         try:
             column = used.table.read([index]).numbers[index]
         except InputError:
-            continue  # a column that nobody asked for may hold anything
+            continue  # a column that is not requested may contain anything
         values = column if used.rows is None else column[used.rows]
         if not np.isfinite(values).all() or find_plateaus(values, drive, _UNKNOWN_QUANTITY) is None:
             continue
@@ -422,7 +375,7 @@ def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[i
 def _select_rows(
     source_name: str, description: FileDescription, columns: dict[str, Texts]
 ) -> Rows | None:
-    """Rows whose columns hold one of the selected values; ``None`` for all."""
+    """Return the rows with one of the selected values in each column; ``None`` for all rows."""
     if not columns:
         return None
     matches = []
@@ -445,7 +398,7 @@ def _select_rows(
 
 
 def _is_same_value(text: str, value: str | float) -> bool:
-    """Whether a field holds a selected value: the same text, or the same number."""
+    """Whether a field equals a selected value, as text or as a number."""
     if text == value:
         return True
     if not is_number(text) or not is_number(str(value)):
@@ -461,7 +414,7 @@ def _cut_into_loops(
     source: Source | None,
     notes: Sequence[str],
 ) -> SourceLoops:
-    """Cut the columns of one source into loops, by label and scheduling value."""
+    """Split the columns of one source into loops, by label and scheduling value."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert answer is not None
@@ -477,7 +430,9 @@ def _cut_into_loops(
         and not roles.is_schedule_requested
         and quantity.name != "gap"
     ):
-        remarks.append(f"{quantity.name} varies within a loop: not scheduled by unless asked for")
+        remarks.append(
+            f"{quantity.name} varies within a loop, so it is not the schedule unless --schedule names it"
+        )
         columns, quantity = replace(columns, schedule=None), None
         blocks = _group_rows(columns)
     loops, without_history = [], []
@@ -487,7 +442,7 @@ def _cut_into_loops(
         label_counts[loop.label, loop.schedule_value] += 1
         if loop.schedule_value is not None and label_counts[loop.label, loop.schedule_value] > 1:
             count = label_counts[loop.label, loop.schedule_value]
-            loop = replace(loop, label=f"{loop.label}-{count}")  # the same gap once more
+            loop = replace(loop, label=f"{loop.label}-{count}")  # repeated gap
         stated: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         without_history += [index] if stated is None else []
@@ -505,7 +460,7 @@ def _cut_into_loops(
 
 
 def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
-    """Fill in histories that were not stated with those that the data suggest, and note it."""
+    """Propose histories from the data where none was stated, and add notes."""
     loops = [loop for part in parts for loop in part.loops]
     is_unstated = [
         index in part.without_history for part in parts for index in range(len(part.loops))
@@ -547,7 +502,7 @@ def _group_rows(columns: _Columns) -> list[Rows]:
             blocks += _split_by_schedule(columns, columns.schedule[rows], rows)
         if len(blocks) > _MAX_LOOPS:
             raise InputError(
-                f"{columns.source_name}: holds more than {_MAX_LOOPS} loops; is the column 'loop' a "
+                f"{columns.source_name}: contains more than {_MAX_LOOPS} loops; is the column 'loop' a "
                 "counter of rows? Leave it out: map it to ''",
                 code="too-many-loops",
                 key="loop",
@@ -556,12 +511,12 @@ def _group_rows(columns: _Columns) -> list[Rows]:
 
 
 def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
-    """Cut rows of one label where the scheduling value steps; a value that moves stays whole."""
+    """Split rows of one label at steps of the scheduling value, unless it varies continuously."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
     run_count = steps.size + 1
     if run_count == 1:
         return [rows]
-    # Where other rows lie between, or time starts again, the record was interrupted anyway.
+    # If other rows lie between, or if time starts again, the record was interrupted.
     is_interrupted = rows[steps] - rows[steps - 1] > 1
     if columns.time is not None:
         is_interrupted |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
@@ -571,15 +526,15 @@ def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> lis
     if run_count == np.unique(values[np.concatenate(([0], steps))]).size:
         return parts
     if columns.time is not None and find_time_reversal(columns.time[rows]) is None:
-        # A record in time through which the value steps to and fro, or one that returns to a gap.
+        # A record with a clock: the value steps back and forth, or returns to an earlier gap.
         return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
     first_row_of_value: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])
         if value in first_row_of_value:
             raise InputError(
-                f"{columns.locate_row(int(rows[start]))}: the value {value:g} comes again after others "
-                f"(first in the row of {columns.locate_row(first_row_of_value[value])}); tell the loops apart by a "
+                f"{columns.locate_row(int(rows[start]))}: the value {value:g} recurs after other values "
+                f"(first in the row of {columns.locate_row(first_row_of_value[value])}); distinguish the loops by a "
                 "column 'loop'",
                 code="value-again",
                 key="loop",
@@ -589,11 +544,11 @@ def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> lis
 
 
 def _make_loop(columns: _Columns, rows: Rows) -> Loop:
-    """Make one loop, without its history."""
+    """Return one loop without its history."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
     start, stop = int(rows[0]), int(rows[-1]) + 1
-    # Rows in one piece are a view: long records are not copied.
+    # Contiguous rows are a view, so long records are not copied.
     index = slice(start, stop) if stop - start == rows.size else rows
 
     def select(values: FloatArray) -> FloatArray:
@@ -606,7 +561,7 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
     if time is not None and (fault_row := find_time_reversal(time)) is not None:
         raise InputError(
             f"{columns.locate_row(int(rows[fault_row]))}: time going backwards ({time[fault_row]:g} s after "
-            f"{time[fault_row - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
+            f"{time[fault_row - 1]:g} s); sort the rows, or distinguish the loops by a column 'loop'",
             code="time-backwards",
         )
     time = time if columns.has_times else None

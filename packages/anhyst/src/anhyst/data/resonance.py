@@ -1,9 +1,9 @@
-"""Find a lightly damped resonance between input and output, which no hysteresis law can follow.
+"""Find a lightly damped resonance between input and output, which hysteresis laws cannot represent.
 
-An autoregressive fit proposes a frequency at each of several sampling rates. A rational transfer
-function of second order with a free transient is then fitted to the spectra, iteratively weighted
-as by Sanathanan and Koerner (IEEE Trans. Autom. Control 8 (1963) 56). It counts as a resonance if
-it leaves much less of the output than curves and play operators of the input do.
+An autoregressive fit proposes a frequency at each of several sampling rates. A second-order
+transfer function with a free transient is then fitted to the spectra, with the iterative weighting
+of Sanathanan and Koerner (IEEE Trans. Autom. Control 8 (1963) 56). The result is a resonance if its
+residual is much smaller than that of curves and play operators of the input.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from anhyst.data.static_fit import EvenRecord, resample_evenly, static_fit_rms
 from anhyst.support.numeric import FloatArray
 
 MIN_STATIC_RMS_SHARE = 0.02
-"""Smallest rms that static curves leave, in parts of the full scale, with which a search is made."""
+"""Minimum rms residual of static curves for a search, as a fraction of the full scale."""
 MAX_RMS_RATIO = 0.6
-"""Largest rms of a resonance in parts of what static curves leave."""
+"""Maximum rms residual of a resonance, relative to that of static curves with play operators."""
 MAX_DAMPING = 0.25
-"""Largest damping ratio that is called a resonance."""
+"""Maximum damping ratio of a resonance."""
 MIN_DAMPING = 5e-4
-"""Smallest damping ratio of a body; mains hum has less."""
+"""Minimum damping ratio of a mechanical resonance; mains hum has less."""
 MIN_SINE_POWER_SHARE = 0.997
-"""Smallest power share of one frequency in a sine; a triangle has 0.986."""
+"""Minimum share of one frequency in the power of a sine; a triangle has 0.986."""
 MIN_FORCED_SHARE = 0.3
-"""Smallest part of the output near a resonance that the input excites, as an amplitude."""
+"""Minimum part of the output near a resonance that the input excites, as an amplitude ratio."""
 _LINE_WIDTH_SHARE = 0.2
 _MAX_LOOPS = 3
 _MAX_WINDOW_SAMPLES = 8192
-"""Largest number of samples that are analysed at one sampling rate."""
+"""Maximum number of samples that are analysed at one sampling rate."""
 _MIN_SAMPLES = 128
 _MAX_FREQUENCY_SHARE = 0.4
-"""Upper limit of the analysed frequencies, in parts of the sampling rate."""
+"""Highest analysed frequency, as a fraction of the sampling rate."""
 _MAX_ITERATIONS = 12
 
 
 def find_resonance(loopset: Loops) -> float | None:
-    """Return the frequency of the resonance that dominates the output, Hz; None without one."""
+    """Return the frequency of the resonance that dominates the output, Hz; ``None`` without one."""
     scale = full_scale(loopset.output, (loop.output for loop in loopset.loops))
     misfits = [
         (static_fit_rms(loop.input, loop.output, with_plays=False), loop)
@@ -63,7 +63,7 @@ def find_resonance(loopset: Loops) -> float | None:
 
 
 def describe_resonance(loopset: Loops) -> str:
-    """Return the sentence about a resonance; empty without one."""
+    """Return a sentence about a resonance; empty without one."""
     frequency = find_resonance(loopset)
     if frequency is None:
         return ""
@@ -71,7 +71,7 @@ def describe_resonance(loopset: Loops) -> str:
 
 
 def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
-    """Yield a loop at its own sampling rate, and at halves of it."""
+    """Yield a loop at its sampling rate, then repeatedly at half of the previous rate."""
     record = resample_evenly(loop)
     if record is None or _is_sine(record.limited_to(_MAX_WINDOW_SAMPLES).drive):
         return
@@ -81,18 +81,18 @@ def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
 
 
 def _is_sine(drive: FloatArray) -> bool:
-    """Whether an input has one frequency only, from which no resonance can be identified."""
+    """Whether an input has only one frequency, from which no resonance can be identified."""
     window = np.hanning(drive.size)
     power = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
     line = int(np.argmax(power))
-    near = slice(
+    line_range = slice(
         max(int((1.0 - _LINE_WIDTH_SHARE) * line) - 2, 0), int((1.0 + _LINE_WIDTH_SHARE) * line) + 4
     )
-    return float(np.sum(power[near])) > MIN_SINE_POWER_SHARE * float(np.sum(power))
+    return float(np.sum(power[line_range])) > MIN_SINE_POWER_SHARE * float(np.sum(power))
 
 
 def _propose_frequency(record: EvenRecord) -> float | None:
-    """Return the frequency of the poles of an autoregressive fit, Hz; None if they do not swing."""
+    """Return the frequency of the poles of an autoregressive fit, Hz; ``None`` without oscillation."""
     u, y = record.drive, record.output
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(y.size - 2)])
     poles = np.roots([1.0, *(-np.linalg.lstsq(columns, y[2:])[0][:2])])
@@ -105,7 +105,7 @@ def _propose_frequency(record: EvenRecord) -> float | None:
 
 
 def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] | None:
-    """Return frequency, Hz, and rms of the remaining output; None if there is no resonance."""
+    """Return the frequency, Hz, and the rms residual of the output; ``None`` without a resonance."""
     count = record.drive.size
     frequencies = np.fft.rfftfreq(count, record.step)
     band = slice(1, max(int(_MAX_FREQUENCY_SHARE * count), 8))
@@ -137,7 +137,8 @@ def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] |
     ):
         return None
     weight = 1.0 / (s**2 + denominator[1] * s + denominator[0])
-    # A harmonic of a curved output swings as well, but the input has nothing at its frequency.
+    # A harmonic of a nonlinear output also oscillates, but the input has no component at its
+    # frequency.
     is_near = np.abs(s.imag / relative_frequency - 1.0) < _LINE_WIDTH_SHARE
     forced = weight[is_near] * (numerator[is_near, :3] @ coefficients[2:5])
     if np.linalg.norm(forced) < MIN_FORCED_SHARE * np.linalg.norm(y[is_near]):

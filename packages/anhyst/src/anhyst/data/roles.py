@@ -1,4 +1,8 @@
-"""Which column of a table is what, and what to type where one is missing."""
+"""Determine the role of each column of a table: input, output, time, schedule or label.
+
+Names, units and the options of the user decide. If a role is missing or ambiguous, the error
+proposes an option.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +47,7 @@ _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
 @dataclass(frozen=True, slots=True)
 class Roles:
-    """Indices of the columns that play a part."""
+    """Indices of the columns by role, and the constants that replace columns."""
 
     input: int
     output: int
@@ -51,30 +55,32 @@ class Roles:
     label: int | None
     constant_label: str | None
     schedule: int | None  # column of the scheduling variable
-    schedule_constant: float | None  # or its value in the whole file, SI
-    schedule_quantity: Quantity | None  # which it is; None if nothing is scheduled
-    is_schedule_requested: bool  # whether it was asked for by name
-    unused: tuple[int, ...]  # columns without a part
-    is_label_inferred: bool = False  # whether the data gave the label away
+    schedule_constant: float | None  # constant value of the scheduling variable, SI units
+    schedule_quantity: Quantity | None  # quantity of the scheduling variable; None if there is none
+    is_schedule_requested: bool  # whether the user named it
+    unused: tuple[int, ...]  # columns without a role
+    is_label_inferred: bool = False  # whether the label column was found from the data
 
     def notes(self, headers: Sequence[Header]) -> list[str]:
-        """Say what was found about the columns, and what was left."""
+        """Return notes about the interpretation of the columns and about unused columns."""
         remarks = []
         used = (self.input, self.output, self.time, self.schedule)
         used_headers = [headers[index] for index in used if index is not None]
-        by_word = [
+        word_texts = [
             f"'{one.text}' as {one.quantity.name}"
             for one in used_headers
             if one.is_from_words and one.quantity
         ]
-        if by_word:
-            remarks.append(f"read by word and unit: {', '.join(by_word).replace('_', ' ')}")
+        if word_texts:
+            remarks.append(
+                f"recognised by word and unit: {', '.join(word_texts).replace('_', ' ')}"
+            )
         remarks += [text for header in used_headers for text in _describe_conversion(header)]
         if self.is_label_inferred and self.label is not None:
-            remarks.append(f"column '{headers[self.label].text}' tells the loops apart")
+            remarks.append(f"column '{headers[self.label].text}' distinguishes the loops")
         if self.unused:
-            idle = ", ".join(headers[index].text for index in self.unused)
-            remarks.append(f"columns not used: {idle}")
+            unused_names = ", ".join(headers[index].text for index in self.unused)
+            remarks.append(f"columns not used: {unused_names}")
         return remarks
 
 
@@ -85,10 +91,10 @@ def find_roles(
     texts: Collection[int] = (),
     clocks: Callable[[], Collection[int]] = tuple,
 ) -> Roles:
-    """Decide what each column is.
+    """Determine the role of each column.
 
-    `texts` are the columns that do not begin with a number. `clocks` finds the columns that rise
-    evenly; it is called for a proposal only.
+    ``texts`` are the columns whose first field is not a number. ``clocks`` returns the columns with
+    equal steps; it is only called to make a proposal.
     """
     drive, answer = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     time = _find_time(source, headers, texts)
@@ -137,7 +143,7 @@ def find_column(source: str, headers: Sequence[Header], name: str) -> int:
 
 
 def _describe_conversion(header: Header) -> list[str]:
-    """Say how the values of a column were changed on their way to SI."""
+    """Return how the values of a column were converted to SI units."""
     name = f"column '{header.text}'"
     texts = []
     if header.unit is not None and header.unit.symbol in MASS_UNITS:
@@ -156,9 +162,9 @@ def _describe_conversion(header: Header) -> list[str]:
 
 
 def _find_time(source: str, headers: Sequence[Header], texts: Collection[int]) -> int | None:
-    """Find the clock; one without a unit says the order of the samples."""
+    """Return the index of the clock; a clock without a unit only gives the order of the samples."""
     clocks = [i for i, header in enumerate(headers) if header.is_clock and i not in texts]
-    # A word such as 'tout' or 'Seconds' does not win over a column 'time'.
+    # A column 'time' takes precedence over words such as 'tout' or 'Seconds'.
     clocks = [i for i in clocks if not headers[i].is_from_words] or clocks
     has_units = [i for i in clocks if headers[i].unit is not None or headers[i].stated]
     if has_units or len(clocks) != 1:
@@ -171,7 +177,7 @@ def _find_time(source: str, headers: Sequence[Header], texts: Collection[int]) -
 def _find_input_and_output(
     source: str, headers: Sequence[Header], skip: Callable[[], Collection[int]]
 ) -> tuple[int, int]:
-    """Find input and output; what is missing is asked for together."""
+    """Return the indices of input and output; ask for all missing roles together."""
     pair = [_find_first(source, headers, names) for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS))]
     drive, answer = pair
     if drive is not None and answer is not None:
@@ -179,7 +185,7 @@ def _find_input_and_output(
         return drive, answer
     has_field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
-    missing = [
+    missing_quantities = [
         names
         for index, names in zip(pair, (DRIVE_QUANTITIES, outputs), strict=True)
         if index is None
@@ -190,19 +196,19 @@ def _find_input_and_output(
     number_names = [f"'{header.text}'" for header in headers if is_number(header.text)]
     if number_names:
         raise InputError(
-            f"{source}: numbers stand in place of names ({', '.join(number_names[:3])}): settings beside "
+            f"{source}: numbers instead of names ({', '.join(number_names[:3])}): settings next to "
             "the data, or no header; delete these columns, or write a line of names above the data",
             code="names-missing",
         )
     raise InputError(
         f"{source}: has no column for {missing_role} ({_list_columns(headers)}); name it {examples}"
-        f"{advise_mapping(headers, *missing, skip=skip())}",
+        f"{advise_mapping(headers, *missing_quantities, skip=skip())}",
         code="column-missing",
     )
 
 
 def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer: int) -> None:
-    """Ask which of a voltage and a current drives what moves: a coil or a piezo."""
+    """Ask whether a voltage or a current drives a displacement or strain (piezo or coil)."""
     output, chosen = headers[answer].quantity, headers[drive]
     volts = [header for header in headers
              if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
@@ -224,7 +230,10 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer
 
 
 def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
-    """Index of the first quantity that a column holds; a word does not win over a doubtful column."""
+    """Return the index of the first available quantity of a list.
+
+    A word for a quantity does not take precedence over a doubtful column of a preferred quantity.
+    """
     doubtful_names = [
         named_quantities(header.name) for header in headers if not header.is_known and header.stated
     ]
@@ -238,32 +247,29 @@ def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) ->
 
 
 def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
-    """Index of the one usable column of a quantity; ``None`` if the table has none."""
+    """Return the index of the only usable column of a quantity; ``None`` if the table has none."""
     indices = [
         i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
     ]
     usable = [index for index in indices if headers[index].problem is None]
-    # What the user maps goes before the quantity's name, that before our symbols, these before words.
+    # Order of precedence: the user's mapping, the quantity's name, our symbols, words.
     mapped = [index for index in usable if headers[index].target is not None]
-    named = [index for index in usable if headers[index].text.lower() == name]
+    by_full_name = [index for index in usable if headers[index].text.lower() == name]
     symbols = [index for index in usable if headers[index].is_certain]
-    usable = mapped or named or symbols or usable
+    usable = mapped or by_full_name or symbols or usable
     if len(usable) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in usable)
         choices = " or ".join(selection_option(headers[index], headers) for index in usable)
         raise InputError(
-            f"{source}: columns {texts} are both {name}; say which one to use: {choices}",
+            f"{source}: columns {texts} are both {name}; state which one to use: {choices}",
             code="column-twice",
             key=name,
         )
     if indices and not usable:
         header = headers[indices[0]]
-        others = [
-            f"'{other.text}'" for other in columns_without_unit(headers) if other is not header
-        ]
-        others_text = (
-            f"; {', '.join(others)} have none either" if others and has_missing_unit(header) else ""
-        )
+        unit_faults = columns_without_unit(headers) if has_missing_unit(header) else []
+        texts = ", ".join(f"'{other.text}'" for other in unit_faults if other is not header)
+        others_text = f"; {texts} have none either" if texts else ""
         raise InputError(
             f"{source}: column '{header.text}': {header.problem}{others_text}{advise_unit_mapping(header, headers)}",
             code="bad-header",
@@ -289,7 +295,7 @@ def _find_label_column(
 def _constants_in_si(
     source: str, constants: Mapping[str, float | str]
 ) -> dict[str, tuple[Quantity, float]]:
-    """Constants of the whole file in SI units, by the name of their quantity."""
+    """Return constants of the whole file in SI units, by the name of their quantity."""
     values: dict[str, tuple[Quantity, float]] = {}
     for key, value in constants.items():
         header = parse_header(key)
@@ -303,7 +309,7 @@ def _constants_in_si(
             number = float(value)
         except ValueError:
             raise InputError(
-                f"{source}: constant '{key}': '{value}' is no number",
+                f"{source}: constant '{key}': '{value}' is not a number",
                 code="bad-constant",
                 key=key,
             ) from None
@@ -316,7 +322,10 @@ def _constants_in_si(
 def _find_schedule(
     source: str, headers: Sequence[Header], description: FileDescription
 ) -> tuple[int | None, float | None, Quantity | None]:
-    """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
+    """Return the scheduling variable: the requested one, else the gap, else the temperature.
+
+    The result is the index of a column or a constant value, and the quantity.
+    """
     if description.schedule == _NO_SCHEDULE:
         return None, None, None
     constants = _constants_in_si(source, description.constants)
@@ -337,7 +346,7 @@ def _find_schedule(
         matching = [header for header in headers if header.quantity == QUANTITIES.get(name)]
         are_words = len(matching) > 1 and all(header.is_from_words for header in matching)
         if description.schedule is None and name == "temperature" and are_words:
-            continue  # words name several: nobody asks for one, so none is used
+            continue  # several words name a temperature, and none is requested, so none is used
         index = _find_only(source, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
@@ -352,7 +361,7 @@ def _find_schedule(
 
 
 def _schedule_name(schedule: str, headers: Sequence[Header]) -> str:
-    """Name of the quantity that a scheduling variable is asked for by."""
+    """Return the name of the quantity that the user requests as scheduling variable."""
     for header in headers:
         if header.text == schedule and header.quantity is not None:
             return header.quantity.name
@@ -367,18 +376,18 @@ def _list_columns(headers: Sequence[Header]) -> str:
 Rows = NDArray[np.intp]
 
 MIN_LOOP_SAMPLES = 6
-"""Samples that a loop has at least."""
+"""Minimum number of samples of a loop."""
 _MAX_RANGE_DIFFERENCE = 0.03
-"""Loops whose ranges agree within this share repeat each other: cycles of one record."""
+"""Maximum relative difference of the ranges of repeated cycles of one record."""
 
 
-def can_be_label(header: Header, first: Sequence[str]) -> bool:
-    """Whether a column may distinguish loops, by its header and its first `SHORTEST` fields."""
+def can_be_label(header: Header, first_fields: Sequence[str]) -> bool:
+    """Whether a column can label loops, by its header and its first `MIN_LOOP_SAMPLES` fields."""
     return (
         bool(header.name)
-        and len(first) == MIN_LOOP_SAMPLES
-        and len(set(first)) == 1
-        and first[0] != ""
+        and len(first_fields) == MIN_LOOP_SAMPLES
+        and len(set(first_fields)) == 1
+        and first_fields[0] != ""
     )
 
 
@@ -390,10 +399,10 @@ def find_label(
     answer: FloatArray,
     schedule: FloatArray | None,
 ) -> int | None:
-    """Find the column that stays through each loop and changes from one to the next.
+    """Return the index of the column that is constant during each loop and changes between loops.
 
-    Each of its values must hold one run of rows at each value of the schedule, in which the input
-    reverses; and the loops must differ in size, or they are cycles of one record.
+    Each of its values must occur in one run of rows at each scheduling value. The input must
+    reverse in each run. The loops must differ in size; otherwise they are cycles of one record.
     """
     rows_of_label: dict[int, list[Rows]] = {}
     for index, column in candidates.items():
@@ -401,28 +410,28 @@ def find_label(
         if loops is not None and _are_loops(loops, drive, answer):
             rows_of_label[index] = loops
     for header in (headers[index] for index in rows_of_label if schedule is None):
-        # A label would hide a gap or a temperature.
-        otherwise = f'a mere label: --loop "{header.text}"'
+        # As a label, a gap or a temperature would have no effect.
+        alternative = f'if it is only a label: --loop "{header.text}"'
         if can_be_gap(header):
-            ask_for_gap(source, header, headers, "gap", otherwise)
+            ask_for_gap(source, header, headers, "gap", alternative)
         if header.unit is not None and header.unit.dimension == "temperature":
-            ask_for_gap(source, header, headers, "temperature", otherwise)
+            ask_for_gap(source, header, headers, "temperature", alternative)
     if not rows_of_label:
         return None
-    first = next(iter(rows_of_label))
+    first_column = next(iter(rows_of_label))
     for index, loops in rows_of_label.items():
-        if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first]]:
-            names = [headers[position].text for position in (first, index)]
+        if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first_column]]:
+            names = [headers[position].text for position in (first_column, index)]
             raise InputError(
-                f"{source}: columns '{names[0]}' and '{names[1]}' both may tell loops apart; say "
-                f'which does: --loop "{names[0]}" or --loop "{names[1]}"',
+                f"{source}: columns '{names[0]}' and '{names[1]}' both can distinguish the loops; state "
+                f'which one does: --loop "{names[0]}" or --loop "{names[1]}"',
                 code="label-ambiguous",
             )
-    return first
+    return first_column
 
 
 def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
-    """Rows of each loop, if the column has one run of rows a value, at each scheduling value."""
+    """Return the rows of each loop; ``None`` if a value has several runs at one scheduling value."""
     if np.count_nonzero(np.bincount(column.codes)) < 2:
         return None
     is_change = np.diff(column.codes) != 0
@@ -430,12 +439,12 @@ def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None
     if schedule is not None:
         step = np.diff(schedule) != 0.0
         if np.count_nonzero(step) > schedule.size // MIN_LOOP_SAMPLES:
-            schedule = None  # it moves during the loops
+            schedule = None  # it changes during the loops
         else:
             is_label_change &= ~step
             is_change |= step
     if not is_label_change.any():
-        return None  # it says what the schedule says
+        return None  # it changes only with the schedule
     edges = np.flatnonzero(is_change) + 1
     if column.codes.size < MIN_LOOP_SAMPLES * (edges.size + 1):
         return None
@@ -463,27 +472,27 @@ _GAP_WORDS = frozenset(
 
 
 def can_be_gap(header: Header) -> bool:
-    """Whether a column may be a gap that is called otherwise: by its unit, or else by its name."""
+    """Whether a column can be a gap with another name, by its unit or otherwise by its name."""
     if header.unit is not None and header.unit.symbol != "-":
         return header.unit.dimension == "length"
     words = set(split_words(header.name))
-    named = named_quantities(header.name)
-    is_named = words <= _GAP_NAMES or words & _GAP_WORDS or named & {"gap", "displacement"}
+    named_in_header = named_quantities(header.name)
+    is_named = (
+        words <= _GAP_NAMES or words & _GAP_WORDS or named_in_header & {"gap", "displacement"}
+    )
     return bool(words) and not header.stated and bool(is_named)
 
 
 def ask_for_gap(
     source: str, header: Header, headers: Sequence[Header], name: str = "gap", alternative: str = ""
 ) -> NoReturn:
-    """Ask whether a column that stays through each loop is the gap, or another quantity."""
-    alternative_text = (
-        alternative
-        or f"no gap: {format_option('columns', current_mapping(headers) | {header.text: ''})}"
-    )
+    """Ask whether a column that is constant during each loop is the gap or another quantity."""
+    without = format_option("columns", current_mapping(headers) | {header.text: ""})
+    alternative = alternative or f"if it is not a gap: {without}"
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
-        f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it"
-        f"{unit}: {mapping_option(header, name, headers)}, or {alternative_text}",
+        f"{source}: column '{header.text}' is constant in each loop; if it is the {name}, map it"
+        f"{unit}: {mapping_option(header, name, headers)}; {alternative}",
         code="label-or-schedule",
         key=header.text,
     )

@@ -1,4 +1,4 @@
-"""What is said about a file beyond its headers: by arguments, or by a small TOML beside it."""
+"""Additional information about a file, from arguments or from a TOML file next to it (sidecar)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
 
 DROP_INVALID = "invalid"
-"""What `drop` leaves out: samples that are not finite, or that the recorder marks as invalid."""
+"""Value of ``drop``: omit samples that are not finite or that the recorder marks as invalid."""
 
 
 @dataclass(frozen=True, slots=True)
 class FileDescription:
-    """What arguments or a sidecar TOML add to the headers of files."""
+    """Information from arguments or a sidecar file that completes the headers of files."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     loop: str | None = None
@@ -47,28 +47,28 @@ class FileDescription:
         history: HistoryLike | None = None,
         select: Mapping[str, object] | None = None,
         flip: Sequence[str] | str | None = None,
-        **others: Any,
+        **other_keywords: Any,
     ) -> FileDescription:
-        """Collect keyword arguments of `read_loops`; ``others`` are named as the fields are."""
+        """Return the description from keywords of `read_loops`; ``others`` are named as the fields."""
         for name in ("columns", "constants", "scale"):
-            others[name] = dict(others.get(name) or {})
+            other_keywords[name] = dict(other_keywords.get(name) or {})
         return cls(
             history=None if history is None else History.of(history),
             select={name: _as_choices(name, value) for name, value in (select or {}).items()},
             flip=(flip,) if isinstance(flip, str) else tuple(flip or ()),
-            **others,
+            **other_keywords,
         )
 
     @classmethod
     def from_toml(cls, path: PathLike) -> FileDescription:
-        """Read a sidecar.
+        """Read a sidecar file.
 
         Keys: ``columns`` (table: file column = our column), ``loop`` (name of the label column),
-        ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table:
-        ``T_C = -15``), ``select`` (table: column = value or list of values), ``file_name``
-        (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name), ``scale``
-        (table: column = value in our unit per unit in the file), ``flip`` (columns whose sign is
-        reversed), ``drop`` (``"invalid"``).
+        ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table: ``T_C =
+        -15``), ``select`` (table: column = value or list of values), ``file_name`` (pattern such as
+        ``"gd_T{T_C}C"`` for constants in the file name), ``scale`` (table: column = value in our
+        unit per unit of the file), ``flip`` (columns whose sign is reversed), ``drop``
+        (``"invalid"``).
         """
         path = Path(path)
         keys = _load_toml(path)
@@ -103,25 +103,25 @@ class FileDescription:
             description = cls.from_arguments(**arguments)
             if isinstance(history, dict):
                 _check_members("history", keys, str)
-                by_label = {label: History.parse(text) for label, text in history.items()}
-                return replace(description, histories=by_label)
+                history_by_label = {label: History.parse(text) for label, text in history.items()}
+                return replace(description, histories=history_by_label)
             return replace(description, history=History.parse(history) if history else None)
         except InputError as error:
             raise error.with_location(path) from None
 
-    def with_defaults(self, other: FileDescription) -> FileDescription:
+    def with_defaults(self, defaults: FileDescription) -> FileDescription:
         """Combine with another description; entries of this one take precedence."""
         if self.history is not None:
-            other = replace(other, histories={})
+            defaults = replace(defaults, histories={})
         merged: dict[str, Any] = {}
         for item in fields(self):
-            mine, theirs = getattr(self, item.name), getattr(other, item.name)
+            mine, theirs = getattr(self, item.name), getattr(defaults, item.name)
             merged[item.name] = {**theirs, **mine} if isinstance(mine, dict) else mine or theirs
         return FileDescription(**merged)
 
 
 def is_sidecar(path: Path) -> bool:
-    """Whether there is a TOML file that describes measurements, and not a model made from them."""
+    """Whether a TOML file exists and describes measurements; a model file has a ``format``."""
     return path.is_file() and "format" not in _load_toml(path)
 
 
@@ -130,9 +130,9 @@ def _load_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise read_error(path, error) from None
-    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of endless numbers
+    except (ValueError, RecursionError) as error:  # invalid TOML, invalid UTF-8, very long numbers
         raise InputError(
-            f"{path}: is no valid TOML: {error}; mend or remove it", code="damaged-toml"
+            f"{path}: is not valid TOML: {error}; correct or remove it", code="damaged-toml"
         ) from None
 
 

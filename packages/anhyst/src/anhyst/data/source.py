@@ -1,4 +1,4 @@
-"""Loops as a verb of the package accepts them: read already, in files, or in memory."""
+"""Load loops for a command from files, folders, data in memory or a `Loops` object."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 
 LoopSource = Loops | PathLike | Sequence[PathLike] | Mapping[str, Any] | Any
-"""Loops, a file, a folder, several of them, a data frame, or a dict of arrays."""
+"""Loops, a file, a folder, a list of files, a data frame, or a dict of arrays."""
 
 
 def load_loops(
@@ -29,19 +29,20 @@ def load_loops(
     skipped_steps: Collection[str] = (),
     progress: Progress | None = None,
 ) -> tuple[Loops, ReadOptions | None]:
-    """Return the loops that a verb was given, and the options with which they were read.
+    """Return the loops of a source, and the options with which they were read.
 
-    Files and data frames are read and cleaned; there are no options if the caller had read them.
+    Files and data frames are read and cleaned. A `Loops` object is returned unchanged, with
+    ``None`` as options.
 
-    ``argument`` is the verb with its argument, for messages: ``"identify: loops"``. ``reading``
-    holds keywords of `read_loops`, and ``clean``, whose default is that of the command line.
-    Cleaning steps in ``without`` are left out. Loops that are read already stay unchanged.
+    ``argument`` names the command and its argument in messages: ``"identify: loops"``.
+    ``read_keywords`` are keywords of `read_loops`, and ``clean``, with the default of the command
+    line. Cleaning steps in ``skipped_steps`` are not applied.
     """
     read_keywords = {name: value for name, value in read_keywords.items() if value is not None}
     if isinstance(source, Loops):
         for name in read_keywords:
             raise InputError(
-                f"{argument} are read already, so {name} has no effect; give it to read_loops or "
+                f"{argument} are read already, so {name} has no effect; pass it to read_loops or "
                 "clean",
                 code="option-not-for-this",
                 key=name,
@@ -65,7 +66,7 @@ def load_loops(
 
 
 def collect_read_options(verb: str, **reading: Any) -> ReadOptions:
-    """Collect how loops are read from arguments of Python; ``None`` is an argument left out."""
+    """Return the read options from Python arguments; ``None`` means that one is not given."""
     defaults = ReadOptions()
     given = {name: value for name, value in reading.items() if value is not None}
     for name, value in given.items():

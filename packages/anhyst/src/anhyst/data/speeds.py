@@ -1,4 +1,4 @@
-"""How fast loops run, and whether loops of several speeds differ."""
+"""Group loops by speed, and find out whether fast loops differ from slow ones."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from anhyst.data.verdict import largest_output, loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
 MIN_SPEED_RATIO = 3.0
-"""A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
-change of the input a second: loops that are merely smaller differ in one of these."""
+"""Minimum speed ratio of fast and slow loops of a gap.
+
+Both the cycles per second and the input change per second must have this ratio. A loop of smaller
+amplitude can differ in one of these figures, but not in both.
+"""
 MIN_HEIGHT_INCREASE = 0.01
-"""Of the largest output: rate matters from where it makes a loop higher by this on."""
+"""Minimum increase of the loop height that counts as rate effect, over the largest output."""
 
 _MIN_HEIGHT_SIGMAS = 4.0
-"""Standard deviations of the noise that a difference in height must exceed."""
+"""Number of standard deviations of the noise that a height difference must exceed."""
 
 
 def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
@@ -35,8 +38,8 @@ def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
 class SpeedGroups:
     """Loops grouped by their rate."""
 
-    slow: Loops  # at every gap the slowest, and all that are not clearly faster
-    fast: tuple[tuple[Loop, ...], ...]  # the others in groups of about one rate, the slowest first
+    slow: Loops  # slowest loops of each gap, and all that are not clearly faster
+    fast: tuple[tuple[Loop, ...], ...]  # other loops in groups of similar rate, slowest first
 
     @property
     def fastest_rate(self) -> float:
@@ -45,7 +48,7 @@ class SpeedGroups:
 
 
 def group_by_speed(loops: Loops) -> SpeedGroups | None:
-    """Tell slow loops from fast ones; None where all are about as fast, or no times are known."""
+    """Separate slow loops from fast ones; ``None`` if their speeds are similar or unknown."""
     fast_flags = list(map(bool, find_slower_loops(loops.loops)))
     if not any(fast_flags):
         return None
@@ -56,20 +59,22 @@ def group_by_speed(loops: Loops) -> SpeedGroups | None:
             groups[-1].append(loop)
         else:
             groups.append([loop])
-    slow = (loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast)
-    return SpeedGroups(loops.with_loops(slow), tuple(map(tuple, groups)))
+    slow_loops = (
+        loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast
+    )
+    return SpeedGroups(loops.with_loops(slow_loops), tuple(map(tuple, groups)))
 
 
 def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
-    """Return for each loop the places of those of its gap that are clearly slower."""
+    """Return, for each loop, the indices of the loops at its gap that are clearly slower."""
     if any(loop.time is None for loop in loops):
         return [[] for _ in loops]
     paces = list(map(_loop_speed, loops))
     return [
         [
             place
-            for place, (other, past) in enumerate(zip(loops, paces, strict=True))
-            if other.schedule_value == loop.schedule_value
+            for place, (other_loop, past) in enumerate(zip(loops, paces, strict=True))
+            if other_loop.schedule_value == loop.schedule_value
             and min(pace[0] / past[0], pace[1] / past[1]) >= MIN_SPEED_RATIO
         ]
         for loop, pace in zip(loops, paces, strict=True)
@@ -77,13 +82,13 @@ def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
 
 
 def select_slow_loops(loops: Loops) -> Loops:
-    """Return the loops in which nothing is induced: all, where they run at one speed."""
+    """Return the slow loops, with negligible eddy currents; all loops if speeds are similar."""
     speeds = group_by_speed(loops)
     return loops if speeds is None else speeds.slow
 
 
 def _loop_speed(loop: Loop) -> tuple[float, float]:
-    """Return how fast a loop runs: its rate, Hz, and the change of its input a second."""
+    """Return the rate of a loop, Hz, and the change of its input per second."""
     assert loop.time is not None
     seconds = float(loop.time[-1] - loop.time[0])
     return cycle_rate(loop.input, loop.time) or 0.5 / seconds, float(
@@ -92,27 +97,27 @@ def _loop_speed(loop: Loop) -> tuple[float, float]:
 
 
 def spread_equal_times(loops: Loops) -> Loops:
-    """Spread samples to which a clock of few digits gave one time evenly up to its next."""
+    """Distribute samples with equal times evenly up to the next time, for coarse clocks."""
     if not any(loop.time is not None and np.any(np.diff(loop.time) == 0.0) for loop in loops.loops):
         return loops
     spread = [replace(loop, time=_spread_times(loop.time)) for loop in loops.loops]
-    return loops.with_loops(spread, "samples of one time are spread up to the next")
+    return loops.with_loops(spread, "samples with equal times are distributed up to the next time")
 
 
 def _spread_times(time: FloatArray | None) -> FloatArray | None:
-    """Count the time on from the first sample of each stamp, past the last as before it."""
+    """Return times that increase evenly from the first sample of each stamp to the next stamp."""
     if time is None:
         return None
-    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
-    step = (time[first[-1]] - time[first[-2]]) / (first[-1] - first[-2])
-    after = time[-1] + step * (time.size - first[-1])
-    edges = np.append(first, time.size)
-    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[first], after))
+    stamp_rows = np.flatnonzero(np.diff(time, prepend=-np.inf))
+    step = (time[stamp_rows[-1]] - time[stamp_rows[-2]]) / (stamp_rows[-1] - stamp_rows[-2])
+    after = time[-1] + step * (time.size - stamp_rows[-1])
+    edges = np.append(stamp_rows, time.size)
+    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[stamp_rows], after))
     return spread
 
 
 def describe_rate(loops: Loops) -> str:
-    """Say whether rate matters and from where on; nothing where loops run at one speed."""
+    """Return a sentence on the rate above which loops change; empty if speeds are similar."""
     speeds = group_by_speed(loops)
     if speeds is None:
         return ""
@@ -125,12 +130,12 @@ def describe_rate(loops: Loops) -> str:
     rate, share = effect
     return (
         f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by {100.0 * share:.2g} % of "
-        f"the largest output; in proportion, by 1 % from {rate * MIN_HEIGHT_INCREASE / share:.2g} Hz on"
+        f"the largest output; extrapolated linearly, by 1 % from {rate * MIN_HEIGHT_INCREASE / share:.2g} Hz on"
     )
 
 
 def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] | None:
-    """Return the least speed that shows, Hz, and by how much, over the largest output."""
+    """Return the lowest rate with an effect, Hz, and the effect over the largest output."""
     even, largest = is_even(loops), largest_output(loops)
     slow_height: dict[float | None, float] = {}
     for loop in speeds.slow.loops:

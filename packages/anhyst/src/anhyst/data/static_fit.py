@@ -1,4 +1,4 @@
-"""Fit curves and play operators of an input to an output: the best that a static law can reach."""
+"""Fit curves and play operators of an input to an output, to find the residual of a static law."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from anhyst.support.numeric import FloatArray
 
 _CURVE_DEGREE = 7
 _THRESHOLDS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4)
-"""Thresholds of the play operators, in parts of half the range of the input."""
+"""Thresholds of the play operators, relative to half the range of the input."""
 _MAX_SAMPLES = 2000
 _MAX_RESAMPLING_RATIO = 4.0
-"""Largest number of samples of an even record, in those of the loop."""
+"""Maximum number of samples of an evenly sampled record, relative to the loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class EvenRecord:
     step: float  # s; 1 without a clock
 
     def averaged(self, samples: int) -> EvenRecord:
-        """Average blocks of samples."""
+        """Return the record with averages of blocks of ``samples`` samples."""
         blocks = self.drive.size // samples
         drive, output = (
             each[: blocks * samples].reshape(blocks, samples).mean(axis=1)
@@ -37,7 +37,7 @@ class EvenRecord:
         return EvenRecord(drive, output, samples * self.step)
 
     def limited_to(self, samples: int) -> EvenRecord:
-        """Average blocks if there are more samples than this."""
+        """Return the record, averaged in blocks if it has more than ``samples`` samples."""
         count = -(-self.drive.size // samples)
         return self.averaged(count) if count > 1 else self
 
@@ -50,7 +50,7 @@ class EvenRecord:
 
 
 def resample_evenly(loop: Loop) -> EvenRecord | None:
-    """Return a loop at its median time step; None if its clock is too uneven."""
+    """Return a loop at its median time step; ``None`` if its clock is too uneven."""
     if loop.time is None:
         return EvenRecord(loop.input, loop.output, 1.0)
     step = float(np.median(np.diff(loop.time)))
@@ -62,7 +62,7 @@ def resample_evenly(loop: Loop) -> EvenRecord | None:
 
 
 def static_fit_rms(drive: FloatArray, output: FloatArray, *, with_plays: bool = True) -> float:
-    """Return the rms of an output that curves, and play operators, of its input leave."""
+    """Return the rms residual of a fit of curves, and optionally play operators, of the input."""
     rows = thin_rows(drive, _MAX_SAMPLES)
     middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
     x = (drive[rows] - middle) / (half or 1.0)

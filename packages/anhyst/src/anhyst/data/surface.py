@@ -1,4 +1,8 @@
-"""A magnet without its hysteresis: current over force and gap, and its slopes."""
+"""Single-valued model of a magnet: current as a function of force and gap, and its slopes.
+
+At each gap, the curve is the middle of the loops. A monotone cubic interpolates over the gap.
+`fit_line` and `fit_plane` return the linearised constants around an operating point.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +20,13 @@ from anhyst.support.numeric import FloatArray
 
 
 def mid_current(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
-    """Return the mean of the least and the largest current at each level of the force."""
+    """Return the mean of the smallest and the largest current at each force level, A."""
     low, high = current_envelope(members, levels)
     return 0.5 * (low + high)
 
 
 def current_envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the largest current at levels of the force."""
+    """Return the smallest and the largest current at each force level, A."""
     crossings = [_extreme_currents(loop.input, loop.output, levels) for loop in members]
     low = np.min([least for least, _ in crossings], axis=0)
     high = np.max([largest for _, largest in crossings], axis=0)
@@ -33,7 +37,7 @@ def current_envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[Float
 def _extreme_currents(
     current: FloatArray, force: FloatArray, levels: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Least and largest current at which a record passes each level; inf and -inf where none."""
+    """Return the smallest and largest current at each force level; inf and -inf if not reached."""
     least, largest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
     for begin, end in zip(range(force.size - 1), range(1, force.size), strict=True):
         low, high = sorted((force[begin], force[end]))
@@ -48,30 +52,31 @@ def _extreme_currents(
 
 
 FORCE_LEVELS = 129
-"""Levels of the force, over its range."""
+"""Number of force levels."""
 GAP_LEVELS = 17
-"""Gaps, over the range of the controller."""
+"""Number of gaps, over the range of the controller."""
 SLOPE_WINDOW_SHARE = 0.25
-"""Half-width, over the largest force and over the range of gaps, of what a slope is fitted to."""
+"""Half-width of the window for a slope, as a fraction of the largest force and of the gap range."""
 END_SLOPE_SHARE = 0.1
-"""Share of the known levels that give the slope beyond the last one."""
+"""Share of the known levels that determine the slope beyond the last one."""
 SMOOTHING_DEGREE = 5
+"""Degree of the polynomial that is subtracted before smoothing."""
 SMOOTHING_LEVELS = 11
-"""Of the polynomial below the smoothing, and the levels that one smoothed value is made of."""
+"""Number of levels in the smoothing window."""
 MIN_SLOPE_SHARE = 0.01
-"""A surface rises at least by this share of its mean slope, so that it can be inverted."""
+"""Minimum slope of a surface, as a fraction of its mean slope, so that it can be inverted."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Current over force and gap, on equal steps."""
+    """Current over force and gap, on uniform grids."""
 
     force: FloatArray  # N; shape (f,)
     gap: FloatArray  # m; shape (g,)
-    current: FloatArray  # A; rises along the force; shape (g, f)
+    current: FloatArray  # A; increases with the force; shape (g, f)
 
     def current_at(self, force: FloatArray, gap: float) -> FloatArray:
-        """Return the current for forces at one gap; straight lines between the steps."""
+        """Return the current for forces at one gap, linearly interpolated."""
         row = [np.interp(gap, self.gap, column) for column in self.current.T]
         return np.asarray(np.interp(force, self.force, row))
 
@@ -79,12 +84,12 @@ class Surface:
 def fit_surface(
     loops: Loops, forces: tuple[float, float], gap_range: tuple[float, float]
 ) -> Surface:
-    """Fit the best current without memory.
+    """Fit the best single-valued current over force and gap.
 
-    At every level of force it lies midway between the least and the largest current that the loops
-    of a gap show there. Nothing single-valued has a smaller worst error than that; smoothing it,
-    which takes the noise away, costs a little of it. Beyond what the loops of a gap reach it goes
-    on straight. Over the gap runs a monotone cubic.
+    At every force level, the current is midway between the smallest and the largest current of the
+    loops at a gap. No single-valued curve has a smaller maximum error. Smoothing against noise
+    increases this error slightly. Beyond the measured range of a gap, the curve is extrapolated
+    linearly. A monotone cubic interpolates over the gap.
     """
     if not is_actuator(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError(
@@ -95,7 +100,7 @@ def fit_surface(
     slack = 1e-9
     if not (nodes[0] - slack <= gap_range[0] < gap_range[1] <= nodes[-1] + slack):
         raise InputError(
-            f"loops: measured at gaps of {nodes[0]:g} to {nodes[-1]:g} m, wanted are "
+            f"loops: measured at gaps of {nodes[0]:g} to {nodes[-1]:g} m, requested are "
             f"{gap_range[0]:g} to {gap_range[1]:g} m; measure more gaps or narrow the range",
             code="gaps-not-covered",
             key="loops",
@@ -110,11 +115,11 @@ def fit_surface(
 
 
 def _fill_row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
-    """Fill in and go on beyond what was measured, at one gap."""
+    """Return the current at all force levels of a gap, smoothed and extrapolated linearly."""
     known = np.flatnonzero(np.isfinite(middle))
     if known.size < 0.2 * force.size:
         raise InputError(
-            f"loops: at gap {gap:g} m they show less than a fifth of {force[-1]:g} N; lower the "
+            f"loops: at gap {gap:g} m the loops cover less than a fifth of {force[-1]:g} N; lower the "
             "largest force or measure larger currents",
             code="force-not-reached",
             key="loops",
@@ -133,8 +138,8 @@ def _fill_row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
 
 
 def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
-    """Take noise, which makes slopes restless, off what a polynomial of the force's root leaves."""
-    from scipy.signal import savgol_filter  # slow to load, and used for maps alone
+    """Return a current whose deviation from a polynomial in the root of the force is smoothed."""
+    from scipy.signal import savgol_filter  # slow to load, and only used for maps
 
     root = np.sqrt(force / force[-1]) if force[0] >= 0.0 else force / force[-1]
     smooth = np.polynomial.Polynomial.fit(root, current, SMOOTHING_DEGREE)(root)
@@ -142,7 +147,7 @@ def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
 
 
 def make_rising(table: FloatArray) -> FloatArray:
-    """Return the least table above this one that rises everywhere along its rows."""
+    """Return the smallest table above this one that increases everywhere along its rows."""
     mean = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
     line = MIN_SLOPE_SHARE * mean * np.arange(table.shape[1])
     return np.asarray(np.maximum.accumulate(table - line, axis=1) + line)
@@ -150,7 +155,7 @@ def make_rising(table: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Tangent:
-    """A plane through the surface at an operating point."""
+    """Linearisation of the surface at an operating point."""
 
     current: float  # at the operating point, A
     current_per_force: float  # A/N
@@ -158,17 +163,17 @@ class Tangent:
 
     @property
     def k_i(self) -> float:
-        """Force for a current, N/A."""
+        """Change of force per current, N/A."""
         return 1.0 / self.current_per_force
 
     @property
     def k_s(self) -> float:
-        """Force that is lost for an opening gap at constant current, N/m: -dF/dgap."""
+        """Loss of force per opening of the gap at constant current, N/m: -dF/dgap."""
         return self.current_per_gap / self.current_per_force
 
 
 def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
-    """Fit a constant force-current ratio around a force at one gap, least squares."""
+    """Fit a constant force-current ratio around a force at one gap, by least squares."""
     forces = _symmetric_grid(
         force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max)
     )
@@ -177,7 +182,7 @@ def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Ta
 
 
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
-    """Fit the two constants of a magnet around an operating point, least squares."""
+    """Fit both constants of a magnet around an operating point, by least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
     forces = _symmetric_grid(
         force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max)
@@ -197,6 +202,6 @@ def _force_range(surface: Surface, force_max: float) -> tuple[float, float]:
 
 
 def _symmetric_grid(middle: float, half: float, ends: tuple[float, float]) -> FloatArray:
-    """Return equal steps as far to one side as to the other, within the ends."""
+    """Return an equidistant grid that is symmetric around the middle and within the ends."""
     half = min(half, middle - ends[0], ends[1] - middle)
     return np.linspace(middle - half, middle + half, 41)

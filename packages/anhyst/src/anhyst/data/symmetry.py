@@ -1,9 +1,10 @@
-"""Symmetry of an output in its input: even as a butterfly, or least at a bias.
+"""Detect whether an output is even in its input (butterfly), and the bias of a force.
 
-The laws describe an output that rises with its input, or the square of one. On a record that takes
-both signs the average rising and falling curves show which kind the output is. The falling curve of
-an even output is the mirror image of the rising one. The falling curve of an odd one is its point
-reflection. A force has its minimum where the flux is zero; a magnet or a second coil moves it.
+The laws describe an output that increases with its input, or the square of such an output. For
+bipolar records, the average rising and falling curves show the symmetry. The falling curve of an
+even output is the mirror image of the rising curve. The falling curve of an odd output is its point
+reflection. A force has its minimum where the flux is zero; a magnet or a second coil shifts this
+minimum.
 """
 
 from __future__ import annotations
@@ -19,26 +20,26 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 MIN_EVEN_CORRELATION = 0.5
-"""Correlation of a falling curve with the mirrored rising one from which an output is even."""
+"""Minimum correlation of the falling curve with the mirrored rising curve of an even output."""
 MIN_EXPLAINED_VARIANCE = 0.5
-"""Variance share of the output that both curves must explain; a resonance leaves more."""
+"""Minimum fraction of the output variance that both curves must explain; a resonance reduces it."""
 MIN_TURN_BACK_SHARE = 0.2
-"""Fall and rise of the output along one branch of the input, in parts of its range there."""
+"""Minimum fall and rise of an output along one branch, as a fraction of its range."""
 MIN_TURN_BACK_SPAN = 0.6
-"""Smallest span of such a branch, in parts of the range of the input."""
+"""Minimum input range of such a branch, as a fraction of the input range of the loop."""
 MIN_BIAS_SHARE = 0.04
-"""Smallest distance of the least force from zero that is called a bias, in parts of the range."""
+"""Minimum distance of the force minimum from zero for a bias, as a fraction of the input range."""
 _EDGE_SHARE = 0.06
-"""A minimum nearer than this to an end of the range is an end, in parts of the range."""
+"""Minimum distance of a force minimum from the ends of the input range, over that range."""
 _MIN_RISE_SHARE = 0.02
-"""Rise from a minimum to the nearer end of the range, in parts of that to the other end."""
+"""Minimum rise from a force minimum to the lower end of the curve, over the curve's range."""
 _BIN_COUNT = 60
 _MIN_SAMPLES = 12
-"""Smallest number of samples in each direction of the input from which a curve is averaged."""
+"""Minimum number of samples in each direction for an average curve."""
 
 
 def check_not_even(loopset: Loops) -> None:
-    """Refuse an output that is even in its input although no law here makes it so."""
+    """Raise an error for an even output whose quantity no law describes as even."""
     if output_map(loopset.output).is_even:
         return
     for loop in _bipolar_loops(loopset):
@@ -59,15 +60,15 @@ def describe_turn_back(loopset: Loops) -> str:
         return ""
     return (
         f"the {loopset.output.name.replace('_', ' ')} falls and rises again while the "
-        f"{loopset.input.name} runs in one direction, which no law here follows; record one polarity "
+        f"{loopset.input.name} changes in one direction, which no law describes; record one polarity "
         f"of the {loopset.input.name} only, or measure more slowly"
     )
 
 
 def recentre(loopset: Loops) -> tuple[Loops, bool]:
-    """Return the loops with the input counted from its bias, and whether the output is even then.
+    """Return the loops with the input relative to its bias, and whether the output is then even.
 
-    The input of a force that falls over its whole range changes its sign.
+    If a force falls over its whole input range, the sign of the input is reversed.
     """
     even = is_even(loopset)
     bias = find_bias(loopset)
@@ -82,7 +83,7 @@ def recentre(loopset: Loops) -> tuple[Loops, bool]:
 
 
 def find_bias(loopset: Loops) -> float:
-    """Return the input at which a force is least; 0 without a clear bias inside the range."""
+    """Return the input at the minimum of a force; 0 without a clear minimum inside the range."""
     loops = _bipolar_loops(loopset)
     if not output_map(loopset.output).is_even or not loops:
         return 0.0
@@ -96,7 +97,7 @@ def find_bias(loopset: Loops) -> float:
         or not _EDGE_SHARE < (drive[min_index] - low) / span < 1.0 - _EDGE_SHARE
     ):
         return 0.0
-    # A parabola through the bins nearby averages their noise.
+    # A parabola through the neighbouring bins averages their noise.
     _, slope, curvature = np.polynomial.polynomial.polyfit(
         drive[is_near] - drive[min_index], mean[is_near], 2
     )
@@ -116,7 +117,7 @@ def describe_bias(loopset: Loops) -> str:
         return ""
     if bias := find_bias(loopset):
         return (
-            f"the {name} is least at {bias:.3g} {drive.unit}: a magnet or a second coil biases it; "
+            f"the {name} has its minimum at {bias:.3g} {drive.unit}: a magnet or a second coil biases it; "
             "identify fits the bias as an offset of the input"
         )
     if not is_even(loopset):
@@ -132,7 +133,7 @@ def _bipolar_loops(loopset: Loops) -> list[Loop]:
 
 
 def _has_turn_back(loop: Loop) -> bool:
-    """Whether the output falls and rises again along a wide branch of the input."""
+    """Whether the output falls and rises again along a branch over much of the input range."""
     for part in find_branches(loop.input):
         drive, output = loop.input[part.rows], loop.output[part.rows]
         if drive.size < _MIN_SAMPLES or np.ptp(drive) < MIN_TURN_BACK_SPAN * np.ptp(loop.input):
@@ -146,7 +147,7 @@ def _has_turn_back(loop: Loop) -> bool:
 
 
 def _even_correlation(loop: Loop) -> float:
-    """Return the correlation of the falling curve with the mirrored rising one; 0 if unknown."""
+    """Return the correlation of the falling curve with the mirrored rising curve; 0 if unknown."""
     rises = np.zeros(loop.n, dtype=np.bool_)
     for part in find_branches(loop.input):
         rises[part.rows] = part.is_rising

@@ -1,4 +1,8 @@
-"""Tables as a whole: of files and of data frames, listed, read with their columns understood, and written."""
+"""Read, list and write whole tables from files and data frames.
+
+`read_columns` reads all columns and interprets their headers. `list_channels` lists the channels of
+a file. `write_recording` and `write_channel_groups` write a table in any format.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +45,12 @@ from anhyst.support.units import DRIVE_QUANTITIES, GAP_ADVICE, QUANTITIES, Heade
 
 @dataclass(frozen=True, slots=True)
 class DataTable:
-    """A table read whole; `get` and `need` give numbers in SI by quantity."""
+    """A table with all columns; `get` and `require` return SI values by quantity."""
 
     path: str
     sha256: str
     headers: tuple[Header, ...]
-    columns: tuple[FloatArray | Texts, ...]  # as they stood: own units, read-only, shape (rows,)
+    columns: tuple[FloatArray | Texts, ...]  # original values and units, read-only, shape (rows,)
     notes: tuple[str, ...]
     source_table: OpenTable
 
@@ -55,20 +59,20 @@ class DataTable:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the quantities held, one a column (``loop`` for the label)."""
+        """Names of the quantities, one for each column (``loop`` for the label)."""
         return tuple(
             header.quantity.name if header.quantity else header.name for header in self.headers
         )
 
     def get(self, name: str) -> FloatArray | None:
-        """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
+        """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
         indices = [index for index, other in enumerate(self.names) if other == name]
         usable = [index for index in indices if self.headers[index].problem is None]
         usable = [index for index in usable if self.headers[index].is_certain] or usable
         if len(usable) > 1:
             texts = " and ".join(f"'{self.headers[index].text}'" for index in usable)
             raise InputError(
-                f"{self.path}: columns {texts} both hold {name}; keep one",
+                f"{self.path}: columns {texts} are both {name}; keep one",
                 code="column-twice",
                 key=name,
             )
@@ -111,7 +115,7 @@ class DataTable:
         return values
 
     def require(self, name: str, example: str) -> FloatArray:
-        """SI values of a quantity that must be there; ``example`` is a header to advise."""
+        """Return the SI values of a required quantity; the error advises the header ``example``."""
         values = self.get(name)
         if values is None:
             have = ", ".join(header.text for header in self.headers)
@@ -124,7 +128,7 @@ class DataTable:
         return values
 
     def advise_mapping(self, name: str) -> str:
-        """Advise how to map a column to a quantity that none holds."""
+        """Return the advice how to map a column to a missing quantity."""
         texts = [index for index, column in enumerate(self.columns) if isinstance(column, Texts)]
         return (
             advise_mapping(self.headers, [name], skip=texts, min_score=0)
@@ -133,11 +137,11 @@ class DataTable:
         )
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row of data, such as ``file.csv: line 12``."""
+        """Return the place of a data row, such as ``file.csv: line 12``."""
         return self.source_table.locate_row(row)
 
     def as_columns(self) -> dict[str, FloatArray | Texts]:
-        """Return the original columns of the file by header, for `write_csv` to repeat."""
+        """Return the original columns of the file by header, for `write_csv`."""
         names = {}
         for index, (text, column) in enumerate(
             zip(self.source_table.header, self.columns, strict=True)
@@ -158,7 +162,8 @@ def read_columns(
 ) -> DataTable:
     """Read every column of a file or a data frame, such as a drive or a demand.
 
-    The columns of a recording have our own names, which are no words for quantities.
+    With ``has_own_names``, names of columns are not interpreted as words for quantities, because a
+    recording has our names.
     """
     opened = frame_to_table(path) if is_data_frame(path) else open_table(path, min_columns=1)
     headers = map_headers(opened, columns or {}, scale, flip or ())
@@ -178,7 +183,7 @@ def read_columns(
         except TextInNumbersError as error:
             if error.column in known_columns:
                 raise
-            texts.add(error.column)  # a column nobody asked for may hold anything
+            texts.add(error.column)  # a column that is not requested may contain anything
             continue
         invalid_columns = {
             i for i in numbers if i not in known_columns and not np.isfinite(raw.numbers[i]).all()
@@ -195,18 +200,18 @@ def read_columns(
 
 FRAME_NAME = "data frame"
 LOOP_SOURCES_TEXT = "Loops, a file, a folder, a list of files, a data frame or a dict of arrays"
-"""What a verb accepts where it needs loops."""
+"""Accepted sources of loops, for messages."""
 
 
 def is_data_frame(source: object) -> bool:
-    """Whether something holds columns rather than naming files."""
+    """Whether an object contains columns, unlike the name of a file."""
     return isinstance(source, Mapping) or any(
         hasattr(source, sign) for sign in ("columns", "__dataframe__", "__arrow_c_stream__")
     )
 
 
 def check_source(source: object, argument: str, expected: str = LOOP_SOURCES_TEXT) -> None:
-    """Refuse what names no files and has no columns; the argument is called ``"verb: argument"``."""
+    """Raise an error for a source without files or columns; ``argument`` is ``"verb: argument"``."""
     if is_data_frame(source):
         names = source if isinstance(source, Mapping) else getattr(source, "columns", ("?",))
         if len(names) == 0:
@@ -224,8 +229,8 @@ def check_source(source: object, argument: str, expected: str = LOOP_SOURCES_TEX
 
 
 def frame_to_table(frame: Any) -> MemoryTable:
-    """Return the columns of a frame as a table whose headers are their names."""
-    columns = getattr(frame, "columns", None)  # pyarrow's are the columns themselves
+    """Return the columns of a data frame as a table whose headers are their names."""
+    columns = getattr(frame, "columns", None)  # columns of pyarrow are arrays, not names
     has_names = columns is not None and all(isinstance(name, str | int) for name in columns)
     if not isinstance(frame, Mapping) and not has_names:
         frame = _convert_by_arrow(frame)
@@ -249,14 +254,14 @@ def frame_to_table(frame: Any) -> MemoryTable:
 
 
 def _column_array(name: object, values: Any) -> Any:
-    """Return a column as an array of one value a row."""
+    """Return a column as an array with one value for each row."""
     try:
         column = np.asarray(values)
-    except ValueError:  # of lists of several lengths
+    except ValueError:  # lists of different lengths
         column = np.empty((0, 0))
     if column.ndim != 1:
         raise InputError(
-            f"{FRAME_NAME}: column '{name}' must be an array with one value a row",
+            f"{FRAME_NAME}: column '{name}' must be an array with one value per row",
             code="length-differs",
             key=str(name),
         )
@@ -280,26 +285,26 @@ def _convert_by_arrow(frame: Any) -> Any:
 
 
 _MAX_CLOCK_JITTER = 0.5
-"""Steps of a column that is a clock agree within this part; rounding of the times counts."""
+"""Maximum relative deviation of a step of a clock column, including rounding of the times."""
 _MAX_RATE_JITTER = 0.01
-"""Steps of a clock that agree within this share are one rate."""
+"""Maximum relative deviation of the steps of a clock with a constant rate."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelFigures:
-    """A channel of a file: name, unit and range."""
+    """Name, unit, rate and range of a channel of a file."""
 
-    name: str  # as ``--columns`` takes it
+    name: str  # name for ``--columns``
     unit: str
     samples: int
-    rate: float | None  # samples a second; None without a clock
-    low: float | None  # in the file's own unit; None of texts
+    rate: float | None  # samples per second; None without a clock
+    low: float | None  # in the unit of the file; None for texts
     high: float | None
-    role: str  # the quantity that it holds, "?" behind a guess; empty where there is none
+    role: str  # quantity, with "?" after a guess; empty if unknown
 
 
 def list_channels(path: PathLike) -> list[ChannelFigures]:
-    """List the channels of a file in any format, one at a time in memory."""
+    """Return the channels of a file in any format; only one channel at a time is in memory."""
     table = open_table(path, min_columns=1)
     headers = map_headers(table, {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
@@ -325,7 +330,7 @@ def _read_numbers(table: OpenTable, index: int) -> Any:
 
 
 def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
-    """Return the columns that rise by equal steps throughout, as a clock does."""
+    """Return the columns that increase by almost equal steps, as a clock does."""
     clocks = set()
     for index in columns:
         try:
@@ -338,7 +343,7 @@ def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
 
 
 def _even_step(times: FloatArray, max_jitter: float) -> float | None:
-    """Return the usual step of rising times; ``None`` if one deviates by more than a share of it."""
+    """Return the median step of increasing times; ``None`` if a step deviates by more."""
     steps = np.diff(times)
     median_step = float(np.median(steps)) if steps.size else 0.0
     return (
@@ -349,7 +354,7 @@ def _even_step(times: FloatArray, max_jitter: float) -> float | None:
 
 
 def _channel_rate(table: OpenTable, index: int) -> tuple[int | None, float | None]:
-    """Return the samples of a channel, and how many a second."""
+    """Return the number of samples of a channel, and its samples per second."""
     if not isinstance(table, ChannelTable):
         return None, None
     channel = table.channel(index)
@@ -361,7 +366,7 @@ def _channel_rate(table: OpenTable, index: int) -> tuple[int | None, float | Non
 
 
 def _guess_quantities(headers: Sequence[Header], texts: Sequence[int]) -> dict[int, str]:
-    """Say what each channel is by its header, and what the best of the others may be."""
+    """Return the quantity of each channel by its header, and guesses for other channels."""
     roles = {
         column: header.quantity.name
         for column, header in enumerate(headers)
@@ -375,34 +380,35 @@ def _guess_quantities(headers: Sequence[Header], texts: Sequence[int]) -> dict[i
 
 
 def check_format(path: PathLike) -> None:
-    """Refuse a file that no format is written as, or whose package is not installed."""
+    """Raise an error for a file name without a format for writing, or without its package."""
     named = Path(path)
     suffix = named.suffix.lower()
     if suffix not in WRITERS:
         raise InputError(
-            f"{path}: is written as {', '.join(WRITERS)}; name it so", code="wrong-ending"
+            f"{path}: no format has this suffix; use one of {', '.join(WRITERS)}",
+            code="wrong-ending",
         )
     if suffix in WRITER_PACKAGES:
         require_package(named, WRITER_PACKAGES[suffix])
 
 
 def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
-    """Refuse, before the work, a recording that cannot be written; `reads` must not be replaced."""
+    """Raise an error if a recording cannot be written, or would replace one of the files ``reads``."""
     check_format(path)
     check_writable(path, reads)
 
 
 def write_channel_groups(path: PathLike, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write sections whole or not at all; return what the format cannot hold."""
+    """Write channel groups without partial files; return what the format cannot store."""
     target = Path(path)
     suffix = target.suffix.lower()
     try:
         return WRITERS[suffix](target, sections)
     except (InputError, MemoryError):
         raise
-    except OSError as error:  # where a library keeps what it has not written yet
+    except OSError as error:  # temporary files of the library
         raise write_error(path, error) from None
-    except Exception as error:  # of the format's library: names or types that it does not take
+    except Exception as error:  # names or types that the format's library rejects
         raise InputError(
             f"{path}: {suffix} cannot hold this recording ({error}); choose another format",
             code="format-cannot-hold",
@@ -410,7 +416,7 @@ def write_channel_groups(path: PathLike, sections: Sequence[ChannelGroup]) -> tu
 
 
 def write_recording(path: PathLike, columns: Mapping[str, FloatArray]) -> None:
-    """Write columns of one length over the first, their clock, by header such as ``gap_m``."""
+    """Write columns of equal length by header, such as ``gap_m``; the first one is the clock."""
     series = []
     for header, values in columns.items():
         name, unit = split_header(header)

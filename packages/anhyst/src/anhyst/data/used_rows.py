@@ -1,4 +1,4 @@
-"""The rows of a table that are used: selected, valid, and cut into blocks."""
+"""The rows of a table in use: selected rows with measured values, and their blocks."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ from anhyst.support.units import Header
 Rows = NDArray[np.intp]
 
 _MAX_HOLE_SHARE = 0.05
-"""Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
+"""Maximum part of a record that is left out in one piece without an additional note."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsedRows:
-    """The columns of a table that are read, at the rows that are used."""
+    """The columns of a table that are read, at the rows in use."""
 
     table: OpenTable
     headers: Sequence[Header]
     raw: RawColumns
-    rows: Rows | None  # None: all
+    rows: Rows | None  # None: all rows
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a used row."""
+        """Return the place of a row in use."""
         return self.table.locate_row(row if self.rows is None else int(self.rows[row]))
 
     def values(self, index: int) -> FloatArray:
-        """Return a column of numbers as it is in the table."""
+        """Return a numeric column in the units of the table."""
         column = self.raw.numbers[index]
         return column if self.rows is None else column[self.rows]
 
     def si_values(self, index: int) -> FloatArray:
-        """Return a column of numbers in SI units."""
+        """Return a numeric column in SI units."""
         return self.headers[index].to_si(self.values(index))
 
     def texts(self, index: int) -> Texts:
-        """Return a column of texts."""
+        """Return a text column."""
         column = self.raw.texts[index]
         return column if self.rows is None else Texts(column.values, column.codes[self.rows])
 
     def select(self, rows: Rows) -> UsedRows:
-        """Return the same columns at some of the used rows."""
+        """Return the same columns at some of the rows in use."""
         return replace(self, rows=rows if self.rows is None else self.rows[rows])
 
     def breaks(self) -> Breaks:
-        """Return the first used row of each block of rows, and the remarks above it."""
+        """Return the first row in use of each block of rows, and the comments above it."""
         if self.rows is None:
             return self.raw.breaks
         merged: dict[int, tuple[str, ...]] = {}
@@ -67,7 +67,7 @@ class UsedRows:
     def drop_invalid(
         self, drop: str | None, signals: Collection[int]
     ) -> tuple[UsedRows, list[str]]:
-        """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
+        """Remove rows without a measured value, with a note; refuse them if ``drop`` is ``None``."""
         values_by_name = {
             self.headers[index].text: self.values(index) for index in self.raw.numbers
         }

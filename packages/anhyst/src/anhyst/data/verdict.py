@@ -1,4 +1,8 @@
-"""Is it worth it? What the best curve without memory leaves, and what follows a reversal."""
+"""Assess whether a hysteresis model has a benefit over the best single-valued curve.
+
+The residual of the best monotone curve of each gap is compared with the noise. If the residual is
+close to the noise, a model gains nothing. Loops that are caused by dynamics cannot be assessed.
+"""
 
 from __future__ import annotations
 
@@ -21,57 +25,56 @@ from anhyst.support.units import choose_display_unit
 Level = Literal["yes", "little", "no", "unknown"]
 
 _MEAN_OF_NORMAL = 0.7979
-"""Mean absolute value of a normal variable of unit standard deviation."""
+"""Mean absolute value of a normal variable with unit standard deviation."""
 MIN_SAMPLES_PER_BRANCH = 200
-"""Samples of a branch that resolve its loop; noise faster than they are is averaged out of the gain."""
+"""Number of samples that resolve a branch; noise at higher frequencies does not affect the gain."""
 _MAX_BINS = 4000
 _MAX_BRANCHES_WITH_FIRST = 6
-"""With more branches than this, the first is left out of the loop's width."""
+"""Maximum number of branches for which the first one counts for the loop's width."""
 GAIN_ADVICE = (
-    "it would pay where loops stand well above the noise: iron with wider loops, or several cycles "
-    "averaged"
+    "it is beneficial if the loops are well above the noise: iron with wider loops, or averages of "
+    "several cycles"
 )
-"""What a verdict adds where a hysteresis model does not pay: docs/choosing.md, "Does it pay?"."""
+"""Sentence that follows a verdict without a gain (docs/choosing.md, "Does it pay?")."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What a hysteresis model can gain over the best single-valued curve.
+    """Gain of a hysteresis model over the best single-valued curve.
 
-    All figures of the output are in its SI unit; relative ones refer to `largest_output`, those
-    of the input to its largest range.
+    Figures of the output are in SI units. Relative figures of the output refer to `largest_output`,
+    and relative figures of the input to its largest range.
     """
 
-    level: Level  # ``unknown`` if dynamics make the loop
-    width: float  # largest loop width (input) and height (output) of all loops
+    level: Level  # ``unknown`` if dynamics cause the loop
+    width: float  # largest width (input) of all loops
     width_relative: float
-    height: float
+    height: float  # largest height (output) of all loops
     height_relative: float
-    # mean and worst deviation of the best monotone curve, one a scheduling value
-    single_mean: float
+    single_mean: float  # mean deviation from the best monotone curve of each scheduling value
     single_mean_relative: float
-    single_worst: float
+    single_worst: float  # largest deviation from these curves
     single_worst_relative: float
-    noise_mean: float  # mean deviation that the noise alone causes: no model gets below
+    noise_mean: float  # mean deviation that noise alone causes, the lower limit for every model
     noise_relative: float
-    # share of the mean deviation that a perfect hysteresis model takes away at most, in the band of
-    # the loops: averages of samples that still resolve a branch
+    # maximum reduction of the mean deviation by a perfect hysteresis model, as a fraction, for
+    # averages of samples that still resolve a branch
     gain: float
     averaged: int  # largest number of samples in such an average
-    band_noise_relative: float  # mean deviation that the noise alone causes in these averages
-    dynamics: str  # why the loops are not hysteresis but dynamics; empty if nothing says so
+    band_noise_relative: float  # mean deviation that noise alone causes in them
+    dynamics: str  # reason why the loops are dynamics; empty if there is none
     sentences: tuple[str, ...]  # the same in words
 
     @property
     def worthwhile(self) -> bool:
-        """Whether a hysteresis model is worth having."""
+        """Whether a hysteresis model has a clear benefit."""
         return self.level == "yes"
 
 
 def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Best non-decreasing sequence in the weighted least-squares sense (pool adjacent violators).
+    """Return the best non-decreasing sequence in weighted least squares (pool adjacent violators).
 
-    >>> monotone_fit(np.array([1.0, 3.0, 2.0]), np.ones(3)).tolist()
+    >>> fit_monotone(np.array([1.0, 3.0, 2.0]), np.ones(3)).tolist()
     [1.0, 2.5, 2.5]
     """
     blocks: list[tuple[float, float, int]] = []  # mean, weight, number of values
@@ -88,7 +91,7 @@ def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
-    """Return each loop, and the deviation of its output from the best monotone curve of its gap."""
+    """Return each loop and the deviation of its output from the best monotone curve of its gap."""
     centred, even = recentre(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
     for loop, moved in zip(loopset.loops, centred.loops, strict=True):
@@ -98,15 +101,15 @@ def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
 
 
 def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
-    """Return width and height of a loop: the largest distance of neighbouring branches.
+    """Return the largest distance of neighbouring branches in input and in output.
 
-    In the input at equal output, and in the output at equal input; noise averaged out.
+    The distance in input is at equal output and vice versa. Noise is averaged.
     """
     size, answer = fold_input(loop, even=even)
     span, height = float(np.ptp(size)), float(np.ptp(answer))
     parts = find_branches(size)
     if len(parts) > _MAX_BRANCHES_WITH_FIRST:
-        parts = parts[1:]  # how the record got going says nothing about the cycles after it
+        parts = parts[1:]  # the first branch can be an initial curve
     widest = highest = 0.0
     for before, after in itertools.pairwise(parts):
         width = branch_separation(size, answer, before, after)
@@ -120,7 +123,7 @@ def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
 def _input_separation(
     size: FloatArray, answer: FloatArray, first: slice, second: slice, height: float
 ) -> float:
-    """Largest distance in input between two branches at equal output, outer tenths left out."""
+    """Return the largest input distance of two branches at equal output, without outer tenths."""
     curves = []
     for rows in (first, second):
         x, y = average_in_bins(size[rows], answer[rows], bins=200)
@@ -141,7 +144,7 @@ def largest_output(loopset: Loops) -> float:
 
 
 def assess_loops(loopset: Loops) -> Verdict:
-    """Weigh loop width, the best single-valued curve and the noise against each other."""
+    """Return the gain of a hysteresis model from loop width, single-valued residual and noise."""
     centred, even = recentre(loopset)
     width, height = np.max(
         [loop_width_and_height(loop, even=even) for loop in centred.loops], 0
@@ -193,7 +196,7 @@ def assess_loops(loopset: Loops) -> Verdict:
 
 
 def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
-    """Return the mean residual and that of noise alone in averages that resolve a branch, their size."""
+    """Return the mean residual, the noise and the size of averages that resolve a branch."""
     size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(find_branches(loop.input))) + 0.5), 1)
     starts = np.arange(0, loop.n - size + 1, size)
     residuals, output = (np.add.reduceat(each, starts) / size for each in (residual, loop.output))
@@ -216,24 +219,24 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
         "no": "A hysteresis model is not worth it",
         "unknown": "A hysteresis model cannot be judged from these loops",
     }[figures.level]
-    noise_alone = f"The noise alone makes {figures.noise_relative:.3%}"
+    noise_alone = f"The noise alone causes an error of {figures.noise_relative:.3%}"
     band = ""
     if figures.averaged > 1:
         band = f" in averages of {figures.averaged} samples"
-        noise_alone += f" of a sample and {figures.band_noise_relative:.3%}{band}"
+        noise_alone += f" in a sample and {figures.band_noise_relative:.3%}{band}"
     verdict = (
         f"{conclusion}: {figures.dynamics}."
         if figures.dynamics
-        else f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the "
+        else f"{conclusion}: it can remove at most {figures.gain:.0%} of the mean error of the "
         f"best single-valued curve{band}."
     )
     sentences = (
         f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
         f"of the {drive.name.replace('_', ' ')}'s range) and {scale * figures.height:.4g} {unit} "
         f"high ({figures.height_relative:.1%} of {reference}).",
-        f"The best single-valued curve misses by {figures.single_mean_relative:.2%} on average and "
-        f"{figures.single_worst_relative:.2%} at worst.",
-        f"{noise_alone}, which no model gets below.",
+        f"The best single-valued curve has an error of {figures.single_mean_relative:.2%} on average and "
+        f"{figures.single_worst_relative:.2%} at most.",
+        f"{noise_alone}, the lower limit for every model.",
         verdict,
     )
     needs_more = figures.level in {"little", "no"}

@@ -1,4 +1,4 @@
-"""Tables that hold several loops side by side: a column or a group for each gap, or two tables."""
+"""Refuse tables with several loops side by side: columns or groups for each gap, or two tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_SHOWN = 4
 
 
 def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
-    """Refuse several loops side by side, unless the user maps columns of one of them."""
+    """Raise an error for loops side by side, unless the user maps the columns of one loop."""
     if any(header.target for header in headers):
         return
     texts = [header.text for header in headers if not header.is_clock]
@@ -28,8 +28,8 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
     }
     if len(quantities.intersection((*DRIVE_QUANTITIES, *OUTPUT_MAPS))) > 1:
         raise InputError(
-            f"{source}: two tables are side by side: the columns {_quote_names(repeated_names)} come again; write "
-            "each table to a file of its own, with its gap in the file name",
+            f"{source}: two tables are side by side: the columns {_quote_names(repeated_names)} are repeated; write "
+            "each table to a separate file, with its gap in the file name",
             code="tables-side-by-side",
         )
     names_by_pattern: defaultdict[str, list[str]] = defaultdict(list)
@@ -46,7 +46,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
         ):
             _refuse_side_by_side(
                 source,
-                f"the columns {_quote_names(alike_names)} hold the same quantity at several gaps",
+                f"the columns {_quote_names(alike_names)} contain the same quantity at several gaps",
             )
     groups_by_channel = {name: tuple(found) for name, found in groups.items() if len(found) > 1}
     if (
@@ -56,7 +56,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
     ):
         _refuse_side_by_side(
             source,
-            f"the groups {_quote_names(next(iter(groups_by_channel.values())))} hold the same channels",
+            f"the groups {_quote_names(next(iter(groups_by_channel.values())))} contain the same channels",
         )
 
 
@@ -66,14 +66,14 @@ def _have_input_and_output(headers: Sequence[Header]) -> bool:
 
 
 def _mask_length(match: re.Match[str]) -> str:
-    """Return a mark in place of a length; other numbers with units stay."""
+    """Return a mark in place of a length; other numbers with units are unchanged."""
     unit = find_unit(match["unit"] or match["unit2"])
     return "*" if unit is not None and unit.dimension == "length" else match[0]
 
 
 def _refuse_side_by_side(source: str, fault: str) -> None:
     raise InputError(
-        f"{source}: {fault}, and one table holds one loop after the other; put the rows below each "
+        f"{source}: {fault}, but a table must contain one loop after the other; put the rows below each "
         "other with a column 'gap_mm', or write a file for each gap with the gap in its name; to use "
         'one of them only, map it: --columns "NAME=I_A,NAME=F_N" with the names of its columns',
         code="loops-side-by-side",

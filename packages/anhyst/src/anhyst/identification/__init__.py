@@ -1,4 +1,4 @@
-"""From measured loops to a model."""
+"""Identify hysteresis models from measured loops."""
 
 from __future__ import annotations
 

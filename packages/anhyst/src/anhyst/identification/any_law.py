@@ -1,8 +1,8 @@
-"""The fit of any law, through its iron: what a law without a kernel in the core is fitted by.
+"""Fit any hysteresis law through its iron model, for laws without a fast kernel in the core.
 
-Parameters are moved as a model file has them, over the range that each gives for a search, on the
-unit cube: a spread of sets is computed, and least squares by differences descend from the best.
-Along the redundancies of docs/theory.md ``c_H`` is 1 at the first gap, unless it is known.
+The parameters of the model file are varied within the search range of each, mapped to the unit
+cube. Many sets are simulated, and least squares with numerical derivatives descends from the best.
+Along the redundancies of docs/theory.md, ``c_H`` is 1 at the first gap unless it is known.
 """
 
 from __future__ import annotations
@@ -30,35 +30,35 @@ from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
-_MAX_OFFSET_SHARE = 0.1  # largest offset, in parts of the span
-_MAX_GAIN_RATIO = 1e3  # how far the gain may go from that of the best straight line, either way
+_MAX_OFFSET_SHARE = 0.1  # largest offset, relative to the range
+_MAX_GAIN_RATIO = 1e3  # largest factor between the gain and that of the best straight line
 
 
 @dataclass(frozen=True, slots=True)
 class _Coordinate:
-    """A number that is moved: its parameter, its node (None: the same at all), and its range."""
+    """A varied parameter: its name, its node (None: common to all nodes), and its range."""
 
     name: str
     node: int | None
     low: float
     high: float
 
-    def value(self, part: float) -> float:
-        """Return the value at a part of the range; over decades where it is all positive."""
+    def value(self, position: float) -> float:
+        """Return the value at a position of the range, on a logarithmic scale if it is positive."""
         if self.low > 0.0:
-            return float(self.low * (self.high / self.low) ** part)
-        return self.low + (self.high - self.low) * part
+            return float(self.low * (self.high / self.low) ** position)
+        return self.low + (self.high - self.low) * position
 
-    def derivative(self, part: float) -> float:
-        """Return the derivative of the value."""
+    def derivative(self, position: float) -> float:
+        """Return the derivative of the value by the position."""
         if self.low > 0.0:
-            return float(self.value(part) * np.log(self.high / self.low))
+            return float(self.value(position) * np.log(self.high / self.low))
         return self.high - self.low
 
 
 @dataclass(eq=False)
 class _AnyLawProblem:
-    """Loops under one law and one gap map."""
+    """Loops with one law and one gap map."""
 
     law: Law
     gap_map: GapMap
@@ -69,7 +69,7 @@ class _AnyLawProblem:
 
     @cached_property
     def entries(self) -> tuple[_Coordinate, ...]:
-        """What the spread moves; gain and offsets join for the descent."""
+        """Coordinates of the screening; gain and offsets are added for the descent."""
         span = self.records.input_span
         ranges = {
             spec.name: tuple(span * end if spec.unit == "A/m" else end for end in spec.search)
@@ -85,24 +85,24 @@ class _AnyLawProblem:
         varying: Collection[str] = MAY_VARY[self.gap_map] & {"rho", "c_H"}
         if self.gap_map == "free":
             varying = ranges
-        moving = []
+        coordinates = []
         for name, (low, high) in ranges.items():
             is_varying = self.records.gap_count > 1 and name in varying
             nodes = range(self.records.gap_count) if is_varying else (None,)
-            moving += [_Coordinate(name, node, low, high) for node in nodes]
-        gauge = _Coordinate("c_H", 0, 0.1, 10.0)
-        return tuple(entry for entry in moving if entry != gauge)
+            coordinates += [_Coordinate(name, node, low, high) for node in nodes]
+        fixed_by_gauge = _Coordinate("c_H", 0, 0.1, 10.0)
+        return tuple(entry for entry in coordinates if entry != fixed_by_gauge)
 
     def model(self, entries: tuple[_Coordinate, ...], theta: FloatArray) -> Model:
-        """Return the model at a point of the cube of some entries."""
+        """Return the model at a point of the unit cube of some coordinates."""
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
         rows = {entry.name: [1.0] * len(nodes) for entry in entries if entry.node is not None}
-        for entry, part in zip(entries, theta.tolist(), strict=True):
+        for entry, position in zip(entries, theta.tolist(), strict=True):
             if entry.node is None:
-                values[entry.name] = entry.value(part)
+                values[entry.name] = entry.value(position)
             else:
-                rows[entry.name][entry.node] = entry.value(part)
+                rows[entry.name][entry.node] = entry.value(position)
         values |= {name: tuple(row) for name, row in rows.items()}
         return Model(
             name="model",
@@ -116,18 +116,18 @@ class _AnyLawProblem:
         )
 
     def outputs(self, model: Model) -> FloatArray | None:
-        """Modelled outputs of all loops; None where the law has no answer."""
+        """Return the modelled outputs of all loops; None if the law has no solution."""
         self.evaluations += 1
         groups = self.loopset.by_schedule()
         loops = [(node, loop) for node, group in groups.items() for loop in group]
         try:
-            parts = [
+            outputs_by_loop = [
                 model.predict(record.input, node, history=loop.history).output
                 for (node, loop), record in zip(loops, self.records.loops, strict=True)
             ]
         except (InputError, NegativeResult):
             return None
-        return np.concatenate(parts)
+        return np.concatenate(outputs_by_loop)
 
     def __post_init__(self) -> None:
         loops = self.records.loops
@@ -135,28 +135,30 @@ class _AnyLawProblem:
         self.weights = np.concatenate([np.full(loop.output.size, loop.weight) for loop in loops])
 
     def residuals(self, entries: tuple[_Coordinate, ...], theta: FloatArray) -> FloatArray:
-        """Weighted deviations."""
+        """Return the weighted residuals."""
         outputs = self.outputs(self.model(entries, theta))
         if outputs is None:
             return NO_ANSWER_DEVIATION * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
     def fit_line(self, shape: FloatArray) -> tuple[float, float, float]:
-        """Return gain and offset of the best straight line from a shape, and its cost."""
+        """Return gain and offset of the best linear regression on a shape, and its cost."""
         columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
         weighted = columns * self.weights[:, None]
         target = self.measured * self.weights
         (gain, offset), *_ = np.linalg.lstsq(weighted, target, rcond=None)
-        off = weighted @ np.array([gain, offset]) - target
-        return float(gain), float(offset), float(off @ off) if gain > 0.0 else np.inf
+        residual = weighted @ np.array([gain, offset]) - target
+        return float(gain), float(offset), float(residual @ residual) if gain > 0.0 else np.inf
 
     def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
-        """Return the best sets of a spread: cost, and where a descent begins."""
-        free = [entry.name for entry in self.entries if not entry.node]  # all nodes alike
+        """Return the best sets of a screening: cost, coordinates and start point."""
+        names = [
+            entry.name for entry in self.entries if not entry.node
+        ]  # all nodes start with equal values
         starts = []
-        for draw in sample_unit_cube(len(free), SCREENED_SETS, seed).T:
-            drawn = dict(zip(free, draw, strict=True))
-            theta = np.array([drawn.get(entry.name, 0.5) for entry in self.entries])
+        for point in sample_unit_cube(len(names), SCREENED_SETS, seed).T:
+            values = dict(zip(names, point, strict=True))
+            theta = np.array([values.get(entry.name, 0.5) for entry in self.entries])
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
@@ -168,27 +170,27 @@ class _AnyLawProblem:
     def _add_gain_and_offsets(
         self, theta: FloatArray, gain: float, offset: float
     ) -> tuple[tuple[_Coordinate, ...], FloatArray]:
-        """Let gain and offsets be moved too, from what the straight line says."""
-        entries, parts = list(self.entries), theta.tolist()
+        """Add gain and offsets to the coordinates, starting from the linear regression."""
+        entries, positions = list(self.entries), theta.tolist()
         if not output_map(self.loopset.output).is_flux_density:
             entries.append(
                 _Coordinate("c_out", None, gain / _MAX_GAIN_RATIO, gain * _MAX_GAIN_RATIO)
             )
-            parts.append(0.5)
+            positions.append(0.5)
         if self.offsets:
             for name, span in (
                 ("in_0", _MAX_OFFSET_SHARE * self.records.input_span),
                 ("out_0", max(self.records.output_span, 2.0 * abs(offset))),
             ):
                 entries.append(_Coordinate(name, None, -span, span))
-                parts.append(0.5 if name == "in_0" else 0.5 + 0.5 * offset / span)
-        return tuple(entries), np.array(parts)
+                positions.append(0.5 if name == "in_0" else 0.5 + 0.5 * offset / span)
+        return tuple(entries), np.array(positions)
 
 
 def fit_any_law(
     loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Outcome:
-    """Fit a law through its iron alone."""
+    """Fit a law through its iron model only, under the possible gap maps."""
     maps: tuple[GapMap, ...] = ("scaling",)
     if records.gap_count < 2:
         maps = ("none",)
@@ -196,37 +198,37 @@ def fit_any_law(
         maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     elif is_scheduled_over_gap(loopset):
         maps = ("scaling", "reluctance")
-    ends = [
+    fits = [
         _descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in maps
     ]
-    _, best = min(ends, key=lambda end: end[0])
-    return replace(best, evaluations=sum(outcome.evaluations for _, outcome in ends))
+    _, best = min(fits, key=lambda fit: fit[0])
+    return replace(best, evaluations=sum(outcome.evaluations for _, outcome in fits))
 
 
 def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
-    """Return the cost and what least squares come to under one gap map."""
+    """Return the cost and the result of least squares under one gap map."""
     from scipy.optimize import OptimizeResult, least_squares
 
-    begins = problem.find_starts(seed)
-    if not begins:
+    starts = problem.find_starts(seed)
+    if not starts:
         raise NoUsableStartError
 
     def descend(
-        entries: tuple[_Coordinate, ...], theta: FloatArray, tolerance: float, most: int
+        entries: tuple[_Coordinate, ...], theta: FloatArray, tolerance: float, max_evaluations: int
     ) -> OptimizeResult:
         return least_squares(
-            lambda at: problem.residuals(entries, at),
+            lambda point: problem.residuals(entries, point),
             np.clip(theta, 1e-6, 1.0 - 1e-6),
             bounds=(0.0, 1.0),
             ftol=tolerance,
             xtol=tolerance,
             diff_step=1e-6,
-            max_nfev=most,
+            max_nfev=max_evaluations,
         )
 
-    short = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in begins]
-    end, entries = min(short, key=lambda attempt: float(attempt[0].cost))
-    best = descend(entries, end.x, 1e-8, 60)
+    short_fits = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in starts]
+    best_short, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
+    best = descend(entries, best_short.x, 1e-8, 60)
     why = f"gap map '{problem.gap_map}' fits the loops best of those tried"
     model = problem.model(entries, best.x)
     uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)
@@ -241,7 +243,7 @@ def _assess(
     deviation: FloatArray,
     jacobian: FloatArray,
 ) -> Uncertainty:
-    """Say what the data say about each number, as :func:`anhyst.identification.uncertainty.assess`."""
+    """Estimate the uncertainty, as :func:`anhyst.identification.uncertainty.assess_uncertainty`."""
     normal = jacobian.T @ jacobian
     variance = float(deviation @ deviation) / max(1, deviation.size - theta.size)
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
@@ -253,10 +255,12 @@ def _assess(
     spread = np.sqrt(np.diag(covariance))
     keys = problem.model(entries, theta).file_keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
-    values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
+    values = [
+        entry.value(position) for entry, position in zip(entries, theta.tolist(), strict=True)
+    ]
     stds = [
-        float(std * entry.derivative(part))
-        for entry, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+        float(std * entry.derivative(position))
+        for entry, position, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
     ]
     correlation = covariance / np.outer(spread, spread)
     return Uncertainty(

@@ -1,4 +1,10 @@
-"""What is fitted and compared, the simplest first, and which of it predicts best what was left out."""
+"""Define the candidate laws and gap maps of a search, and select the one that predicts best.
+
+Each candidate is fitted to all data and, again, without each withheld part: an inner gap, an inner
+loop or a block of samples. :class:`CandidateComparison` collects fits and errors at the withheld
+parts. A more complex candidate is selected only if it is better by more than the standard error of
+the difference.
+"""
 
 from __future__ import annotations
 
@@ -31,33 +37,33 @@ from anhyst.laws.cells import Shape
 from anhyst.model.residual_analysis import NEGLIGIBLE_DEVIATION
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 
-MAX_POPULATIONS = 3  # of play cells that are tried, at most
+MAX_POPULATIONS = 3  # populations of play cells, at most
 
 _RANK_STEP = 10
 
 
 @dataclass(frozen=True)
 class ModelCandidate:
-    """A law and a gap map, and what they may vary."""
+    """A law and a gap map, with the parameters that are fixed or common to all gaps."""
 
-    gap_map: str  # the map
-    fixed: frozenset[str]  # parameters that are zero and not fitted
-    # parameters that are the same at every gap although the map lets them differ
+    gap_map: str  # key of :data:`anhyst.identification.space.GAP_DEPENDENT`
+    fixed: frozenset[str]  # parameters fixed at zero
+    # parameters that are the same at every gap although the map allows different values
     common: frozenset[str] = frozenset()
-    # complexity: one of a higher rank is taken only where it is better by more than its scatter
+    # model complexity; a higher rank is selected only if it is better by more than the scatter
     rank: int = 0
-    cells: CellKernel | None = None  # play cells, in how many populations; None: the law of the run
-    has_fitted_weights: bool = (
-        False  # whether every weight of the cells has moved by itself at the end
+    cells: CellKernel | None = (
+        None  # play cells and their population count; None: the law of the run
     )
+    has_fitted_weights: bool = False  # whether every cell weight was finally fitted individually
 
     @property
     def file_gap_map(self) -> str:
-        """Gap map that a candidate has in a model file."""
+        """The name of the gap map in a model file."""
         return FILE_GAP_MAPS.get(self.gap_map, self.gap_map)
 
     def title(self, law: str) -> str:
-        """Return the name for a report, with the gap map, in a run with this law."""
+        """Return the name for a report, without the gap map; `law` is the law of the run."""
         if self.cells is None:
             return law
         count = self.cells.population_count
@@ -67,97 +73,105 @@ class ModelCandidate:
         return f"{text}, weights fitted" if self.has_fitted_weights else text
 
     def details(self) -> list[str]:
-        """Return what distinguishes a candidate from others of the same name."""
-        free = OFFSET_NAMES - self.fixed
+        """Return the properties that distinguish candidates of the same name."""
+        free_offsets = OFFSET_NAMES - self.fixed
         return [
             *(["no interaction"] if "omega" in self.fixed and self.cells is None else []),
             *(["one leakage path"] if self.gap_map == "leakage" else []),
             *(["a gain at each gap"] if self.gap_map == "circuit" else []),
-            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free else []),
+            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free_offsets else []),
         ]
 
 
 def make_titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
-    """Return a name for each candidate, under its gap map; no two are the same."""
+    """Return a name for each candidate; candidates with the same gap map get different names."""
     names = [candidate.title(law) for candidate in candidates]
-    keys = [(name, each.file_gap_map) for name, each in zip(names, candidates, strict=True)]
-    alike = Counter(keys)
+    keys = [(name, entry.file_gap_map) for name, entry in zip(names, candidates, strict=True)]
+    counts = Counter(keys)
     return [
-        ", ".join([key[0], *(candidate.details() if alike[key] > 1 else ())])
+        ", ".join([key[0], *(candidate.details() if counts[key] > 1 else ())])
         for key, candidate in zip(keys, candidates, strict=True)
     ]
 
 
 def require_gaps(records: FitRecords, gap_map: str) -> None:
-    """Refuse a gap map where there is nothing to see of it."""
+    """Raise an error if a gap map is requested for loops at a single gap."""
     if gap_map != "auto" and records.gap_count < 2:
         raise InputError(
-            f"gap map '{gap_map}' needs loops at two gaps or more, there are loops at one; measure "
-            "another gap, or use --gap-map auto for a model of this gap alone",
+            f"gap map '{gap_map}' needs loops at two or more gaps, but there is only one; measure "
+            "another gap, or use --gap-map auto for a model of this gap",
             code="single-gap",
             key="gap_map",
         )
 
 
 def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCandidate]:
-    """Name the candidates, the simplest first.
+    """Return the candidates without play cells, the simplest first.
 
-    A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
-    ``circuit`` and ``free``, two gaps say too little. Under ``free`` the gap cannot move, so it is
-    for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
-    only where it is asked for.
+    A series reluctance applies only to gaps, and not to the law of 1986. ``circuit`` and ``free``
+    need three gaps for several variants. ``free`` requires a fixed gap, so that ``auto`` tries it
+    only for other schedules. Sensor offsets do not depend on the gap: ``circuit`` allows this only
+    on request.
     """
-    gaps, held = run.search_records.gap_count, run.fixed
+    gaps, fixed = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
-        candidates = [ModelCandidate("leakage", held)] if gaps >= 3 else []
-        candidates.append(ModelCandidate("circuit", held, OFFSET_NAMES, rank=1))
-        apart = gaps >= 3 and not held >= OFFSET_NAMES
-        return [*candidates, ModelCandidate("circuit", held, rank=2)] if apart else candidates
+        candidates = [ModelCandidate("leakage", fixed)] if gaps >= 3 else []
+        candidates.append(ModelCandidate("circuit", fixed, OFFSET_NAMES, rank=1))
+        has_offset_variant = gaps >= 3 and not fixed >= OFFSET_NAMES
+        return (
+            [*candidates, ModelCandidate("circuit", fixed, rank=2)]
+            if has_offset_variant
+            else candidates
+        )
     if gap_map == "free":
-        # With everything free at each gap, interaction and shape of the anhysteretic replace each
-        # other almost without trace, and what is interpolated of them need not fit together.
-        # Without interaction the fit is a little worse and may predict much better.
-        # The same holds of offsets at every gap.
+        # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
+        # are barely separable, and interpolated values may not fit together. Without interaction,
+        # the fit is slightly worse, but may predict much better. The same applies to offsets at
+        # every gap.
         if gaps < 3:
-            return [ModelCandidate("free", held)]
+            return [ModelCandidate("free", fixed)]
         candidates = [
-            ModelCandidate("free", held | OFFSET_NAMES),
-            ModelCandidate("free", held | OFFSET_NAMES | {"omega"}),
+            ModelCandidate("free", fixed | OFFSET_NAMES),
+            ModelCandidate("free", fixed | OFFSET_NAMES | {"omega"}),
         ]
-        if not held >= OFFSET_NAMES:
+        if not fixed >= OFFSET_NAMES:
             candidates += [
-                ModelCandidate("free", held, rank=1),
-                ModelCandidate("free", held | {"omega"}, rank=1),
+                ModelCandidate("free", fixed, rank=1),
+                ModelCandidate("free", fixed | {"omega"}, rank=1),
             ]
         return candidates
     if gap_map != "auto":
-        return [ModelCandidate(gap_map, held)]
-    candidates = [ModelCandidate("scaling", held)]
+        return [ModelCandidate(gap_map, fixed)]
+    candidates = [ModelCandidate("scaling", fixed)]
     if not is_scheduled_over_gap(loopset):
-        others = map_candidates(run, loopset, "free")
-        return candidates + [replace(other, rank=other.rank + 1) for other in others]
+        free_variants = map_candidates(run, loopset, "free")
+        return candidates + [replace(other, rank=other.rank + 1) for other in free_variants]
     if not run.form.kernel.is_coupled:
-        candidates.append(ModelCandidate("reluctance", held))
-        candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
+        candidates.append(ModelCandidate("reluctance", fixed))
+        candidates += [ModelCandidate("leakage", fixed, rank=1)] if gaps >= 3 else []
     return candidates
 
 
 def select_cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
-    """Name the gap map under which play cells are searched for: the most flexible of a gap's."""
+    """Return the candidate with the most flexible gap map, for the search of play cells."""
     order = ("leakage", "circuit", "reluctance")
-    able = [candidate for candidate in maps if candidate.gap_map in order]
-    return min(able, key=lambda candidate: order.index(candidate.gap_map)) if able else base
+    circuit_maps = [candidate for candidate in maps if candidate.gap_map in order]
+    return (
+        min(circuit_maps, key=lambda candidate: order.index(candidate.gap_map))
+        if circuit_maps
+        else base
+    )
 
 
 def with_gap_map(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
-    """Name play cells under the gap map of another candidate."""
+    """Return a candidate's play cells under the gap map of another candidate."""
     return replace(other, cells=cells.cells, rank=cells.rank - cells.rank % _RANK_STEP + other.rank)
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:
-    """Name those with play cells, under the map of another one, the simplest first.
+    """Return play-cell candidates under the map of a base candidate, the simplest first.
 
-    A population more is a step in complexity larger than any between maps.
+    An added population increases the rank by more than any difference between maps.
     """
     return [
         replace(base, cells=CellKernel(shape, count), rank=base.rank + _RANK_STEP * (2 * count - 1))
@@ -167,60 +181,62 @@ def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[Mod
 
 
 def without_interaction(candidate: ModelCandidate) -> ModelCandidate:
-    """Name the same play cells without interaction; they are simpler by that number."""
+    """Return the same play cells without interaction, which has one parameter less."""
     return replace(candidate, fixed=candidate.fixed | {"omega"}, rank=candidate.rank - 1)
 
 
 def with_fitted_weights(candidate: ModelCandidate) -> ModelCandidate:
-    """Name the same play cells with every weight fitted."""
+    """Return the same play cells with individually fitted weights."""
     return replace(candidate, has_fitted_weights=True, rank=candidate.rank + _RANK_STEP)
 
 
 _MAX_SQUARE_RATIO_OF_RIVALS = 4.0
-"""Mean square over the least one, of what was left out, up to which a candidate might be chosen if one
-place had not been seen."""
+"""Mean square error at withheld parts, relative to the smallest, up to which a candidate might be
+selected if one part had not been measured."""
 
 _CELL_SIGMAS_FOR_BLOCKS = 2.0
-"""Standard errors by which other play cells must be better where only blocks of samples are left out:
-any cells that follow the loop foresee those, and they say less of other runs than loops do."""
+"""Number of standard errors by which more complex play cells must be better at withheld blocks. Any
+cells that follow the loop also predict its blocks, so blocks are weaker evidence than loops."""
 
 _CLEAR_SQUARE_RATIO = 1.5
-"""Mean square over that of other play cells, of the loops and of blocks left out, from which on nobody
-waits for certainty: the standard error is of few blocks, and most of it of the one that gains most."""
+"""Ratio of mean squares, on the fitted loops and on withheld blocks, above which more complex cells
+are selected without regard to the standard error, which comes from few blocks."""
 
 
 _WORSE_FIT_RATIO = 2.5
-"""Rms deviation of a fit over that of another, both above the noise, from which on the other law is
-taken if it predicts what was withheld as well: a law that cannot follow the loops is the wrong one."""
+"""Ratio of rms residuals beyond the noise, above which the law with the smaller residual is
+selected if it predicts withheld data as well."""
 
-_MIN_EXCESS_SHARE = 0.1  # part of a cost that is not taken for noise, however noisy the output is
+_MIN_EXCESS_SHARE = 0.1  # smallest share of a cost that counts as model error, for any noise
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
-"""Errors of a fit that end a candidate, not the search."""
+"""Exceptions that remove a candidate but do not end the search."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Two fits under one candidate: offsets free, and only those that the data demand."""
+    """Two fits of a candidate: with all offsets, and with only those that the data require."""
 
     full: FoundModel
     reduced: FoundModel
 
 
 @dataclass(eq=False)
-class Comparison:
-    """All that was fitted: to all gaps, and without some."""
+class CandidateComparison:
+    """Fits of all candidates, and their refits without the withheld parts."""
 
     eligible: list[ModelCandidate]
     fits: dict[ModelCandidate, Fits]
     refits: dict[Fold, dict[ModelCandidate, Refit]]
     withheld: Sequence[int]
     withheld_kind: WithheldKind = "gap"
-    noise: float = 0.0  # cost of the noise of the sensor
-    dropped: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each that failed
+    noise: float = 0.0  # cost of the sensor noise
+    dropped: dict[ModelCandidate, str] = field(
+        default_factory=dict
+    )  # reason for each failed candidate
 
     def drop(self, candidate: ModelCandidate, error: Exception) -> None:
-        """Let a candidate that failed no longer take part."""
+        """Remove a failed candidate from the selection and store the reason."""
         self.dropped[candidate] = getattr(error, "what", str(error))
         if candidate in self.eligible:
             self.eligible.remove(candidate)
@@ -228,7 +244,7 @@ class Comparison:
     def withheld_errors(
         self, candidate: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> list[WithheldError]:
-        """Return the errors of a candidate on each part that was left out."""
+        """Return the errors of a candidate at each withheld part."""
         return [
             self.refits[outer_fold | {index}][candidate].errors[index]
             for index in self.withheld
@@ -236,68 +252,77 @@ class Comparison:
         ]
 
     def has_all_refits(self, candidate: ModelCandidate, outer_fold: Fold = frozenset()) -> bool:
-        """Whether a candidate was fitted without each part."""
+        """Whether a candidate was refitted without each part."""
         return all(candidate in self.refits[outer_fold | {index}] for index in self.withheld)
 
     def find_rivals(self) -> list[ModelCandidate]:
-        """Return the candidates that might win if one part had not been measured."""
-        squares = {
-            entrant: mean_square_error(self.withheld_errors(entrant)) for entrant in self.eligible
+        """Return the candidates that might be selected if one part had not been measured."""
+        mean_squares = {
+            candidate: mean_square_error(self.withheld_errors(candidate))
+            for candidate in self.eligible
         }
-        most = _MAX_SQUARE_RATIO_OF_RIVALS * min(squares.values())
+        max_square = _MAX_SQUARE_RATIO_OF_RIVALS * min(mean_squares.values())
         return [
-            model
-            for model in self.eligible
-            if squares[model] <= most or model == self.select_best()
+            entry
+            for entry in self.eligible
+            if mean_squares[entry] <= max_square or entry == self.select_best()
         ]
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
-        """Choose from all places, or from all but some."""
-        tried = [entrant for entrant in self.eligible if self.has_all_refits(entrant, outer_fold)]
-        missed = {entrant: self.withheld_errors(entrant, outer_fold) for entrant in tried}
-        if not any(missed.values()):
+        """Select the best candidate by its errors at all withheld parts outside `outer_fold`."""
+        refitted = [
+            candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
+        ]
+        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted}
+        if not any(errors.values()):
             simplest = min(
-                self.eligible, key=lambda entrant: (entrant.rank, self._cost(entrant, outer_fold))
+                self.eligible,
+                key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold)),
             )
             return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
         best = None
-        for rank in sorted({entrant.rank for entrant in tried}):
-            alike = [entrant for entrant in tried if entrant.rank == rank]
+        for rank in sorted({candidate.rank for candidate in refitted}):
+            same_rank = [candidate for candidate in refitted if candidate.rank == rank]
             means = {
-                model: mean_square_error(_comparable_errors(missed[model], alike))
-                for model in alike
+                model: mean_square_error(_comparable_errors(errors[model], same_rank))
+                for model in same_rank
             }
-            enough = EQUAL_ERROR_RATIO * min(means.values())
-            first = next(entrant for entrant, mean in means.items() if mean <= enough)
-            if best is None or self._is_better(first, best, outer_fold):
-                best = first
+            max_mean = EQUAL_ERROR_RATIO * min(means.values())
+            simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
+            if best is None or self._is_better(simplest_good, best, outer_fold):
+                best = simplest_good
         assert best is not None
-        return self._replace_by_better_fit(best, tried, outer_fold)
+        return self._replace_by_better_fit(best, refitted, outer_fold)
 
     def _replace_by_better_fit(
-        self, best: ModelCandidate, tried: Sequence[ModelCandidate], outer_fold: Fold
+        self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
-        """Return the simplest candidate that fits several times better and predicts as well."""
-        while able := [other for other in tried if self._should_replace(best, other, outer_fold)]:
-            best = min(able, key=lambda other: (other.rank, self._cost(other, outer_fold)))
+        """Return the simplest candidate with a several times smaller residual and equal prediction."""
+        while better := [
+            other for other in candidates if self._should_replace(best, other, outer_fold)
+        ]:
+            best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
     def _is_better(self, other: ModelCandidate, simpler: ModelCandidate, outer_fold: Fold) -> bool:
-        """Whether a candidate predicts better than a simpler one, by more than the scatter.
+        """Whether a candidate predicts better than a simpler one by more than the scatter.
 
-        Of blocks, also whether it is much better on both fitted and left-out data.
+        With withheld blocks, a clearly smaller mean square on blocks and on fitted data is enough.
         """
         pair = [simpler, other]
-        blocks = self.withheld_kind == "block"
-        certain = _CELL_SIGMAS_FOR_BLOCKS if blocks and simpler.cells else 1.0
-        own, others = (
-            _comparable_errors(self.withheld_errors(each, outer_fold), pair) for each in pair
+        is_by_block = self.withheld_kind == "block"
+        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
+        simpler_errors, other_errors = (
+            _comparable_errors(self.withheld_errors(candidate, outer_fold), pair)
+            for candidate in pair
         )
-        has_smaller_error = is_better(own, others, certain)
-        if has_smaller_error or not blocks:
+        has_smaller_error = is_better(simpler_errors, other_errors, sigmas)
+        if has_smaller_error or not is_by_block:
             return has_smaller_error
-        squares = [mean_square_error(self.withheld_errors(each, outer_fold)) for each in pair]
-        costs = [self._cost(each, outer_fold) for each in pair]
+        squares = [
+            mean_square_error(self.withheld_errors(candidate, outer_fold)) for candidate in pair
+        ]
+        costs = [self._cost(candidate, outer_fold) for candidate in pair]
         return bool(
             squares[0] > _CLEAR_SQUARE_RATIO * squares[1]
             and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
@@ -319,12 +344,14 @@ class Comparison:
     def is_several_times_worse(
         self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
-        """Whether a candidate fits the loops several times worse than another."""
-        own, least = (self._excess_cost(each, outer_fold) for each in (candidate, other))
-        return own > _WORSE_FIT_RATIO**2 * least
+        """Whether a candidate fits the loops several times worse than another, beyond the noise."""
+        own_excess, other_excess = (
+            self._excess_cost(either, outer_fold) for either in (candidate, other)
+        )
+        return own_excess > _WORSE_FIT_RATIO**2 * other_excess
 
     def _excess_cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
-        """Return the cost of a fit above that of the noise, and above what nobody sees."""
+        """Return the cost of a fit minus the cost of the noise, with a lower limit."""
         cost = self._cost(candidate, outer_fold)
         return max(cost - self.noise, _MIN_EXCESS_SHARE * cost, NEGLIGIBLE_DEVIATION**2)
 
@@ -336,42 +363,44 @@ class Comparison:
         )
 
     def withheld_error(self, candidate: ModelCandidate) -> float | None:
-        """Return the cross-validation error of a candidate; None where nothing was left out."""
+        """Return the mean cross-validation error of a candidate; None if nothing was withheld."""
         return mean_error(self.withheld_errors(candidate)) if self.withheld else None
 
     def finite_withheld_error(self, candidate: ModelCandidate) -> float | None:
-        """Return the cross-validation error of a candidate; None where it is not finite, too."""
+        """Return the mean cross-validation error of a candidate; None if there is no finite value."""
         error = self.withheld_error(candidate)
         return error if error is not None and np.isfinite(error) else None
 
     def errors_by_map(self, law_candidate: ModelCandidate) -> dict[str, float]:
-        """Return the error of the best variant of each gap map, under the law of a candidate."""
+        """Return the error of the best variant of each gap map, for the law of a candidate."""
         errors: dict[str, float] = {}
-        for entrant in self.eligible if self.withheld else ():
-            if (entrant.cells, entrant.has_fitted_weights) == (
+        for candidate in self.eligible if self.withheld else ():
+            if (candidate.cells, candidate.has_fitted_weights) == (
                 law_candidate.cells,
                 law_candidate.has_fitted_weights,
             ):
-                error = mean_error(self.withheld_errors(entrant))
-                name = entrant.file_gap_map
+                error = mean_error(self.withheld_errors(candidate))
+                name = candidate.file_gap_map
                 errors[name] = min(error, errors.get(name, np.inf))
         return errors
 
     def nested_errors(self) -> list[float]:
-        """Errors at places that neither the fit nor the choice has seen."""
+        """Return the errors at parts that were withheld from both the fit and the selection."""
         errors = []
         for index in self.withheld:
             fold = frozenset({index})
-            seen = fold if len(self.withheld) > 1 else frozenset[int]()  # one gap alone decides
-            winner = self.select_best(seen) if len(self.eligible) > 1 else self.eligible[0]
+            outer_fold = (
+                fold if len(self.withheld) > 1 else frozenset[int]()
+            )  # with one withheld gap, that gap also decides the selection
+            winner = self.select_best(outer_fold) if len(self.eligible) > 1 else self.eligible[0]
             errors.append(self.refits[fold][winner].errors[index].mean)
         return errors
 
 
 def _comparable_errors(
-    misses: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
+    errors: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
 ) -> list[WithheldError]:
-    """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
+    """Return the errors for a comparison; gap maps are compared at withheld gaps only."""
     if any(candidate.cells for candidate in candidates):
-        return list(misses)
-    return [replace(miss, outer_squares=()) for miss in misses]
+        return list(errors)
+    return [replace(error, outer_squares=()) for error in errors]

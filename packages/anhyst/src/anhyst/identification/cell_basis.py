@@ -1,7 +1,7 @@
-"""The curves whose weights a fit of play cells solves for, and how smooth the weights are.
+"""Define the curves of play cells whose weights are solved for, and the smoothness of the weights.
 
-A basis has few wide curves with one common middle, or narrow curves on a grid. On the grid, the
-curve of each threshold may take any rising form: the cells are a discrete Preisach operator
+A basis has a few wide curves with one common middle, or narrow curves on a grid. On the grid, the
+function of each threshold may have any increasing form: the cells are a discrete Preisach operator
 (docs/actuators.md). The regularisation penalises second differences of the weights.
 """
 
@@ -16,24 +16,24 @@ from numpy.typing import NDArray
 from anhyst.laws.cells import CellWeights
 from anhyst.support.numeric import FloatArray
 
-PINNED_CELLS = 12  # cells with a threshold: as many as a compiled compensator takes
+PINNED_CELLS = 12  # cells with a threshold, as many as a compiled compensator supports
 
 MIN_THRESHOLD_SHARE = 0.04
-"""First threshold, in parts of the range of the input; the last is half of it. A finer one does what
-a lag does, and lets the inverse jump where the drive turns."""
+"""First threshold, relative to the input range; the last is half the range. Smaller thresholds act
+like a lag and make the inverse jump at reversals."""
 
 CURVE_WIDTHS = (
     0.5,
     1.0,
     2.0,
     8.0,
-)  # of the curves, in ranges of the input; the last is all but straight
+)  # widths of the curves, in input ranges; the last is almost straight
 
 SMOOTHNESS = 1e-3
-"""Weight of the second differences over the thresholds, in parts of the size of a column; neighbours
-that no sample distinguishes share what they have."""
+"""Weight of the second differences over the thresholds, relative to the norm of a column.
+Thresholds that no sample separates get similar weights."""
 
-GRID_LEVELS = 20  # thresholds of the grid, and its curves over the range of the input
+GRID_LEVELS = 20  # thresholds of the grid, and curves over the input range
 
 GRID_CURVE_HALF_WIDTH = 0.7
 """Half-width of a curve on the grid, in steps. Equal weights then add up to a straight line."""
@@ -41,24 +41,23 @@ GRID_CURVE_HALF_WIDTH = 0.7
 GRID_SMOOTHNESS_VALUES = (1e-3, 1e-2, 5e-2)
 """Weights of the second differences on the grid; the error at withheld samples selects one."""
 
-SATURATED_WIDTHS = (
-    19.0  # widths from the middle of a curve on, from which on it is 1 to the last digit
-)
+SATURATED_WIDTHS = 19.0
+"""Distance from the middle of a curve, in widths, from which the curve is 1 in double precision."""
 
 MIN_CURVE_CHANGE = 0.5
-"""Least change of a curve, in parts of the largest change, from which on the loops move it. The tail
-of a curve that they do not pass says nothing of its height."""
+"""Smallest change of a curve over the loops, relative to the largest change, with which its weight
+is determined. The tail of a curve does not determine its height."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellBasis:
-    """Curves of play cells whose weights are unknown, A/m."""
+    """Curves of play cells with unknown weights, A/m."""
 
     thresholds: FloatArray
     widths: FloatArray
-    centres: FloatArray | None = None  # None: all curves have one middle
+    centres: FloatArray | None = None  # None: all curves have a common middle
     max_field: float = np.inf  # largest field of the grid
-    is_even: bool = False  # whether the fields of the grid go as far below zero
+    is_even: bool = False  # whether the fields of the grid extend as far below zero
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -66,42 +65,44 @@ class CellBasis:
         return self.thresholds.size, self.widths.size
 
     def columns(self, fields: FloatArray) -> FloatArray:
-        """Return the output of each curve at the places of the cells; shape (n, cells * curves)."""
+        """Return the output of each curve at the positions of the cells; (n, cells * curves)."""
         if self.centres is None:
             return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
-        found = np.tanh((fields[:, :, None] - self.centres) / self.widths)
-        near = self.centres < SATURATED_WIDTHS * self.widths
+        curves = np.tanh((fields[:, :, None] - self.centres) / self.widths)
+        has_mirror = self.centres < SATURATED_WIDTHS * self.widths
         if fields.min() < 0.0:
-            near[:] = True
-        mirrored = np.tanh((fields[:, :, None] + self.centres[near]) / self.widths[near])
-        found[:, :, ~near] += 1.0
-        found[:, :, near] += mirrored
-        found *= 0.5
-        return np.asarray(found.reshape(fields.shape[0], -1))
+            has_mirror[:] = True
+        mirrored = np.tanh(
+            (fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror]
+        )
+        curves[:, :, ~has_mirror] += 1.0
+        curves[:, :, has_mirror] += mirrored
+        curves *= 0.5
+        return np.asarray(curves.reshape(fields.shape[0], -1))
 
     def solved_columns(self, matrix: FloatArray) -> NDArray[np.bool_]:
-        """Return the columns that a fit solves for, given their values over the loops.
+        """Return a mask of the columns that a fit solves for, given their values in the loops.
 
-        On the grid, these are the curves that the loops pass, and those that another drive over
-        the same range can pass after it was at both ends. Weights that the loops do not show
+        On the grid, these are the curves that the loops pass, and those that another drive in the
+        same range can pass after it was at both ends. Weights that the loops do not determine
         continue those of their neighbours.
         """
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)
         height = np.ptp(matrix, axis=0)
         r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
-        within = (b <= self.max_field - r + slack) & ((b >= r) | self.is_even)
-        within[:, 0] = r[:, 0] < self.max_field
-        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | within.ravel())
+        can_be_reached = (b <= self.max_field - r + slack) & ((b >= r) | self.is_even)
+        can_be_reached[:, 0] = r[:, 0] < self.max_field
+        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | can_be_reached.ravel())
 
     def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
-        """Return the second differences of the kept columns; columns after the curves have none."""
+        """Return the second differences of the solved columns; columns after the curves have none."""
         count = np.count_nonzero(is_solved)
-        place = np.full(is_solved.size, -1)
-        place[is_solved] = np.arange(count)
-        table = place[: self.thresholds.size * self.widths.size].reshape(self.shape)
-        # One after the other over the thresholds, and on the grid over centres; not the first,
-        # which are the free cell and the straight curve.
+        column_of = np.full(is_solved.size, -1)
+        column_of[is_solved] = np.arange(count)
+        table = column_of[: self.thresholds.size * self.widths.size].reshape(self.shape)
+        # Triples of neighbours over the thresholds and, on the grid, over the centres. The first
+        # threshold and the first curve are excluded: the free cell and the straight curve.
         triples = sliding_window_view(table.T[:, 1:], 3, axis=1).reshape(-1, 3)
         if self.centres is not None:
             over_centres = sliding_window_view(table[:, 1:], 3, axis=1).reshape(-1, 3)
@@ -116,18 +117,18 @@ class CellBasis:
         table = weights.reshape(self.shape)
         if self.centres is None:
             return CellWeights(self.thresholds, self.widths, table)
-        rows = table.any(axis=1) | (self.thresholds == 0.0)
-        curves = table.any(axis=0)
+        kept_rows = table.any(axis=1) | (self.thresholds == 0.0)
+        kept_curves = table.any(axis=0)
         return CellWeights(
-            self.thresholds[rows],
-            self.widths[curves],
-            table[np.ix_(rows, curves)],
-            centres=self.centres[curves],
+            self.thresholds[kept_rows],
+            self.widths[kept_curves],
+            table[np.ix_(kept_rows, kept_curves)],
+            centres=self.centres[kept_curves],
         )
 
 
 def make_common_basis(span: float) -> CellBasis:
-    """Return few wide curves with one middle, for an input of some range."""
+    """Return few wide curves with one middle, for a given input range."""
     thresholds = np.concatenate(
         [[0.0], span * np.geomspace(MIN_THRESHOLD_SHARE, 0.5, PINNED_CELLS)]
     )
@@ -135,9 +136,9 @@ def make_common_basis(span: float) -> CellBasis:
 
 
 def make_grid_basis(span: float, *, is_even: bool) -> CellBasis:
-    """Return curves on a grid over the range of the input, and one that is all but straight.
+    """Return curves on a grid over the input range, and one almost straight curve.
 
-    The fields of an even grid count from the middle of the range, else from its low end.
+    The fields of an even grid count from the middle of the range, otherwise from its low end.
     """
     step = span / GRID_LEVELS
     count = GRID_LEVELS // 2 if is_even else GRID_LEVELS

@@ -1,8 +1,9 @@
-"""What a fit moves of play cells in populations, in units of their own, and their path along drives.
+"""Parametrise play cells for a fit, and simulate them along drives with derivatives.
 
-The unit of field is the width ``a_1`` of the first population, that of magnetisation its saturation
-``M_1``. How wide the reversible part is hardly any loop shows beside how much of it there is: its
-width stays near that of the first population (docs/identification.md).
+The unit of field is the width ``a_1`` of the first population, the unit of magnetisation its
+saturation ``M_1``. :class:`CellKernel` varies the parameters of populations, :class:`WeightKernel`
+the individual weights. Loops barely determine the width of the reversible part, so its prior mean
+is the width of the first population (docs/identification.md).
 """
 
 from __future__ import annotations
@@ -29,21 +30,19 @@ from anhyst.laws.law import FitParameter
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-EXACT_TABLE_ERROR = (
-    1e-12  # error of tables that a model is computed with, in parts of the saturation
-)
+EXACT_TABLE_ERROR = 1e-12  # table error of models, relative to the saturation
 
 
 _MAX_TABLE_SLOPE_RATIO = 1.03
-"""Largest slope over that at the nodes of tables that aim at less: what responds with them must do so
-with exact ones."""
+"""Ratio of the largest slope of reduced-accuracy tables to the largest slope at their knots. A
+solution of reduced tables must also exist with exact ones."""
 
 
-_SINGLE_START = np.zeros(1, dtype=np.int64)  # where drives begin, of a single one
+_SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single drive
 
 
 class CellPath(NamedTuple):
-    """Effective field and magnetisation along a drive, and their derivatives, (n,) and (n, d)."""
+    """Effective field and magnetisation along a drive, shape (n,), and their derivatives, (n, d)."""
 
     x: FloatArray
     m: FloatArray
@@ -53,11 +52,11 @@ class CellPath(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DrivenCells:
-    """Demagnetised cells ready to be driven."""
+    """Demagnetised cells, ready for simulation."""
 
     cells: CellWeights  # thresholds, widths, weights
-    tangents: Tangents  # derivatives of weights, widths and thresholds by the numbers of the law
-    table_error: float = EXACT_TABLE_ERROR  # error of the tables, in parts of the saturation
+    tangents: Tangents  # derivatives of weights, widths and thresholds by the parameters of the law
+    table_error: float = EXACT_TABLE_ERROR  # table error, relative to the saturation
 
     @cached_property
     def _operator(self) -> CellOperator:
@@ -77,9 +76,9 @@ class DrivenCells:
     def follow(
         self, omega: FloatArray, r: FloatArray, starts: NDArray[np.int64] = _SINGLE_START
     ) -> tuple[FloatArray, FloatArray]:
-        """Return effective field and magnetisation where ``x + omega*M(x) = r``, all of shape (n,).
+        """Return effective field x and magnetisation M from ``x + omega*M(x) = r``, shape (n,).
 
-        Drives stand one after the other; at each begin the cells are demagnetised.
+        Drives are concatenated; the cells are demagnetised at each start.
         """
         self._require_no_jump(omega)
         x, m, status = self._operator.run(omega, r, starts)
@@ -94,52 +93,55 @@ class DrivenCells:
         r_t: FloatArray,
         starts: NDArray[np.int64],
     ) -> CellPath:
-        """Return them with derivatives: by the numbers of the law, omega, and what moves r."""
+        """Return the path with derivatives by the parameters of the law, omega and those of r."""
         self._require_no_jump(omega)
-        law = self.tangents.widths.shape[-1]
-        directions = law + 1 + r_t.shape[1]
-        omega_t, moved = np.zeros((r.size, directions)), np.zeros((r.size, directions))
-        omega_t[:, law] = is_own_gap
-        moved[:, law + 1 :] = r_t
+        law_count = self.tangents.widths.shape[-1]
+        directions = law_count + 1 + r_t.shape[1]
+        omega_t, r_derivatives = np.zeros((r.size, directions)), np.zeros((r.size, directions))
+        omega_t[:, law_count] = is_own_gap
+        r_derivatives[:, law_count + 1 :] = r_t
         weights_t, widths_t, thresholds_t = (
-            np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
-            for by in self.tangents
+            np.concatenate(
+                [tangent, np.zeros((*tangent.shape[:-1], directions - law_count))], axis=-1
+            )
+            for tangent in self.tangents
         )
         x, m, x_t, m_t, status = self._operator.sensitivity(
-            omega, r, omega_t, moved, weights_t, widths_t, thresholds_t, starts
+            omega, r, omega_t, r_derivatives, weights_t, widths_t, thresholds_t, starts
         )
         require_answer(status)
         return CellPath(x, m, x_t, m_t)
 
     def _require_no_jump(self, omega: FloatArray) -> None:
-        steepest = self._operator.steepest * (
+        max_slope = self._operator.steepest * (
             1.0 if self.table_error == EXACT_TABLE_ERROR else _MAX_TABLE_SLOPE_RATIO
         )
-        if 1.0 + float(omega.min()) * steepest <= 0.0:
+        if 1.0 + float(omega.min()) * max_slope <= 0.0:
             raise NoResponseError("the magnetisation may jump")
 
 
 def require_answer(status: int) -> None:
-    """Raise where the core found no answer."""
+    """Raise an error if the core found no solution."""
     if status != 0:
         raise NoResponseError(status_text(status))
 
 
-MAX_WIDTHS = 6  # with more, what the weights cost grows faster than what they gain
+MAX_WIDTHS = 6  # with more widths, computing time grows faster than accuracy
 SCALE_NAMES = (
     "M_1",
     "a_1",
-)  # parameters of the first population, which weights and fields are taken in
+)  # parameters of the first population: units of the weights and of the fields
 
 LAW_BY_SHAPE: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
-"""Law of play cells that follow a curve."""
+"""Law of play cells with each curve."""
 
-ADDED_WIDTH_RATIOS, FURTHER_WIDTH_RATIO = (0.6, 1.8), 2.0
-"""Further widths of cells by their weights: over that of the first population, and of the others."""
+ADDED_WIDTH_RATIOS = (0.6, 1.8)
+FURTHER_WIDTH_RATIO = 2.0
+"""Additional curve widths for individual weights, relative to the first population, and relative to
+each other population."""
 
-_WEIGHT_STD_SHARE = (
-    0.02  # spread of a weight around that of the populations, in parts of all of them
-)
+_WEIGHT_STD_SHARE = 0.02
+"""Prior standard deviation of a weight, relative to the sum of all weights."""
 
 _REVERSIBLE_PARAMETERS = (
     FitParameter("share_0", "M_0/M_1", 1e-4, 1e2, "log", prior_mean=0.2),
@@ -148,136 +150,138 @@ _REVERSIBLE_PARAMETERS = (
 
 
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
-    """Return the numbers of a population; share and width of the first are the units."""
-    every = (
+    """Return the fit parameters of a population; share and width of the first are the units."""
+    parameters = (
         FitParameter(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", prior_mean=1.0),
         FitParameter(f"width_{index}", f"a_{index}/a_1", 3e-2, 3e1, "log", prior_mean=1.0),
         FitParameter(f"pinning_{index}", f"k_{index}/a_1", 1e-3, 1e2, "log", prior_mean=0.3),
         FitParameter(f"spread_{index}", f"s_{index}", 0.3, 12.0, "log", prior_mean=1.5),
     )
-    return every[2:] if index == 1 else every
+    return parameters[2:] if index == 1 else parameters
 
 
 class _CellKernelBase:
-    """What a fit sees of play cells, however it moves them."""
+    """Common properties of the two parametrisations of play cells."""
 
     has_derivatives = True
     is_coupled = False
 
-    def dead_band_parameter(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
-        """Return nothing: cells need none."""
+    def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
+        """Return no parameters: cells need no dead band."""
         return {}
 
 
 @dataclass(frozen=True)
 class CellKernel(_CellKernelBase):
-    """Play cells as a fit sees them."""
+    """Play cells, parametrised by populations."""
 
-    shape: Shape  # the curve that cells follow
-    population_count: int  # how many: 1 to 3
-    # error of their tables, in parts of the saturation; tables that aim at less are made faster
+    shape: Shape  # curve of the cells
+    population_count: int  # 1 to 3
+    # table error, relative to the saturation; less accurate tables are faster
     table_error: float = EXACT_TABLE_ERROR
 
     @cached_property
     def fit_parameters(self) -> tuple[FitParameter, ...]:
-        """Numbers of the law that a fit varies."""
-        pinned = map(_population_parameters, range(1, self.population_count + 1))
-        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned))
+        """Fit parameters of the law."""
+        pinned_parameters = map(_population_parameters, range(1, self.population_count + 1))
+        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned_parameters))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
-        """Return the cells of a set of numbers, ready to be driven."""
+        """Return the cells for given parameters, ready for simulation."""
         return _make_driven_cells(self, law)
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
-        """Return the parameters of an iron, from its scales and what was fitted."""
-        share_0, width_0, *rest = law
-        rest = [1.0, 1.0, *rest]
+        """Return the physical parameters of the iron, from its scales and the fitted parameters."""
+        share_0, width_0, *values = law
+        values = [1.0, 1.0, *values]
         parameters = {"M_0": share_0 * saturation, "a_0": width_0 * width}
         for index in range(self.population_count):
-            share, wide, pinning, spread = rest[4 * index : 4 * index + 4]
+            share, width_ratio, pinning, spread = values[4 * index : 4 * index + 4]
             parameters |= {
                 f"M_{index + 1}": share * saturation,
-                f"a_{index + 1}": wide * width,
+                f"a_{index + 1}": width_ratio * width,
                 f"k_{index + 1}": pinning * width,
                 f"s_{index + 1}": spread,
             }
         return parameters | {"alpha": alpha}
 
-    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
-        """Take the field inside an iron without interaction to a part of itself, by interaction."""
-        iron["alpha"] = 1.0 - part
+    def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
+        """Scale the field inside an iron without interaction by a factor, by adding interaction."""
+        iron["alpha"] = 1.0 - factor
         for name in iron:
             if name[:2] in {"a_", "k_"}:
-                iron[name] *= part
+                iron[name] *= factor
 
     def pinned_populations(self, law: tuple[float, ...]) -> list[Population]:
-        """Return the populations of a set of numbers."""
+        """Return the populations for given parameters."""
         iron = self.iron_parameters(1.0, 1.0, law, 0.0)
-        every = range(1, self.population_count + 1)
-        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in every]
+        numbers = range(1, self.population_count + 1)
+        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in numbers]
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
-        """Return the cells of a set of numbers."""
+        """Return the cells for given parameters."""
         return discretise_populations((law[0], law[1]), self.pinned_populations(law), self.shape)
 
 
-@lru_cache(maxsize=8)  # tables of a megabyte or two each
+@lru_cache(maxsize=8)  # the tables have one or two megabytes each
 def _make_driven_cells(kernel: CellKernel, law: tuple[float, ...]) -> DrivenCells:
-    """Cells with derivatives by the numbers."""
-    # By M_0, a_0, then M, a, k, s of each population; those of the first are units.
-    moved = [0, 1, *range(4, 2 + 4 * kernel.population_count)]
-    by_all = population_tangents(kernel.pinned_populations(law))
-    tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
+    """Return cells with derivatives by the fit parameters."""
+    # Columns of M_0, a_0, then M, a, k, s of each population; M_1 and a_1 are the units.
+    columns = [0, 1, *range(4, 2 + 4 * kernel.population_count)]
+    all_tangents = population_tangents(kernel.pinned_populations(law))
+    tangents = Tangents(*(np.ascontiguousarray(tangent[..., columns]) for tangent in all_tangents))
     return DrivenCells(kernel.make_cells(law), tangents, kernel.table_error)
 
 
 @dataclass(frozen=True)
 class WeightKernel(_CellKernelBase):
-    """Play cells by their weights: what populations leave over, near to them."""
+    """Play cells, parametrised by their individual weights near initial values."""
 
-    initial_cells: CellWeights  # the cells to begin with
+    initial_cells: CellWeights  # cells with the initial weights
 
     @property
     def shape(self) -> Shape:
-        """The curve that cells follow."""
+        """The curve of the cells."""
         return self.initial_cells.shape
 
     @cached_property
     def fit_parameters(self) -> tuple[FitParameter, ...]:
-        """Numbers that a fit varies: the weights."""
-        start = self.initial_cells
-        spread = _WEIGHT_STD_SHARE * start.saturation
+        """Fit parameters: the weights."""
+        cells = self.initial_cells
+        spread = _WEIGHT_STD_SHARE * cells.saturation
         return tuple(
             FitParameter(
                 f"weight_{i}_{j}", f"W_{i}_{j}/M_1", 0.0, 1e2, prior_mean=value, prior_std=spread
             )
-            for (i, j), value in np.ndenumerate(start.weights)
+            for (i, j), value in np.ndenumerate(cells.weights)
         )
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
-        """Return the cells of a set of weights."""
-        start = self.initial_cells
-        return replace(start, weights=np.reshape(law, start.weights.shape))
+        """Return the cells for given weights."""
+        cells = self.initial_cells
+        return replace(cells, weights=np.reshape(law, cells.weights.shape))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
-        """Return the cells of a set of weights, ready to be driven."""
+        """Return the cells for given weights, ready for simulation."""
         count, cells = len(law), self.initial_cells
-        by_weights = np.eye(count).reshape(*cells.weights.shape, count)
-        held = (np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size))
-        return DrivenCells(self.make_cells(law), Tangents(by_weights, *held))
+        weight_tangents = np.eye(count).reshape(*cells.weights.shape, count)
+        zero_tangents = (
+            np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size)
+        )
+        return DrivenCells(self.make_cells(law), Tangents(weight_tangents, *zero_tangents))
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
-        """Return the interaction, and the scales that the weights are taken in (:meth:`scaled`)."""
+        """Return the interaction, and the scales of the weights (:meth:`make_scaled_cells`)."""
         return {**dict(zip(SCALE_NAMES, (saturation, width), strict=True)), "alpha": alpha}
 
     def make_scaled_cells(
         self, law: tuple[float, ...], saturation: float, width: float
     ) -> CellWeights:
-        """Return the cells of a set of weights, A/m."""
+        """Return the cells for given weights in A/m."""
         cells = self.make_cells(law)
         return replace(
             cells,
@@ -286,20 +290,20 @@ class WeightKernel(_CellKernelBase):
             weights=saturation * cells.weights,
         )
 
-    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
-        """Take the field inside an iron without interaction to a part of itself, by interaction."""
-        iron["alpha"] = 1.0 - part
-        iron[SCALE_NAMES[1]] *= part
+    def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
+        """Scale the field inside an iron without interaction by a factor, by adding interaction."""
+        iron["alpha"] = 1.0 - factor
+        iron[SCALE_NAMES[1]] *= factor
 
 
 def make_weight_kernel(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
-    """Return the kernel that moves each weight, beginning with populations."""
+    """Return the kernel of individual weights that starts from fitted populations."""
     start = kernel.make_cells(law)
-    first, *further = start.widths[1:].tolist()
-    more = [part * first for part in ADDED_WIDTH_RATIOS] + [
-        FURTHER_WIDTH_RATIO * width for width in further
+    first_width, *other_widths = start.widths[1:].tolist()
+    added = [ratio * first_width for ratio in ADDED_WIDTH_RATIOS] + [
+        FURTHER_WIDTH_RATIO * width for width in other_widths
     ]
-    widths = np.concatenate([start.widths, more])[: max(MAX_WIDTHS, start.widths.size)]
+    widths = np.concatenate([start.widths, added])[: max(MAX_WIDTHS, start.widths.size)]
     weights = np.zeros((start.thresholds.size, widths.size))
     weights[:, : start.widths.size] = start.weights
     return WeightKernel(replace(start, widths=widths, weights=weights))

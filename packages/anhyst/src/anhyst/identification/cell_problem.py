@@ -1,4 +1,10 @@
-"""The least-squares problem of play cells with lag and creep, over loops of a displacement."""
+"""Set up the least-squares problem of play cells with lag and creep, for loops of a displacement.
+
+For a given lag and middle of the curves, the output is linear in the cell weights, the creep shares
+and the offset. :class:`CellProblem` computes the columns of this problem, and :class:`System`
+solves it with weights not below zero. Samples before the first far end of a record are excluded,
+because they depend on an uncertain history.
+"""
 
 from __future__ import annotations
 
@@ -27,32 +33,36 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 MIDDLE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-"""Of the curves, in ranges of the input above its lowest value."""
+"""Middles of the curves that are tried, relative to the lowest input, in input ranges."""
 
-LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # in samples
+LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # tried lags, in samples
 
 MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
-"""Of these, where all loops run at about one rate: there a lag and a wider loop are all but the same."""
+"""Largest lag that is tried if all loops have about one rate, at which a lag and a wider loop are
+barely separable."""
 
-MIN_RATE_RATIO = 3.0  # fastest loop over slowest one from which on a lag is told from a wider loop
-CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, in parts of the longest record
-MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # a time constant is this many samples at least
+MIN_RATE_RATIO = (
+    3.0  # ratio of the fastest to the slowest cycle rate above which lag and width are separable
+)
+CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the longest record
+MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
-"""Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
-cell on the widest curve, so that the saturation of all cells is more than the output ever is."""
+"""Share of the fixed straight part in the mean slope, which the model must have. Any further
+straight part is a cell with the widest curve, so that the saturation of all cells exceeds every
+output."""
 
 OUTLIER_RATIO = 10.0
-"""Deviation, in parts of the usual one, from which on a sample shows no loop but a spike, or that the
-amplifier was switched on."""
+"""Multiple of the median deviation above which a sample is an outlier, such as a spike or the start
+of the amplifier."""
 
-FAR_END_SHARE = 0.98  # of the way to the far end
-MAX_UNKNOWN_SHARE = 0.3  # of a record, that may be left out as its first rise
-MAX_OUTLIER_SHARE = 0.02  # most samples that may be left out as such
-MAX_SAMPLES = 20_000  # that are fitted
+FAR_END_SHARE = 0.98  # share of the input range at which the far end counts as reached
+MAX_UNKNOWN_SHARE = 0.3  # share of a record, at most, that is excluded as an initial curve
+MAX_OUTLIER_SHARE = 0.02  # share of samples, at most, that are excluded as outliers
+MAX_SAMPLES = 20_000  # fitted samples, at most
 
 MAX_NOISE_RATIO = 1.1
-"""Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
+"""Residual relative to the noise up to which noise explains it, so that no grid is tried."""
 
 MAX_FOLDS = 5
 """Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
@@ -61,20 +71,19 @@ BLOCKS_PER_FOLD = 20
 """Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
 has to extrapolate, and its error says nothing about other records."""
 
-MIN_LOOPS_TO_WITHHOLD = 3  # loops from which on whole loops are withheld
-MAX_CENTRE_SHARE = (
-    0.1  # middle of the range of the input, in parts of it, up to which an even grid is tried
-)
+MIN_LOOPS_TO_WITHHOLD = 3  # smallest number of loops for withholding whole loops
+MAX_CENTRE_SHARE = 0.1
+"""Largest distance of the input's middle from zero, in input ranges, for trying an even grid."""
 
 LAW = "play-cells"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What the least-squares problem cannot vary, and the result of solving it."""
+    """Nonlinear settings of the least-squares problem, and the solution for them."""
 
     lag: float  # s
-    middle: float  # of the curves (``in_0``)
+    middle: float  # middle of the curves (``in_0``)
     creep_times: tuple[float, ...] = ()  # time constants of the creep, s
     smoothness: float = SMOOTHNESS
     weights: FloatArray | None = None
@@ -83,53 +92,58 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A least-squares problem with weights not below zero."""
+    """A linear least-squares problem with weights not below zero."""
 
     basis: CellBasis
-    matrix: FloatArray  # columns: weights of the cells, of the creep, and the offset either way
+    matrix: (
+        FloatArray  # columns: weights of the cells, of the creep, and positive and negative offset
+    )
     target: FloatArray
-    fold_numbers: NDArray[np.intp]  # of each row: with which others it is withheld
+    fold_numbers: NDArray[np.intp]  # number of the fold in which each row is withheld; -1: never
 
     @cached_property
     def solved_columns(self) -> NDArray[np.bool_]:
-        """The columns that are solved for."""
-        curves = self.basis.thresholds.size * self.basis.widths.size
-        kept = np.ones(self.matrix.shape[1], dtype=np.bool_)
-        kept[:curves] = self.basis.solved_columns(self.matrix[:, :curves])
-        return kept
+        """Whether each column is solved for."""
+        curve_count = self.basis.thresholds.size * self.basis.widths.size
+        is_solved = np.ones(self.matrix.shape[1], dtype=np.bool_)
+        is_solved[:curve_count] = self.basis.solved_columns(self.matrix[:, :curve_count])
+        return is_solved
 
     @cached_property
     def roughness(self) -> FloatArray:
-        """Sum of the squared second differences of the weights, as a quadratic form."""
+        """Quadratic form of the sum of squared second differences of the weights."""
         differences = self.basis.second_differences(self.solved_columns)
         return np.asarray(differences.T @ differences)
 
     def solve(self, attempt: Trial, height: float) -> Trial:
-        """Solve for the weights of a trial."""
-        seen = self.matrix[:, self.solved_columns]
-        weights = self._solve_weights(seen.T @ seen, seen.T @ self.target, attempt.smoothness)
-        off = self.matrix @ weights - self.target
-        return replace(attempt, weights=weights, rms=float(np.linalg.norm(off)) * height)
+        """Return a trial with its solved weights and rms residual."""
+        matrix = self.matrix[:, self.solved_columns]
+        weights = self._solve_weights(matrix.T @ matrix, matrix.T @ self.target, attempt.smoothness)
+        residual = self.matrix @ weights - self.target
+        return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * height)
 
     def withheld_errors(self, smoothness_values: Sequence[float]) -> list[float]:
-        """Return, for each smoothness, the deviation at parts withheld one after the other."""
-        seen = self.matrix[:, self.solved_columns]
-        normal, pull = seen.T @ seen, seen.T @ self.target
-        squares = np.zeros(len(smoothness_values))
-        for part in range(self.fold_numbers.max() + 1):
-            out = self.fold_numbers == part
-            own, target = seen[out], self.target[out]
-            rest = normal - own.T @ own, pull - own.T @ target
-            for index, smooth in enumerate(smoothness_values):
-                weights = self._solve_weights(*rest, smooth)[self.solved_columns]
-                squares[index] += float(np.sum((own @ weights - target) ** 2))
-        return [float(rms) for rms in np.sqrt(squares)]
+        """Return, for each smoothness, the rms error at parts that are withheld in turn."""
+        matrix = self.matrix[:, self.solved_columns]
+        normal, rhs = matrix.T @ matrix, matrix.T @ self.target
+        square_sums = np.zeros(len(smoothness_values))
+        for fold in range(self.fold_numbers.max() + 1):
+            is_withheld = self.fold_numbers == fold
+            withheld_matrix, target = matrix[is_withheld], self.target[is_withheld]
+            remaining = (
+                normal - withheld_matrix.T @ withheld_matrix,
+                rhs - withheld_matrix.T @ target,
+            )
+            for index, smoothness in enumerate(smoothness_values):
+                weights = self._solve_weights(*remaining, smoothness)[self.solved_columns]
+                square_sums[index] += float(np.sum((withheld_matrix @ weights - target) ** 2))
+        return [float(rms) for rms in np.sqrt(square_sums)]
 
     def _solve_weights(self, normal: FloatArray, rhs: FloatArray, smoothness: float) -> FloatArray:
         from scipy.optimize import nnls
 
-        size = np.sqrt(np.abs(np.diag(normal)))
-        normal = normal + smoothness**2 * size[:, None] * self.roughness * size
+        column_norms = np.sqrt(np.abs(np.diag(normal)))
+        normal = normal + smoothness**2 * column_norms[:, None] * self.roughness * column_norms
         normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
         factor = np.linalg.cholesky(normal)
         weights = np.zeros(self.solved_columns.size)
@@ -156,8 +170,8 @@ class CellProblem:
             )
         self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
         self.basis = make_common_basis(self.span)
-        # where the curves may have their middle, in units of the input
-        self.middles = [self.low + part * self.span for part in MIDDLE_POSITIONS]
+        # tried middles of the curves, in units of the input
+        self.middles = [self.low + position * self.span for position in MIDDLE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
@@ -166,64 +180,69 @@ class CellProblem:
     def make_grid_problems(self) -> list[CellProblem]:
         """Return the same problem with curves on a grid from the low end of the input.
 
-        If the input goes about as far to either side of zero, an even grid is added.
+        If the input range is almost symmetrical about zero, a grid that is even in the input is
+        added.
         """
         middle = self.low + 0.5 * self.span
-        found = []
+        problems = []
         for is_even in (True, False) if abs(middle) <= MAX_CENTRE_SHARE * self.span else (False,):
-            other = copy(self)
-            other.basis = make_grid_basis(self.span, is_even=is_even)
-            other.middles = [middle if is_even else self.low]
-            other._plays, other._columns = {}, None
-            found.append(other)
-        return found
+            problem = copy(self)
+            problem.basis = make_grid_basis(self.span, is_even=is_even)
+            problem.middles = [middle if is_even else self.low]
+            problem._plays, problem._columns = {}, None
+            problems.append(problem)
+        return problems
 
     def include_initial_curves(self) -> CellProblem:
-        """Return the same problem in which first rises count that begin where the cells do.
+        """Return the same problem with initial curves that begin at the middle of the cells.
 
-        Before such a rise, the input was nowhere else. A grid has curves of their own for these.
+        Before such a curve, the input was nowhere else. A grid has curves for these samples.
         """
-        other, other_counted = copy(self), []
-        for loop, counted in zip(self.loopset.loops, self.fitted_masks, strict=True):
-            before = np.append(_input_before(loop.history, loop.input), loop.input[0])
-            is_there = np.max(np.abs(before - self.middles[0])) <= (1.0 - FAR_END_SHARE) * self.span
-            other_counted.append(np.ones_like(counted) if is_there else counted)
-        other.fitted_masks = other_counted
-        return other
+        problem, masks = copy(self), []
+        for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):
+            input_before = np.append(_input_before(loop.history, loop.input), loop.input[0])
+            starts_at_middle = (
+                np.max(np.abs(input_before - self.middles[0])) <= (1.0 - FAR_END_SHARE) * self.span
+            )
+            masks.append(np.ones_like(mask) if starts_at_middle else mask)
+        problem.fitted_masks = masks
+        return problem
 
     def exceeds_noise(self, attempt: Trial) -> bool:
-        """Whether a fit has a larger residual than the noise of the sensor explains."""
+        """Whether the residual of a fit exceeds the sensor noise."""
         noises = [estimate_noise(loop.output) for loop in self.loopset.loops]
         return attempt.rms > MAX_NOISE_RATIO * float(np.sqrt(np.mean(np.square(noises))))
 
     def remove_outliers(self) -> None:
-        """Leave out few samples that deviate from the best fit without a lag as no loop does."""
+        """Exclude a few samples that deviate strongly from the best fit without a lag."""
         solved = [self.solve(Trial(0.0, middle)) for middle in self.middles]
         best = min(solved, key=lambda attempt: attempt.rms)
         assert best.weights is not None
         offset = float(best.weights[-2] - best.weights[-1])
-        off = [
-            np.abs(loop.output - made - offset)
-            for loop, (made, _) in zip(self.loopset.loops, self.outputs(best), strict=True)
+        deviations = [
+            np.abs(loop.output - output - offset)
+            for loop, (output, _) in zip(self.loopset.loops, self.outputs(best), strict=True)
         ]
-        usual = float(np.median(np.concatenate(off)))
-        counted = [
-            known & (deviation <= OUTLIER_RATIO * usual)
-            for known, deviation in zip(self.fitted_masks, off, strict=True)
+        median = float(np.median(np.concatenate(deviations)))
+        masks = [
+            mask & (deviation <= OUTLIER_RATIO * median)
+            for mask, deviation in zip(self.fitted_masks, deviations, strict=True)
         ]
-        before, after = (np.concatenate(some).sum() for some in (self.fitted_masks, counted))
-        if before - after <= MAX_OUTLIER_SHARE * before:
-            self.fitted_masks = counted
+        count_before, count_after = (
+            np.concatenate(old_or_new).sum() for old_or_new in (self.fitted_masks, masks)
+        )
+        if count_before - count_after <= MAX_OUTLIER_SHARE * count_before:
+            self.fitted_masks = masks
 
     @cached_property
     def clocks(self) -> list[FloatArray]:
-        """Times of the samples of each loop, s; empty where a loop has none."""
+        """Times of the samples of each loop, s; empty if any loop has no time."""
         clocks = [loop.time for loop in self.loopset.loops if loop.time is not None]
         return clocks if len(clocks) == len(self.loopset) else []
 
     @cached_property
     def sample_time(self) -> float:
-        """Time from sample to sample, s; 0 where a loop has none."""
+        """Smallest median time between samples, s; 0 if any loop has no time."""
         return float(min((np.median(np.diff(clock)) for clock in self.clocks), default=0.0))
 
     @property
@@ -233,14 +252,14 @@ class CellProblem:
 
     @property
     def lags(self) -> list[float]:
-        """That are tried, s."""
+        """Lags that are tried, s."""
         if not self.sample_time:
             return [0.0]
         one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
         return [
-            part * self.sample_time
-            for part in LAG_SAMPLES
-            if not one_rate or part <= MAX_LAG_SAMPLES_AT_ONE_RATE
+            lag * self.sample_time
+            for lag in LAG_SAMPLES
+            if not one_rate or lag <= MAX_LAG_SAMPLES_AT_ONE_RATE
         ]
 
     @cached_property
@@ -249,42 +268,42 @@ class CellProblem:
         if not self.sample_time:
             return ()
         longest = max(float(clock[-1] - clock[0]) for clock in self.clocks)
-        spread = (part * longest for part in CREEP_TIME_SHARES)
+        times = (share * longest for share in CREEP_TIME_SHARES)
         return tuple(
-            time for time in spread if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time
+            time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time
         )
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the places of the cells over each loop, and at rest before it, from the middle."""
+        """Return the positions of the cells in each loop, and before it, relative to the middle."""
         if (lag, middle) not in self._plays:
-            self._plays |= {(lag, other): [] for other in self.middles}
+            self._plays |= {(lag, tried_middle): [] for tried_middle in self.middles}
             middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
                     drive = Dynamics(lag).delayed(drive, loop.time)
-                # Cells begin in the middle.
-                lead = _input_before(loop.history, drive) - middles
-                lead = np.concatenate([np.zeros_like(middles), lead], axis=1)
+                # Cells start in the middle.
+                path = _input_before(loop.history, drive) - middles
+                path = np.concatenate([np.zeros_like(middles), path], axis=1)
                 start = np.zeros((middles.size, thresholds.size))
-                at_rest = move_plays(lead, thresholds, start)[-1]
-                places = move_plays(drive - middles, thresholds, at_rest)
-                for index, other in enumerate(self.middles):
-                    self._plays[lag, other].append((places[:, index], at_rest[index]))
+                at_rest = move_plays(path, thresholds, start)[-1]
+                positions = move_plays(drive - middles, thresholds, at_rest)
+                for index, tried_middle in enumerate(self.middles):
+                    self._plays[lag, tried_middle].append((positions[:, index], at_rest[index]))
         return self._plays[lag, middle]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
-        """Return the output of weights over each loop and before it, without creep and offset."""
+        """Return the output of weights in each loop and before it, without creep and offset."""
         assert attempt.weights is not None
-        found, plays = [], self.play_positions(attempt.lag, attempt.middle)
+        outputs, plays = [], self.play_positions(attempt.lag, attempt.middle)
         for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
             weights = attempt.weights[: columns.shape[1]]
-            rest = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
-            found.append((columns @ weights + self.slope * fields[:, 0], float(rest)))
-        return found
+            rest_output = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
+            outputs.append((columns @ weights + self.slope * fields[:, 0], float(rest_output)))
+        return outputs
 
     def columns(self, attempt: Trial) -> list[FloatArray]:
-        """Return what each weight gives over each loop; the last ones are remembered."""
+        """Return the output of each unit weight in each loop; the last result is cached."""
         key = attempt.lag, attempt.middle
         if self._columns is None or self._columns[0] != key:
             self._columns = (
@@ -294,7 +313,7 @@ class CellProblem:
         return self._columns[1]
 
     def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
-        """Solve for weights; the creep follows the output of the weights that are known already."""
+        """Solve for the weights of a trial; creep follows the output of its previous weights."""
         self.solve_count += 1
         if attempt.creep_times and not creeping:
             creeping = self.creep_responses(attempt, attempt.creep_times)
@@ -303,7 +322,7 @@ class CellProblem:
     def deviation(
         self, attempt: Trial, creeping: Sequence[FloatArray], masks: list[NDArray[np.bool_]]
     ) -> float:
-        """Return the root mean square deviation of a solved trial over some samples."""
+        """Return the rms deviation of a solved trial over some samples, relative to the height."""
         assert attempt.weights is not None
         system = self.make_system(attempt, creeping, masks)
         return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
@@ -311,67 +330,82 @@ class CellProblem:
     def make_system(
         self,
         attempt: Trial,
-        creeping: Sequence[FloatArray] = (),
+        creep_responses: Sequence[FloatArray] = (),
         masks: list[NDArray[np.bool_]] | None = None,
     ) -> System:
-        """Return the least-squares problem of a trial, with the slow responses over each loop."""
-        rows, targets, parts = [], [], []
+        """Return the least-squares problem of a trial, given the creep responses in each loop."""
+        rows, targets, folds = [], [], []
         plays, columns = self.play_positions(attempt.lag, attempt.middle), self.columns(attempt)
         for index, loop in enumerate(self.loopset.loops):
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
-            ends = np.ones((loop.n, 1))
-            slow = [creeping[index]] if creeping else []
-            counted = (self.fitted_masks if masks is None else masks)[index]
-            rows.append(weight * np.hstack([columns[index], *slow, ends, -ends])[counted])
-            at_once = self.slope * plays[index][0][:, 0]
-            targets.append(weight * (loop.output - at_once)[counted])
-            parts.append(self.fold_numbers[index][counted])
-        return System(self.basis, *map(np.concatenate, (rows, targets, parts)))
+            unit_column = np.ones((loop.n, 1))
+            creep_columns = [creep_responses[index]] if creep_responses else []
+            mask = (self.fitted_masks if masks is None else masks)[index]
+            rows.append(
+                weight
+                * np.hstack([columns[index], *creep_columns, unit_column, -unit_column])[mask]
+            )
+            straight_part = self.slope * plays[index][0][:, 0]
+            targets.append(weight * (loop.output - straight_part)[mask])
+            folds.append(self.fold_numbers[index][mask])
+        return System(self.basis, *map(np.concatenate, (rows, targets, folds)))
 
     @cached_property
     def fold_numbers(self) -> list[NDArray[np.intp]]:
-        """Return with which others each sample is withheld; -1 for samples that never are.
+        """Fold in which each sample is withheld; -1 for samples that are never withheld.
 
-        Without the ends of a record, or its largest loops, a fit has to extrapolate, and all fits
-        are then alike. A first rise that few curves do not fit is no part of the comparison.
+        The ends of a record and the largest loops are never withheld, because a fit without them
+        would have to extrapolate, and all candidates would be equally bad. Initial curves are not
+        compared either.
         """
         loops = self.loopset.loops
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:
             blocks = [np.arange(loop.n) * MAX_FOLDS * BLOCKS_PER_FOLD // loop.n for loop in loops]
-            ends = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
-            parts = [np.where(np.isin(block, ends), -1, block % MAX_FOLDS) for block in blocks]
+            end_blocks = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
+            folds = [
+                np.where(np.isin(block, end_blocks), -1, block % MAX_FOLDS) for block in blocks
+            ]
         else:
             is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
-            is_kept = [not all(is_largest) and largest for largest in is_largest]
-            numbers = [-1 if kept else index % MAX_FOLDS for index, kept in enumerate(is_kept)]
-            parts = [np.full(loop.n, part) for loop, part in zip(loops, numbers, strict=True)]
+            is_never_withheld = [not all(is_largest) and largest for largest in is_largest]
+            numbers = [
+                -1 if is_never else index % MAX_FOLDS
+                for index, is_never in enumerate(is_never_withheld)
+            ]
+            folds = [np.full(loop.n, fold) for loop, fold in zip(loops, numbers, strict=True)]
         return [
-            np.where(known, part, -1) for known, part in zip(self.known_masks, parts, strict=True)
+            np.where(mask, fold, -1) for mask, fold in zip(self.known_masks, folds, strict=True)
         ]
 
     def creep_responses(self, attempt: Trial, creep_times: tuple[float, ...]) -> list[FloatArray]:
-        """Return the slow responses to the output of a trial, a column for each time constant."""
-        found = []
-        for loop, (at_once, rest) in zip(self.loopset.loops, self.outputs(attempt), strict=True):
+        """Return the slow responses to the output of a trial, one column per time constant."""
+        responses = []
+        for loop, (output, rest_output) in zip(
+            self.loopset.loops, self.outputs(attempt), strict=True
+        ):
             assert loop.time is not None
             columns = []
             for time in creep_times:
-                single, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest])
+                dynamics, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest_output])
                 if loop.history.kind == "settled":
-                    start = single.settled_slow_parts(at_once, loop.time, is_flux_known=True)
+                    start = dynamics.settled_slow_parts(output, loop.time, is_flux_known=True)
                 columns.append(
-                    single.apply_creep(at_once, loop.time, start, is_flux_known=True)[0] - at_once
+                    dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output
                 )
-            found.append(np.stack(columns, axis=1))
-        return found
+            responses.append(np.stack(columns, axis=1))
+        return responses
 
     def make_model(self, attempt: Trial) -> Model:
-        """Return the model of a solution."""
+        """Return the model of a solved trial."""
         assert attempt.weights is not None
-        cells = self.basis.thresholds.size * self.basis.widths.size
-        slope, weights = self.slope, attempt.weights[:cells] / self.slope
-        slow = attempt.weights[cells:-2]
-        kept = [(t, float(w)) for t, w in zip(attempt.creep_times, slow, strict=True) if w > 1e-4]
+        cell_weight_count = self.basis.thresholds.size * self.basis.widths.size
+        slope, weights = self.slope, attempt.weights[:cell_weight_count] / self.slope
+        creep_weights = attempt.weights[cell_weight_count:-2]
+        creep_terms = [
+            (t, float(w))
+            for t, w in zip(attempt.creep_times, creep_weights, strict=True)
+            if w > 1e-4
+        ]
         return Model(
             name="model",
             input=self.loopset.input,
@@ -386,41 +420,44 @@ class CellProblem:
             law=LAW,
             cells=self.basis.make_cells(weights),
             dynamics=Dynamics(
-                attempt.lag, tuple(t for t, _ in kept), tuple(w for _, w in kept), max(self.rates)
+                attempt.lag,
+                tuple(t for t, _ in creep_terms),
+                tuple(w for _, w in creep_terms),
+                max(self.rates),
             ),
         )
 
 
 def thin_loops(loopset: Loops) -> Loops:
-    """Thin long records to every n-th sample."""
-    every = 1 + sum(loop.n for loop in loopset.loops) // MAX_SAMPLES
-    if every == 1:
+    """Reduce long records to every n-th sample."""
+    step = 1 + sum(loop.n for loop in loopset.loops) // MAX_SAMPLES
+    if step == 1:
         return loopset
-    kept = slice(None, None, every)
+    samples = slice(None, None, step)
     return loopset.with_loops(
         replace(
             loop,
-            input=loop.input[kept],
-            output=loop.output[kept],
-            time=None if loop.time is None else loop.time[kept],
+            input=loop.input[samples],
+            output=loop.output[samples],
+            time=None if loop.time is None else loop.time[samples],
         )
         for loop in loopset.loops
     )
 
 
 def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
-    """Return from where on it does not matter how a body came to rest: after the first far end."""
-    counted = np.ones(loop.n, dtype=np.bool_)
+    """Return a mask of the samples that do not depend on the initial state, after the far end."""
+    mask = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
-        return counted
-    far = np.abs(loop.input - loop.input[0])
-    first = int(np.argmax(far >= FAR_END_SHARE * far.max()))
-    if first <= MAX_UNKNOWN_SHARE * loop.n:
-        counted[:first] = False
-    return counted
+        return mask
+    distance = np.abs(loop.input - loop.input[0])
+    first_far_row = int(np.argmax(distance >= FAR_END_SHARE * distance.max()))
+    if first_far_row <= MAX_UNKNOWN_SHARE * loop.n:
+        mask[:first_far_row] = False
+    return mask
 
 
 def _input_before(history: History, drive: FloatArray) -> FloatArray:
-    """Return what moved the cells before a loop."""
+    """Return the input that moved the cells before a loop."""
     points = np.array(history.turning_points)
     return np.concatenate([points, drive]) if history.kind == "settled" else points

@@ -1,4 +1,4 @@
-"""Loops made ready for fitting: arrays, weights, what came before, what sensors read at rest."""
+"""Prepare measured loops for fitting: arrays, weights, history, and sensor readings at rest."""
 
 from __future__ import annotations
 
@@ -17,30 +17,32 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MAX_REST_SHARE = 0.01  # a smallest input below this share of the largest counts as zero
+MAX_REST_SHARE = 0.01  # share of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
-"""Readings this near to each other, in parts of the largest, were taken at the same rest; an
-offset smaller than this is none."""
+"""Largest difference of readings at the same rest, relative to the largest reading. A smaller
+offset counts as zero."""
 
 _REST_BAND = 0.005
-_MIN_REST_SHARE = 0.08  # a drive rests if this share of its samples is within a band of the lowest
+_MIN_REST_SHARE = (
+    0.08  # a drive rests if this share of its samples is within a band above the lowest
+)
 _ROUND_REVERSAL_RATIO = 1.2
-"""A reversal is round if one curve across it has at most this part of the misfit of two."""
-_BRANCH_PARTS_PER_TIP = 12  # the curves beside a reversal are fitted over this part of a branch
-_OFFSET_SIGMAS = 3.0  # an offset is taken from this many standard errors on
+"""A reversal is round if the residual of one curve across it is at most this multiple of that of
+two."""
+_BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
+_OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """What a sensor reads at rest."""
+    """Reading of a sensor at rest."""
 
-    # what is taken for its offset, SI; zero where the readings do not differ from it
+    # sensor offset, SI; zero if the readings do not differ from zero
     offset: float = 0.0
-    # standard error of the reading, SI; None where the records do not come to rest
+    # standard error of the reading, SI; None if the records do not come to rest
     std: float | None = None
-    # half-width of the 95 % interval, SI; wider than that of a normal distribution, because few
-    # readings show how far they scatter
+    # half-width of the 95 % interval, SI, from Student's t for the number of readings
     half_width: float = 0.0
 
 
@@ -53,170 +55,172 @@ class RestReadings:
 
 
 def read_rest_offsets(loopset: Loops) -> RestReadings:
-    """Take the offsets of the sensors from where the drive is at rest.
+    """Determine the offsets of the sensors from samples at which the drive is at rest.
 
-    A drive of one sign that comes down to almost nothing, time after time, comes down to nothing:
-    what the sensor reads there is its offset. What the output reads there is an offset only before
-    the iron was ever magnetised; later it is remanence too.
+    A unipolar drive that repeatedly returns to almost zero is zero there, so the reading of the
+    input is its offset. The reading of the output is an offset only before the first magnetisation;
+    later it contains remanence.
     """
     span = max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)
     lowest = [_rest_input(loop, span) for loop in loopset.loops]
     offset = _make_reading([value for value in lowest if value is not None], span)
     if offset.std is None:
         return RestReadings()
-    first = []
+    first_outputs = []
     for loop in loopset.loops:
-        still = np.logical_and.accumulate(
+        is_at_rest = np.logical_and.accumulate(
             np.abs(loop.input - offset.offset) <= 2.0 * _EQUAL_READING_SHARE * span
         )
-        if loop.history.kind == "demagnetised" and still.any():
-            first.append(float(loop.output[still].mean()))
-    return RestReadings(offset, _make_reading(first, largest_output(loopset)))
+        if loop.history.kind == "demagnetised" and is_at_rest.any():
+            first_outputs.append(float(loop.output[is_at_rest].mean()))
+    return RestReadings(offset, _make_reading(first_outputs, largest_output(loopset)))
 
 
 def _rest_input(loop: Loop, span: float) -> float | None:
-    """Return the reading at which a drive of one sign rests, None if it does not."""
+    """Return the reading at which a unipolar drive rests; None if it does not rest."""
     low, high = float(loop.input.min()), float(loop.input.max())
     sign = 1.0 if abs(low) <= abs(high) else -1.0
     if min(abs(low), abs(high)) > MAX_REST_SHARE * span or high - low < 2.0 * MAX_REST_SHARE * span:
         return None
     drive = sign * loop.input
-    size = float(np.median(drive[drive - drive.min() <= _EQUAL_READING_SHARE * span]))
+    rest_value = float(np.median(drive[drive - drive.min() <= _EQUAL_READING_SHARE * span]))
     if np.mean(drive - drive.min() <= _REST_BAND * span) < _MIN_REST_SHARE:
         clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
-        size = _lowest_at_reversals(drive, clock, size, span)
-    return sign * size
+        rest_value = _lowest_at_reversals(drive, clock, rest_value, span)
+    return sign * rest_value
 
 
 def _lowest_at_reversals(
     drive: FloatArray, clock: FloatArray, default: float, span: float
 ) -> float:
-    """Return the lowest value of a drive that turns back without a rest.
+    """Return the lowest value of a drive that reverses without a rest.
 
-    The reversals of minor loops above that value say nothing about it.
-
-    Noise pulls the smallest sample down, and every other sample there is higher than the lowest
-    value. Therefore the curves before and after the reversal are extrapolated to where they meet.
+    Reversals of minor loops above that value are ignored. Noise makes the smallest sample too
+    small, and the other samples are above the lowest value. Therefore, curves before and after the
+    reversal are extrapolated to their intersection.
     """
-    parts = find_branches(drive)
-    tips = [
+    branch_list = find_branches(drive)
+    reversals = [
         (first.stop - 1, min(first.stop - first.start, second.stop - second.start))
-        for first, second in pairwise(parts)
+        for first, second in pairwise(branch_list)
         if second.is_rising and drive[first.stop - 1] - drive.min() <= MAX_REST_SHARE * span
     ]
     lowest = []
-    for row, length in tips:
-        reach = max(8, length // _BRANCH_PARTS_PER_TIP)
-        skip = max(2, reach // 10)
-        if skip + 6 > reach or row < reach or row + reach >= drive.size:
+    for row, length in reversals:
+        window = max(8, length // _BRANCH_PARTS_PER_TIP)
+        skip = max(2, window // 10)
+        if skip + 6 > window or row < window or row + window >= drive.size:
             continue
-        steps, when = np.arange(skip, reach + 1), clock - clock[row]
-        near = np.linspace(when[row - skip], when[row + skip], 101)
-        sides = [row - steps, row + steps]
-        fits = [Polynomial.fit(when[rows], drive[rows], 2) for rows in sides]
-        around = np.concatenate(sides)
-        whole = Polynomial.fit(when[around], drive[around], 4)
-        apart = [drive[rows] - fit(when[rows]) for rows, fit in zip(sides, fits, strict=True)]
-        sharp = float(np.sum(np.concatenate(apart) ** 2))
-        round_ = float(np.sum((drive[around] - whole(when[around])) ** 2))
-        if round_ <= _ROUND_REVERSAL_RATIO * sharp:
-            lowest.append(float(whole(near).min()))
+        steps, times = np.arange(skip, window + 1), clock - clock[row]
+        fine_times = np.linspace(times[row - skip], times[row + skip], 101)
+        side_rows = [row - steps, row + steps]
+        fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
+        window_rows = np.concatenate(side_rows)
+        round_fit = Polynomial.fit(times[window_rows], drive[window_rows], 4)
+        residuals = [
+            drive[rows] - fit(times[rows]) for rows, fit in zip(side_rows, fits, strict=True)
+        ]
+        sharp_cost = float(np.sum(np.concatenate(residuals) ** 2))
+        round_cost = float(np.sum((drive[window_rows] - round_fit(times[window_rows])) ** 2))
+        if round_cost <= _ROUND_REVERSAL_RATIO * sharp_cost:
+            lowest.append(float(round_fit(fine_times).min()))
         else:
-            before, after = (fit(near) for fit in fits)
-            meet = np.argmin(np.maximum(before, after))
-            lowest.append(0.5 * float(before[meet] + after[meet]))
+            before, after = (fit(fine_times) for fit in fits)
+            crossing = np.argmin(np.maximum(before, after))
+            lowest.append(0.5 * float(before[crossing] + after[crossing]))
     return float(np.mean(lowest)) if lowest else default
 
 
 def _make_reading(values: Sequence[float], span: float) -> RestReading:
     from scipy.special import stdtrit
 
-    if len(values) < 2:  # one reading does not show how far it scatters
+    if len(values) < 2:  # one reading has no scatter
         return RestReading()
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
-    real = abs(mean) > _OFFSET_SIGMAS * std and abs(mean) > _EQUAL_READING_SHARE * span
+    is_significant = abs(mean) > _OFFSET_SIGMAS * std and abs(mean) > _EQUAL_READING_SHARE * span
     half_width = std * float(stdtrit(len(values) - 1, 0.975))
-    return RestReading(mean if real else 0.0, std, half_width)
+    return RestReading(mean if is_significant else 0.0, std, half_width)
 
 
 WEIGHTINGS = ("loops", "points", "relative")
-"""How loops count: each the same, each sample the same, or each by its own largest output."""
+"""Weights of the samples: equal for each loop, equal for each sample, or relative to the largest
+output of each loop."""
 
 
 @dataclass(frozen=True, eq=False)
 class FitRecord:
-    """One loop as the objective sees it."""
+    """One loop, prepared for the objective function."""
 
     label: str  # name of the loop
-    gap: int  # place of its scheduling value among the gaps of the problem
-    history: (
-        InputHistory  # turning points of the input before the first sample; empty if there are none
-    )
+    gap: int  # index of its scheduling value
+    history: InputHistory  # input reversals before the first sample; empty if there are none
     input: FloatArray  # shape (n,), SI
     output: FloatArray
-    is_cycle: bool  # whether the record is a cycle to be repeated until it closes
-    weight: float  # weight of the deviation of every sample, 1/(unit of the output)
-    # time since the first sample at the same gap, in parts of the longest such time; zero where no
-    # clock says which loop was run when
+    is_cycle: bool  # whether the record is a cycle that is repeated until it closes
+    weight: float  # weight of the residual of every sample, 1/(unit of the output)
+    # time since the first sample at the same gap, relative to the longest such time; zero if the
+    # order of the loops is unknown
     clock: FloatArray
-    # samples that are left out of a fit, although the drive went through them; None: none
+    # samples that are excluded from the fit but not from the drive; None: none
     is_withheld: NDArray[np.bool_] | None = None
-    # number of measured samples that each one represents, over the mean of it; None: all alike
+    # number of measured samples that each one represents, relative to the mean; None: all equal
     sample_shares: FloatArray | None = None
 
     @property
     def weights(self) -> FloatArray:
-        """Weight of the deviation of each sample; zero of those that a fit does not see."""
-        whole = np.full(self.input.size, self.weight)
+        """Weight of the residual of each sample; zero for withheld samples."""
+        weights = np.full(self.input.size, self.weight)
         if self.sample_shares is not None:
-            whole *= np.sqrt(self.sample_shares)
-        return whole if self.is_withheld is None else np.where(self.is_withheld, 0.0, whole)
+            weights *= np.sqrt(self.sample_shares)
+        return weights if self.is_withheld is None else np.where(self.is_withheld, 0.0, weights)
 
     @cached_property
     def remembered_history(self) -> InputHistory:
-        """The part of the past drive that wiping out by turning points leaves in memory."""
+        """The part of the earlier drive that remains after the wiping-out property."""
         past = self.history.extended(self.input, self.gap) if self.is_cycle else self.history
         return past.remembered()
 
     def pieces(self, max_samples: int) -> Iterator[FitRecord]:
-        """Cut it for an iron that wipes out by turning points; each remembers those before it."""
+        """Split the record for iron with the wiping-out property; each piece has its own history."""
         if self.input.size <= max_samples:
             yield self
             return
         lead = self.remembered_history
-        for first in range(0, self.input.size, max_samples):
-            part = slice(first, first + max_samples)
+        for start in range(0, self.input.size, max_samples):
+            piece = slice(start, start + max_samples)
             yield replace(
                 self,
                 history=lead,
-                input=self.input[part],
-                output=self.output[part],
+                input=self.input[piece],
+                output=self.output[piece],
                 is_cycle=False,
-                clock=self.clock[part],
-                is_withheld=None if self.is_withheld is None else self.is_withheld[part],
-                sample_shares=None if self.sample_shares is None else self.sample_shares[part],
+                clock=self.clock[piece],
+                is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
+                sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead = lead.extended(self.input[part], self.gap).remembered()
+            lead = lead.extended(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
-        """Take at most about `most` samples, and more in steep parts.
+        """Return about `max_samples` samples at most, plus more in steep parts.
 
-        With more in steep parts, each sample represents the measured samples around it.
+        With more samples in steep parts, each sample represents the measured samples around it.
         """
-        kept = thin_rows(self.input, max_samples, self.output)
-        shares = None if self.sample_shares is None else self.sample_shares[kept]
-        if kept.size > thin_rows(self.input, max_samples).size:
-            begins = np.concatenate([[0], (kept[1:] + kept[:-1] + 1) // 2])
-            every = np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
-            represented = np.add.reduceat(every, begins)
-            shares = represented * (kept.size / represented.sum())
+        samples = thin_rows(self.input, max_samples, self.output)
+        shares = None if self.sample_shares is None else self.sample_shares[samples]
+        if samples.size > thin_rows(self.input, max_samples).size:
+            starts = np.concatenate([[0], (samples[1:] + samples[:-1] + 1) // 2])
+            shares_before = (
+                np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
+            )
+            represented = np.add.reduceat(shares_before, starts)
+            shares = represented * (samples.size / represented.sum())
         return replace(
             self,
-            input=self.input[kept],
-            output=self.output[kept],
-            weight=self.weight * float(np.sqrt(self.input.size / kept.size)),
-            clock=self.clock[kept],
+            input=self.input[samples],
+            output=self.output[samples],
+            weight=self.weight * float(np.sqrt(self.input.size / samples.size)),
+            clock=self.clock[samples],
             sample_shares=shares,
         )
 
@@ -226,7 +230,7 @@ class FitRecords:
     """All loops of one identification, and the scales of their quantities."""
 
     loops: tuple[FitRecord, ...]
-    nodes: FloatArray  # scheduling values, ascending; empty if nothing is scheduled
+    nodes: FloatArray  # scheduling values, ascending; empty without a scheduling variable
     input_span: float  # largest absolute input, SI
     output_span: float  # largest absolute output, SI
     rest: RestReadings = field(
@@ -235,73 +239,74 @@ class FitRecords:
 
     @property
     def gap_count(self) -> int:
-        """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
+        """Number of parameter sets for different gaps; one without a scheduling variable."""
         return max(1, self.nodes.size)
 
     @property
     def reference_gap(self) -> int:
-        """Gap with the largest output: there the iron is driven furthest and shows most."""
+        """Index of the gap with the largest output, at which the iron is driven furthest."""
         sizes = np.zeros(self.gap_count)
         for record in self.loops:
             sizes[record.gap] = max(sizes[record.gap], float(np.max(np.abs(record.output))))
         return int(np.argmax(sizes))
 
     def at_gap(self, gap: int) -> FitRecords:
-        """Only one gap, as a problem of its own with the same scales."""
-        kept = tuple(
+        """Return only the loops of one gap, with the same scales."""
+        records = tuple(
             replace(record, gap=0, history=record.history.only_at(gap))
             for record in self.loops
             if record.gap == gap
         )
-        return replace(self, loops=kept, nodes=self.nodes[gap : gap + 1])
+        return replace(self, loops=records, nodes=self.nodes[gap : gap + 1])
 
     def without_gaps(self, withheld: Collection[int]) -> FitRecords:
-        """Take all gaps but these, numbered again from zero."""
-        keep = [gap for gap in range(self.gap_count) if gap not in withheld]
-        numbers = {old: new for new, old in enumerate(keep)}
+        """Return the loops of all other gaps, numbered again from zero."""
+        kept_gaps = [gap for gap in range(self.gap_count) if gap not in withheld]
+        new_gaps = {old: new for new, old in enumerate(kept_gaps)}
         loops = tuple(
-            replace(record, gap=numbers[record.gap], history=record.history.renumbered(keep))
+            replace(record, gap=new_gaps[record.gap], history=record.history.renumbered(kept_gaps))
             for record in self.loops
-            if record.gap in numbers
+            if record.gap in new_gaps
         )
-        return replace(self, loops=loops, nodes=self.nodes[keep])
+        return replace(self, loops=loops, nodes=self.nodes[kept_gaps])
 
     def without_loops(self, withheld: Collection[int]) -> FitRecords:
-        """Take all loops but these, by their places."""
-        kept = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
-        return replace(self, loops=kept)
+        """Return all loops except those with some indices."""
+        records = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
+        return replace(self, loops=records)
 
     def without_blocks(self, withheld: Collection[int], blocks_per_loop: int) -> FitRecords:
-        """Leave blocks of samples out of the fit, but not out of the drive.
+        """Exclude blocks of samples from the fit, but not from the drive.
 
-        Each record has `blocks` of equal way, numbered on from record to record.
+        Each record has `blocks_per_loop` blocks of equal travel, numbered on from record to record.
         """
         numbers = (
             i * blocks_per_loop + block_numbers_along(d.input, blocks_per_loop)
             for i, d in enumerate(self.loops)
         )
         loops = tuple(
-            replace(record, is_withheld=np.isin(of_samples, list(withheld)))
-            for record, of_samples in zip(self.loops, numbers, strict=True)
+            replace(record, is_withheld=np.isin(sample_blocks, list(withheld)))
+            for record, sample_blocks in zip(self.loops, numbers, strict=True)
         )
         return replace(self, loops=loops)
 
     def thinned(self, max_samples: int) -> FitRecords:
-        """Take at most about `most` samples of each loop, weighing the same together.
+        """Return about `max_samples` samples of each loop at most, with the same total weight.
 
-        The exact step does not care how densely a path is sampled, so a search may.
+        The result of the exact step does not depend on the sampling of a path, so a search may use
+        fewer samples.
         """
         return replace(self, loops=tuple(record.thinned(max_samples) for record in self.loops))
 
 
 def block_numbers_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
-    """Return the block of each sample, where a drive is cut into blocks of equal travel."""
+    """Return the block of each sample, for blocks of equal travel of the drive."""
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
     return np.asarray(np.minimum(travelled / travelled[-1] * blocks, blocks - 1), dtype=np.intp)
 
 
 def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
-    """Time since the first sample at each gap, in parts of the longest such time."""
+    """Return the time since the first sample at each gap, relative to the longest such time."""
     clocks = []
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
@@ -316,25 +321,25 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
 
 
 def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
-    """Weights whose sum of squares over all samples is 1 for outputs of the size of the span."""
+    """Return weights with a unit sum of squares over all samples for outputs of full scale."""
     total = sum(loop.n for loop in loops)
     if weighting == "points":
         return [1.0 / (span * np.sqrt(total))] * len(loops)
-    each = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
+    base_weights = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
     if weighting == "loops":
-        return [weight / span for weight in each]
+        return [weight / span for weight in base_weights]
     sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
     if min(sizes) == 0.0:
         raise InputError(
-            "a loop has no output at all; weigh by 'loops' or leave it out", code="no-output"
+            "a loop has zero output; use weights 'loops' or remove the loop", code="no-output"
         )
-    return [weight / size for weight, size in zip(each, sizes, strict=True)]
+    return [weight / size for weight, size in zip(base_weights, sizes, strict=True)]
 
 
 def make_fit_records(
-    loopset: Loops, weighting: str = "loops", rest: RestReadings | None = None
+    loopset: Loops, weighting: str = "loops", readings: RestReadings | None = None
 ) -> FitRecords:
-    """Make the loops of a set ready for fitting."""
+    """Prepare the loops of a set for fitting."""
     if weighting not in WEIGHTINGS:
         raise InputError(
             f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}",
@@ -342,7 +347,7 @@ def make_fit_records(
             key="weights",
         )
     loopset.require_reversals()
-    rest = rest or RestReadings()
+    readings = readings or RestReadings()
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
     gaps = [index for index, group in enumerate(groups.values()) for _ in group]
@@ -350,7 +355,7 @@ def make_fit_records(
     output_span = largest_output(loopset)
     if not any(np.any(loop.output) for loop in loops):
         raise InputError(
-            f"the {loopset.output.name} is zero throughout; check the columns", code="no-output"
+            f"the {loopset.output.name} is zero in all loops; check the columns", code="no-output"
         )
     weights = _weights(loops, output_span, weighting)
     clocks = chain.from_iterable(relative_times(list(groups.values())))
@@ -358,9 +363,9 @@ def make_fit_records(
         FitRecord(
             label=loop.label,
             gap=gap,
-            history=_input_history(loop, nodes, gap, rest.input.offset),
-            input=np.ascontiguousarray(loop.input - rest.input.offset),
-            output=loop.output - rest.output.offset,
+            history=_input_history(loop, nodes, gap, readings.input.offset),
+            input=np.ascontiguousarray(loop.input - readings.input.offset),
+            output=loop.output - readings.output.offset,
             is_cycle=loop.history.kind == "settled",
             weight=weight,
             clock=clock,
@@ -368,11 +373,11 @@ def make_fit_records(
         for loop, gap, weight, clock in zip(loops, gaps, weights, clocks, strict=True)
     )
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
-    return FitRecords(fitted, nodes, input_span, output_span, rest)
+    return FitRecords(fitted, nodes, input_span, output_span, readings)
 
 
 def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> InputHistory:
-    """Return what was before a loop; what was beyond the outermost gaps counts as at these."""
+    """Return the input before a loop; gaps beyond the outermost nodes are limited to these."""
     drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
     if not loop.history.schedule:
         return InputHistory.at(drive, gap)
@@ -385,59 +390,63 @@ def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> In
 
 @dataclass(frozen=True, eq=False)
 class InputHistory:
-    """Turning points of the input, in their order."""
+    """Input reversals in their order, with the gap of each."""
 
     drive: FloatArray  # SI; shape (n,)
-    # where each was: the place of its gap among those of the problem, a fraction between two of
-    # them; shape (n,)
+    # index of the gap of each reversal, with fractions between two gaps; shape (n,)
     gap_position: FloatArray
 
     @classmethod
     def at(cls, drive: FloatArray, gap: int) -> InputHistory:
-        """Return a past at one gap."""
+        """Return a history at one gap."""
         return cls(drive, np.full(drive.size, float(gap)))
 
     def extended(self, drive: FloatArray, gap: int) -> InputHistory:
-        """Go on at a gap."""
+        """Return the history followed by a drive at a gap."""
         gaps = np.full(drive.size, float(gap))
         return InputHistory(
             np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps])
         )
 
     def only_at(self, gap: int) -> InputHistory:
-        """Take what was at one gap, as if there were no other."""
-        same = self.gap_position == gap
-        return InputHistory.at(self.drive[same], 0)
+        """Return only the reversals at one gap."""
+        is_at_gap = self.gap_position == gap
+        return InputHistory.at(self.drive[is_at_gap], 0)
 
-    def renumbered(self, keep: list[int]) -> InputHistory:
-        """Renumber the gaps where only some are kept; what was between stays between."""
-        return InputHistory(self.drive, np.interp(self.gap_position, keep, np.arange(len(keep))))
+    def renumbered(self, kept_gaps: list[int]) -> InputHistory:
+        """Renumber the gaps if only some are kept; positions between gaps stay between them."""
+        return InputHistory(
+            self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps)))
+        )
 
     def remembered(self) -> InputHistory:
-        """Take what play cells can keep of it: closed cycles at one gap are left out."""
+        """Return the part that play cells can remember, without closed cycles at one gap."""
         if not self.drive.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
-        kept = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
+        stretches = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
         gaps = self.gap_position[np.concatenate([[0], edges])]
-        return InputHistory(np.concatenate(kept), np.repeat(gaps, [points.size for points in kept]))
+        return InputHistory(
+            np.concatenate(stretches), np.repeat(gaps, [points.size for points in stretches])
+        )
 
 
 def remembered_reversals(drive: FloatArray) -> FloatArray:
-    """Return what play cells can keep of a drive: its ends and turning points, closed cycles left out.
+    """Return the ends and reversals of a drive that play cells can remember, without closed cycles.
 
-    A cycle is closed where both its neighbours reach beyond it. That holds wherever zero is, which
-    the offset of the drive moves; so what only a demagnetised start would wipe out is kept.
+    A cycle is closed if both neighbours exceed it. This test does not depend on the zero of the
+    drive, which its offset changes. Therefore, reversals that only a demagnetised start would wipe
+    out are kept.
     """
     direction = np.sign(np.diff(drive))
     moving = np.flatnonzero(direction)
-    turns = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
-    kept = [float(drive[0])]
-    for point in [*drive[turns].tolist(), float(drive[-1])]:
-        kept.append(point)
-        while len(kept) > 3:
-            rise, cycle, after = np.abs(np.diff(kept[-4:])).tolist()
-            if cycle > min(rise, after):
+    reversal_rows = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
+    points = [float(drive[0])]
+    for point in [*drive[reversal_rows].tolist(), float(drive[-1])]:
+        points.append(point)
+        while len(points) > 3:
+            change_before, cycle, change_after = np.abs(np.diff(points[-4:])).tolist()
+            if cycle > min(change_before, change_after):
                 break
-            del kept[-3:-1]
-    return np.array(kept)
+            del points[-3:-1]
+    return np.array(points)

@@ -1,4 +1,8 @@
-"""The whole way from loops to a model: checks, search, figures, provenance."""
+"""Find a model from measured loops: check the inputs, search, and collect figures and provenance.
+
+The slow loops determine the static model. If there are fast loops, their rate dependence is fitted
+afterwards. The result contains warnings and, if the model must not be used, the reason.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +56,7 @@ from anhyst.support.wording import word_for_reader
 
 SEARCHES = ("default", "paper")
 
-AUTO = "auto"  # of laws and gap maps: which one, is found out
+AUTO = "auto"  # laws and gap maps are compared, and the best is selected
 
 
 def identify(
@@ -71,50 +75,52 @@ def identify(
 ) -> IdentifyResult:
     """Find the model of loops at constant scheduling values: `anhyst.identify`.
 
-    After ctrl-C the best so far, marked as interrupted.
+    After ctrl-C, the result is the best model so far, marked as interrupted.
     """
-    began, worked = time.perf_counter(), time.process_time()
-    spent: dict[str, float] = {}
+    start, cpu_start = time.perf_counter(), time.process_time()
+    cpu_times: dict[str, float] = {}
     check_options(law, gap_map, search)
-    odd = check_plausible(loops)
+    plausibility_warnings = check_plausible(loops)
 
-    def static(some: Loops, before: Outcome | None) -> Outcome:
-        """Find the model of loops at one speed; from an outcome on it is the same choice."""
-        own, cells = _laws_to_compare(some, law, search)
+    def fit_static(some: Loops, before: Outcome | None) -> Outcome:
+        """Find the model of loops of one speed; with a previous outcome, continue its fit."""
+        law_name, cells = _laws_to_compare(some, law, search)
         if _needs_creep_fit(some, law, search):
             return fit_creeping(some)
-        if LAWS[own].kernel is None:
+        if LAWS[law_name].kernel is None:
             records = make_fit_records(some, weights)
             require_gaps(records, gap_map)
             return fit_any_law(
-                some, records.thinned(MAX_SEARCH_SAMPLES), own, gap_map, seed, offsets=offsets
+                some, records.thinned(MAX_SEARCH_SAMPLES), law_name, gap_map, seed, offsets=offsets
             )
-        rest = read_rest_offsets(some) if offsets and search == "default" else None
+        readings_at_rest = read_rest_offsets(some) if offsets and search == "default" else None
         run = SearchRun(
-            form=make_response_form(some.input, some.output, own),
+            form=make_response_form(some.input, some.output, law_name),
             cells=cells,
             only_cells=law != AUTO,
-            records=make_fit_records(some, weights, rest),
+            records=make_fit_records(some, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
             progress=progress,
-            cpu_times=spent,
+            cpu_times=cpu_times,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = (
             _continue_fit(run, some, before) if before else _search(run, some, gap_map, search)
         )
-        freed = free_unresolved_cells(outcome.model, some)
+        resolved_model = free_unresolved_cells(outcome.model, some)
         return (
-            replace(outcome, model=freed) if has_plausible_initial_curve(freed, some) else outcome
+            replace(outcome, model=resolved_model)
+            if has_plausible_initial_curve(resolved_model, some)
+            else outcome
         )
 
-    able = rate and search == "default" and not _needs_creep_fit(loops, law, search)
-    loops = spread_equal_times(loops) if able else loops
-    outcome = _fit_all_speeds(loops, static, group_by_speed(loops) if able else None)
+    can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
+    loops = spread_equal_times(loops) if can_fit_rate else loops
+    outcome = _fit_all_speeds(loops, fit_static, group_by_speed(loops) if can_fit_rate else None)
     lag = describe_coil_lag(loops)
-    warnings = [*odd, *([lag] if lag else []), *_warnings(loops, outcome)]
+    warnings = [*plausibility_warnings, *([lag] if lag else []), *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -126,10 +132,12 @@ def identify(
         "dead_band": outcome.dead_band,
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
     }
-    seen = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
+    histories = (
+        SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops
+    )
     common = {
         "name": _name(loops),
-        "history": Counter(seen).most_common(1)[0][0],
+        "history": Counter(histories).most_common(1)[0][0],
         "valid": valid_range(loops),
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
     }
@@ -145,12 +153,12 @@ def identify(
         outcome.expected_error,
         outcome.candidates,
     )
-    left = analyse_loops(loops, fitted)
-    line = describe_residual(left, loops, model)
-    figures = replace(figures, not_noise=left.unexplained, left_over=line)
+    residual = analyse_loops(loops, fitted)
+    residual_text = describe_residual(residual, loops, model)
+    figures = replace(figures, not_noise=residual.unexplained, left_over=residual_text)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := find_compile_obstacle(model.at_rest)) is not None else []
-    spent["all else"] = time.process_time() - worked - sum(spent.values())
+    cpu_times["all else"] = time.process_time() - cpu_start - sum(cpu_times.values())
     return IdentifyResult(
         model=model,
         loops=loops,
@@ -159,93 +167,97 @@ def identify(
         warnings=tuple(map(word_for_reader, warnings)),
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
-        seconds=time.perf_counter() - began,
-        stages=spent,
+        seconds=time.perf_counter() - start,
+        stages=cpu_times,
         evaluations=outcome.evaluations,
         interrupted=outcome.is_interrupted,
-        rejection=describe_resonance(loops) or explain_rejection(left, loops),
+        rejection=describe_resonance(loops) or explain_rejection(residual, loops),
     )
 
 
 def check_options(law: str, gap_map: str, search: str) -> None:
-    """Refuse what is unknown or does not go together."""
+    """Raise an error for unknown options and for options that exclude each other."""
     if why := LAWS.explain_unusable(law):
         raise InputError(f"law '{law}': {why}", code="not-installed", key="law")
-    for what, value, known in (
+    for option, value, choices in (
         ("law", law, (*LAWS, AUTO)),
         ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),
         ("search", search, SEARCHES),
     ):
-        if value not in known:
+        if value not in choices:
             raise InputError(
-                f"{what} '{value}' is unknown; use one of {', '.join(known)}",
+                f"{option} '{value}' is unknown; use one of {', '.join(choices)}",
                 code="unknown-choice",
-                key=what,
+                key=option,
             )
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
     if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
-        # There alpha acts on the irreversible part alone, which a reluctance does not: one number
-        # would be fitted for two.
+        # In this law, alpha acts on the irreversible part only, and a reluctance does not. One
+        # parameter would be fitted for two.
         raise InputError(
-            f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
+            f"gap map '{gap_map}' cannot be used with law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",
             code="choices-together",
             key="gap_map",
         )
     if kernel is None and search == "paper":
         raise InputError(
-            f"search 'paper' needs a law of the core, {law} is none; use default",
+            f"search 'paper' needs a law of the core, not {law}; use --search default",
             code="choices-together",
             key="search",
         )
     if search == "paper" and gap_map == "circuit":
         raise InputError(
-            "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto",
+            "gap map 'circuit' is not in the paper; use --search default, or --gap-map auto",
             code="choices-together",
             key="gap_map",
         )
 
 
 def _laws_to_compare(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
-    """Name the law of the search, and the play cells that are fitted from it."""
+    """Return the law of the search, and the curves of the play cells to compare with it."""
     shapes = {name: shape for shape, name in LAW_BY_SHAPE.items()}
     if law in shapes:
         return DEFAULT_LAW, (shapes[law],)
     if law != AUTO:
         return law, ()
-    # What makes a force is to be compensated, so a law that cannot be compiled is not even tried.
-    able = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
-    return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
+    # Laws that cannot be compiled are not compared for actuators that are compensated.
+    usable = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
+    return DEFAULT_LAW, tuple(shapes[name] for name in usable) if search == "default" else ()
 
 
 def _fit_all_speeds(
     loops: Loops, static: Callable[[Loops, Outcome | None], Outcome], speeds: SpeedGroups | None
 ) -> Outcome:
-    """Find the model at rest, and around it how late the iron answers."""
+    """Fit the static model and, if there are fast loops, their rate dependence."""
     if speeds is None:
         return static(loops, None)
     outcome = static(speeds.slow, None)
     if outcome.is_interrupted:
         return outcome
-    late = fit_rate(outcome.model, loops, speeds)
-    if not late.model.has_eddy_currents:
-        return replace(static(loops, None), rate_reason=late.reason)
-    at_rest = remove_rate_effect(late.model, outcome.model, speeds.slow)
-    if at_rest is not None:
-        again = static(at_rest, outcome)
-        layers = late.model.layers
-        better = fit_rate(again.model, loops, speeds, min_layers=layers.count if layers else 1)
-        if better.error < late.error:
-            late = better
-            outcome = replace(outcome, uncertainty=again.uncertainty)
-    sure = late.add_to_uncertainty(outcome.uncertainty)
-    return replace(outcome, model=late.model, uncertainty=sure, rate_reason=late.reason)
+    rate_fit = fit_rate(outcome.model, loops, speeds)
+    if not rate_fit.model.has_eddy_currents:
+        return replace(static(loops, None), rate_reason=rate_fit.reason)
+    static_loops = remove_rate_effect(rate_fit.model, outcome.model, speeds.slow)
+    if static_loops is not None:
+        corrected = static(static_loops, outcome)
+        layers = rate_fit.model.layers
+        second_fit = fit_rate(
+            corrected.model, loops, speeds, min_layers=layers.count if layers else 1
+        )
+        if second_fit.error < rate_fit.error:
+            rate_fit = second_fit
+            outcome = replace(outcome, uncertainty=corrected.uncertainty)
+    uncertainty = rate_fit.add_to_uncertainty(outcome.uncertainty)
+    return replace(
+        outcome, model=rate_fit.model, uncertainty=uncertainty, rate_reason=rate_fit.reason
+    )
 
 
 def _needs_creep_fit(loops: Loops, law: str, search: str) -> bool:
-    """Whether cells are fitted with lag and creep, in one step."""
-    able = output_map(loops.output).has_creep and loops.schedule is None
-    return able and law in {AUTO, CREEPING_LAW} and search == "default"
+    """Whether play cells with lag and creep are fitted, without a search."""
+    can_creep = output_map(loops.output).has_creep and loops.schedule is None
+    return can_creep and law in {AUTO, CREEPING_LAW} and search == "default"
 
 
 def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
@@ -259,23 +271,23 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     except KeyboardInterrupt:
         if run.best is None:
             raise
-    best = run.best.with_records(run.records)  # the search may have thinned them
-    why = "the search was interrupted: this is the best so far"
-    return make_outcome(best, loops, why, interrupted=True)
+    best_fit = run.best.with_records(run.records)  # the search may have thinned them
+    reason = "the search was interrupted: this is the best model so far"
+    return make_outcome(best_fit, loops, reason, interrupted=True)
 
 
-def _continue_fit(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
-    """Follow the fit of a search to its end on other records of the same loops."""
-    start = before.fit
+def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
+    """Continue the fit of a search to convergence on other records of the same loops."""
+    start = outcome.fit
     assert start is not None
-    followed = descend_from(
+    fit = descend_from(
         start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
     return replace(
-        before,
-        model=make_model(followed, loops),
-        uncertainty=assess_uncertainty(followed, loops),
-        fit=followed,
+        outcome,
+        model=make_model(fit, loops),
+        uncertainty=assess_uncertainty(fit, loops),
+        fit=fit,
     )
 
 
@@ -285,28 +297,26 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     warnings += [outcome.map_reason] if gaps == 2 else []
     if outcome.resumed_stages:
         warnings.append(
-            f"went on from a checkpoint: {outcome.resumed_stages} stages were done already"
+            f"continued from a checkpoint: {outcome.resumed_stages} stages were already complete"
         )
     if loops.schedule is not None and gaps == 1:
-        warnings.append(
-            f"loops at one {loops.schedule.name} only: the model holds there and nowhere else"
-        )
+        warnings.append(f"loops at only one {loops.schedule.name}: the model is valid only there")
     if len(loops) == 1:
         size = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
-        alike = f"laws that follow it alike differ by {size} within it, and "
-        guess = "how inner loops run is a guess of the law; measure smaller loops too"
-        warnings.append("one loop only: " + (alike if outcome.ambiguity else "") + guess)
+        ambiguity_text = f"laws that fit it equally well differ by {size} inside it, and "
+        guess = "inner loops are a guess of the law; measure smaller loops too"
+        warnings.append("only one loop: " + (ambiguity_text if outcome.ambiguity else "") + guess)
     samples = sum(loop.n for loop in loops.loops)
     if samples < MIN_SAMPLES_PER_PARAMETER * quantities:
         warnings.append(
-            f"{samples} samples for {quantities} quantities to find: that the model fits proves "
-            "nothing; record more samples"
+            f"{samples} samples for {quantities} parameters: a good fit is "
+            "not evidence; record more samples"
         )
     return warnings
 
 
 def _name(loops: Loops) -> str:
-    """Name a model after its file, or after the folder that its files share."""
+    """Return the name of the model: its file, or the folder of all files."""
     paths = [Path(source.path) for source in loops.sources]
     if len(paths) == 1:
         return paths[0].stem

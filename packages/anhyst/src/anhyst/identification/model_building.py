@@ -1,21 +1,18 @@
-"""From a fit in the gauge-free form to the model it stands for.
+"""Convert a fit in the gauge-free form to a physical model, and fit the dead band of its law.
 
-Outputs do not change along the redundancies of docs/theory.md, so values along them are
-chosen, and the choice is reported:
+Outputs do not change along the redundancies of docs/theory.md, so values along them are chosen and
+reported:
 
-- field and flux density measured: nothing is left to choose;
-- otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
-- reluctance and circuit map: ``alpha = 0``, or, where ``rho`` or its straight continuation to the
-  closed gap would come out negative, that place is made the zero of ``rho`` and alpha takes the
-  difference.
+- If field and flux density are measured, everything is determined.
+- Otherwise, ``M_s`` is set to 1e6 A/m if no measured quantity determines it.
+- Reluctance and circuit map: ``alpha = 0``. If ``rho`` or its linear extrapolation to the closed gap
+  would be negative, the smallest value is set to zero and alpha takes the difference.
 
-The dead band of the law: what keeps small movements from eroding a model's state.
-
-A Jiles-Atherton law forgets by the whole way that the field goes, to and fro: noise of a demand
-erases what it remembers within milliseconds, and a small error that comes again and again, such as
-the ripple of a table under a gap that vibrates, makes it wander. A play in front of its
-irreversible part closes what stays within it (docs/theory.md). Real iron has something like it, and
-measured loops hardly show how wide it is: the widest one that they allow is taken.
+A Jiles-Atherton law forgets with the total travel of the field. Noise of a demand erases its memory
+within milliseconds, and a small periodic error, such as the ripple of a table with a vibrating gap,
+makes it drift. A play before its irreversible part prevents this for small movements
+(docs/theory.md). Measured loops barely determine the width of this dead band, so the widest
+acceptable one is used.
 """
 
 from __future__ import annotations
@@ -39,24 +36,26 @@ from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
-DEFAULT_SATURATION = 1e6  # M_s where the data do not determine it, A/m
-DEFAULT_AIR_CORE_SLOPE = 1e-3  # h where the data do not determine it: a/(M_s*(1 - alpha))
+DEFAULT_SATURATION = 1e6  # M_s if the data do not determine it, A/m
+DEFAULT_AIR_CORE_SLOPE = 1e-3  # h if the data do not determine it: a/(M_s*(1 - alpha))
 
 _MIN_CLOSED_GAP_RHO = 1e-12
-"""What rho keeps at the closed gap, so that rounding cannot make it negative there."""
+"""Value of rho at the closed gap, so that rounding errors cannot make it negative."""
 
 
 def make_response_form(
     input_quantity: Quantity, output_quantity: Quantity, law: str
 ) -> ResponseForm:
-    """Choose the form of the equations for what was measured."""
-    answer = output_map(output_quantity)
-    permeability = MU_0 if answer.is_flux_density and input_quantity.name == "field" else 0.0
-    return ResponseForm(answer.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE)
+    """Return the form of the equations for the measured quantities."""
+    map_of_output = output_map(output_quantity)
+    permeability = MU_0 if map_of_output.is_flux_density and input_quantity.name == "field" else 0.0
+    return ResponseForm(
+        map_of_output.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE
+    )
 
 
 def is_scheduled_over_gap(loopset: Loops) -> bool:
-    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
+    """Whether the scheduling variable is a gap, which moves and does not change the iron."""
     return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
@@ -68,23 +67,23 @@ def physical_parameters(
     output_quantity: Quantity,
     gaps: Sequence[float],
 ) -> dict[str, Parameter]:
-    """Physical parameters for gauge-free ones."""
-    answer, input_name = output_map(output_quantity), input_quantity.name
-    table = [_physical_at_gap(form, local, gap_map, input_name, answer) for local in sets]
+    """Convert gauge-free parameters to physical ones."""
+    map_of_output, input_name = output_map(output_quantity), input_quantity.name
+    table = [_physical_at_gap(form, local, gap_map, input_name, map_of_output) for local in sets]
     if gap_map in SERIES_MAPS:
         _make_reluctance_positive(form, table, np.array(gaps))
     for row in table:
         row.update(form.kernel.dead_band_parameter(row, form.dead_band))
-    vary = {
+    varying = {
         "none": set(),
         "scaling": {"c_H"},
         "reluctance": {"rho"},
         "circuit": {"rho", "c_out", "in_0", "out_0"},
         "free": set(table[0]) - ({"c_H"} if input_name == "field" else set()),
     }[gap_map]
-    vary -= {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
+    varying -= {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
-        name: tuple(row[name] for row in table) if name in vary and len(table) > 1 else value
+        name: tuple(row[name] for row in table) if name in varying and len(table) > 1 else value
         for name, value in table[0].items()
     }
 
@@ -92,16 +91,16 @@ def physical_parameters(
 def _make_reluctance_positive(
     form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray
 ) -> None:
-    """Move along the redundancy between alpha and rho until no reluctance is negative."""
+    """Move along the redundancy of alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
-    least = float(rho.min())
+    min_rho = float(rho.min())
     if gaps.size > 1:
-        least = min(least, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _MIN_CLOSED_GAP_RHO
-    p = min(1.0 + least, 1.0)
+        min_rho = min(min_rho, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _MIN_CLOSED_GAP_RHO
+    factor = min(1.0 + min_rho, 1.0)
     for row in table:
-        row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
-        form.kernel.scale_internal_field(row, p)
-        row["c_out"] /= p**form.power
+        row["rho"] = max((1.0 + row["rho"]) / factor - 1.0, 0.0)
+        form.kernel.scale_internal_field(row, factor)
+        row["c_out"] /= factor**form.power
 
 
 def _physical_at_gap(
@@ -112,7 +111,7 @@ def _physical_at_gap(
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
-    unscaled = local.scale / (1.0 + rho)  # input for one unit of effective field without the gap
+    unscaled = local.scale / (1.0 + rho)  # input per unit of effective field without the gap
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
@@ -122,7 +121,7 @@ def _physical_at_gap(
         a = h * saturation * (1.0 - alpha)
     c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
     if abs(c_out - 1.0) < 1e-12:
-        c_out = 1.0  # flux density measured: but for rounding it is one by construction
+        c_out = 1.0  # with measured flux density, it is 1 except for rounding
     return {
         **form.kernel.iron_parameters(saturation, a, local.law, alpha),
         "rho": rho,
@@ -133,13 +132,11 @@ def _physical_at_gap(
     }
 
 
-_PIECES_PER_GAP_INTERVAL = (
-    4  # pieces between two gaps in which the curves of a model with leakage are drawn
-)
+_PIECES_PER_GAP_INTERVAL = 4  # pieces between two gaps for the curves of a model with leakage
 
 
 def make_model(fit: FoundModel, loopset: Loops) -> Model:
-    """Bare model of a fit: parameters and gap map, no records of how it was found."""
+    """Return the model of a fit with parameters and gap map, without records of its identification."""
     space = fit.space
     positions, sets = _model_nodes(fit)
     nodes = tuple(positions.tolist())
@@ -165,33 +162,34 @@ def make_model(fit: FoundModel, loopset: Loops) -> Model:
 
 
 def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
-    """Nodes of a model and the sets there: with leakage, places between the gaps too.
+    """Return the nodes of a model and the sets there; with leakage, also between the gaps.
 
-    What a gap grows by is its own reluctance; what the iron sees of it behind a leakage bends. So
-    the former is interpolated, and so densely that the curves between nodes do not matter.
+    The reluctance of the gap itself is interpolated, because the reluctance that the iron sees with
+    a leakage path is curved. The nodes are so dense that the curves between them do not matter.
     """
     space, sets = fit.space, fit.parameter_sets
     nodes = space.records.nodes
     if space.gap_map != "leakage":
         return nodes, sets
     leakage = space.leakage(fit.theta)
-    seen = np.array([local.omega for local in sets])
-    own = Curve("rho", nodes, seen / np.maximum(1.0 - leakage * seen, MIN_GAP_FLUX_SHARE))
+    omegas = np.array([local.omega for local in sets])
+    gap_rho = Curve("rho", nodes, omegas / np.maximum(1.0 - leakage * omegas, MIN_GAP_FLUX_SHARE))
     pieces = [
-        np.linspace(*ends, _PIECES_PER_GAP_INTERVAL, endpoint=False) for ends in pairwise(nodes)
+        np.linspace(*interval, _PIECES_PER_GAP_INTERVAL, endpoint=False)
+        for interval in pairwise(nodes)
     ]
     positions = np.concatenate([*pieces, nodes[-1:]])
-    first, power = sets[0], space.form.power
-    scale = first.scale * (1.0 - first.h * first.omega)
-    gain = first.gain / max(1.0 - leakage * first.omega, MIN_GAP_FLUX_SHARE) ** power
+    first_set, power = sets[0], space.form.power
+    scale = first_set.scale * (1.0 - first_set.h * first_set.omega)
+    gain = first_set.gain / max(1.0 - leakage * first_set.omega, MIN_GAP_FLUX_SHARE) ** power
     return positions, [
         replace(
-            first,
+            first_set,
             omega=omega,
-            scale=scale / (1.0 - first.h * omega),
+            scale=scale / (1.0 - first_set.h * omega),
             gain=gain * max(1.0 - leakage * omega, MIN_GAP_FLUX_SHARE) ** power,
         )
-        for omega in (own(positions) / (1.0 + leakage * own(positions))).tolist()
+        for omega in (gap_rho(positions) / (1.0 + leakage * gap_rho(positions))).tolist()
     ]
 
 
@@ -201,50 +199,53 @@ def valid_range(loopset: Loops) -> ValidRange:
     def span(values: list[FloatArray]) -> tuple[float, float]:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
 
-    at = loopset.schedule_values
+    gaps = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
     if 0.0 < low <= MAX_REST_SHARE * high:
-        low = 0.0  # the sensor's offset is no reason to flag a drive at rest
+        low = 0.0  # the sensor offset must not flag a drive at rest
     return ValidRange(
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
-        schedule=(at[0], at[-1]) if at else None,
+        schedule=(gaps[0], gaps[-1]) if gaps else None,
     )
 
 
 DEAD_BAND_RATIOS = (0.35, 0.2, 0.1, 0.05, 0.02)
-"""Half-widths that are tried, in parts of the pinning k, the widest first."""
+"""Half-widths that are tried, relative to the pinning k, the widest first."""
 
-MAX_DEVIATION_RATIO = 1.03  # factor by which the deviation from the loops may grow
-_DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS = (
-    1e-8,
-    40,
-)  # of the fit with a dead band: it starts near its end
+MAX_DEVIATION_RATIO = 1.03  # factor by which the rms residual may grow
+_DEAD_BAND_TOLERANCE = 1e-8
+_MAX_DEAD_BAND_STEPS = 40  # few steps, because the fit starts near its result
 
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
-    form, most = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
-    for part in DEAD_BAND_RATIOS:
-        space = replace(fit.space, form=replace(form, dead_band=part))
-        tried = descend_from(
-            space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=most
+    form, max_cost = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
+    for ratio in DEAD_BAND_RATIOS:
+        space = replace(fit.space, form=replace(form, dead_band=ratio))
+        fit_with_band = descend_from(
+            space,
+            fit.theta,
+            _DEAD_BAND_TOLERANCE,
+            _MAX_DEAD_BAND_STEPS,
+            fit.smoothness,
+            goal=max_cost,
         )
-        if tried.cost <= most and accepts(tried):
-            return replace(tried, evaluations=fit.evaluations + tried.evaluations)
+        if fit_with_band.cost <= max_cost and accepts(fit_with_band):
+            return replace(fit_with_band, evaluations=fit.evaluations + fit_with_band.evaluations)
     return fit
 
 
-def explain_dead_band(before: FoundModel, after: FoundModel) -> str:
-    """Report the dead band that the user set, and what it costs."""
-    part = after.space.form.dead_band
-    if part == 0.0:
+def explain_dead_band(fit_without: FoundModel, fit_with: FoundModel) -> str:
+    """Describe the dead band and its effect on the residual."""
+    ratio = fit_with.space.form.dead_band
+    if ratio == 0.0:
         return (
-            f"none: even one of {DEAD_BAND_RATIOS[-1]:g}*k costs more than "
-            f"{MAX_DEVIATION_RATIO - 1:.0%} of the deviation"
+            f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
+            f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
-    change = float(np.sqrt(after.cost / before.cost)) - 1.0
+    change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
     return (
-        f"r_d = {part:g}*k, the widest tried that costs at most {MAX_DEVIATION_RATIO - 1:.0%} of the deviation "
-        f"from the loops; it changes by {100.0 * change:+.1f} %"
+        f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
+        f"the deviation from the loops changes by {100.0 * change:+.1f} %"
     )

@@ -1,4 +1,10 @@
-"""Which law and gap map: those that a controller can use, and that predict what was left out."""
+"""Select the law and the gap map that predict withheld data best and that a controller can use.
+
+The reference gap is fitted first. Then each gap map is fitted to all gaps, and again without each
+inner gap. If the residual exceeds the noise, play cells are fitted and compared too. Candidates
+that cannot be compiled, fail the acceptance test or overfit between gaps are excluded, if others
+remain.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +22,7 @@ from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
 from anhyst.identification.candidates import (
     FAILURES,
-    Comparison,
+    CandidateComparison,
     Fits,
     ModelCandidate,
     cell_candidates,
@@ -77,52 +83,54 @@ from anhyst.model.residual_analysis import NEGLIGIBLE_DEVIATION
 from anhyst.model.schema import CandidateFit, CrossValidation
 from anhyst.support.errors import InputError
 
-MIN_SAMPLES_PER_PARAMETER = (
-    5  # samples for each quantity that is fitted, at least: with fewer a fit proves nothing
-)
+MIN_SAMPLES_PER_PARAMETER = 5
+"""Minimum number of samples per fitted parameter. With fewer, a good fit is not evidence."""
 
 _MAX_DRIFT_RMS = 0.04
-"""Rms deviation of a model, as a share of full scale, that a drift of the sensor may explain."""
-_MAX_DRIFT_RATIO = 2.5  # the same as a multiple of the rms deviation of the fit with that drift
-_NOISE_LIMITED_RATIO = (
-    1.05  # deviation over the noise of the sensors below which there is nothing to gain
-)
+"""Largest rms residual of a model without sensor drift, relative to full scale, that is accepted.
+"""
+_MAX_DRIFT_RATIO = 2.5
+"""Largest ratio of the rms residuals without and with a fitted drift, above :data:`_MAX_DRIFT_RMS`.
+"""
+_NOISE_LIMITED_RATIO = 1.05
+"""Ratio of the rms residual to the sensor noise below which no other law can improve the fit."""
 
 _MAX_ERROR_RATIO = 5.0
-"""Cross-validation error over the least one's, up to which passing the acceptance test is worth it."""
+"""Largest cross-validation error, relative to the smallest one, that is accepted in exchange for
+passing the acceptance test."""
 
-CARRIED_STARTS = (
-    24  # sets of the screening that are tried at the other gaps beside the optimum of one gap
-)
+CARRIED_STARTS = 24
+"""Screened parameter sets of the reference gap that are tried at the other gaps, besides its
+optimum."""
 
 
 def make_outcome(
     fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False
 ) -> Outcome:
     """Return a fit as the outcome of a search, without the other candidates."""
-    model, sure = make_model(fit, loopset), assess_uncertainty(fit, loopset)
-    return Outcome(model, sure, fit.theta.size, fit.evaluations, why, interrupted, fit=fit)
+    model, uncertainty = make_model(fit, loopset), assess_uncertainty(fit, loopset)
+    return Outcome(model, uncertainty, fit.theta.size, fit.evaluations, why, interrupted, fit=fit)
 
 
 def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
-    """Fit under the wanted map and law, or under all, and keep what predicts best what is left out."""
+    """Fit the requested law and gap map, or all of them, and select the one that predicts best."""
     gaps = run.search_records.gap_count
     require_gaps(run.records, gap_map)
-    tried = map_candidates(run, loopset, gap_map) if gaps > 1 else []
+    map_list = map_candidates(run, loopset, gap_map) if gaps > 1 else []
     run.total_stages = (
-        2 + len(tried) + bool(inner_gaps(gaps)) + run.dead_band + (4 if run.cells else 0)
+        2 + len(map_list) + bool(inner_gaps(gaps)) + run.dead_band + (4 if run.cells else 0)
     )
-    choice = Selection(run, loopset, tried)
-    contest = choice.comparison
+    choice = Selection(run, loopset, map_list)
+    comparison = choice.comparison
     best = choice.select()
-    unable = [candidate for candidate in tried if candidate not in contest.eligible]
-    why = explain_gap_map(contest, best, gap_map, loopset, unable)
+    rejected = [candidate for candidate in map_list if candidate not in comparison.eligible]
+    map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected)
     candidates: tuple[CandidateFit, ...] = ()
-    why_law, apart = "", 0.0
-    base, alone = best, contest.fits[best].reduced
-    enough = choice.is_usable(alone) and not choice.exceeds_noise(alone)
-    maps = contest.errors_by_map(best)
-    are_laws_compared = bool(run.cells) and (run.only_cells or not enough)
+    law_reason, ambiguity = "", 0.0
+    base, base_fit = best, comparison.fits[best].reduced
+    is_sufficient = choice.is_usable(base_fit) and not choice.exceeds_noise(base_fit)
+    maps = comparison.errors_by_map(best)
+    are_laws_compared = bool(run.cells) and (run.only_cells or not is_sufficient)
     if are_laws_compared:
         best = choice.compare_play_cells(best)
     else:
@@ -134,48 +142,48 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
             raise
         are_laws_compared = True
         best, fit, dead_band = choice.finish_best(choice.compare_play_cells(best))
-    if best.file_gap_map != base.file_gap_map:  # another law suits another map
-        why = explain_gap_map(contest, best, gap_map, loopset, unable)
-        maps = contest.errors_by_map(best) if contest.withheld_kind == "gap" else maps
-    if are_laws_compared or contest.dropped:
-        candidates = list_candidates(contest, best, run.form.law)
-        why_law = explain_law(contest, best, run.form.law, loopset)
-        apart = choice.ambiguity_within_one_loop(best)
+    if best.file_gap_map != base.file_gap_map:  # the law of play cells may need another map
+        map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected)
+        maps = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else maps
+    if are_laws_compared or comparison.dropped:
+        candidates = list_candidates(comparison, best, run.form.law)
+        law_reason = explain_law(comparison, best, run.form.law, loopset)
+        ambiguity = choice.ambiguity_within_one_loop(best)
     return replace(
-        make_outcome(fit, loopset, why),
+        make_outcome(fit, loopset, map_reason),
         dead_band=dead_band,
         withheld_errors={name: error for name, error in maps.items() if np.isfinite(error)},
         expected_error=run.timed("left out", choice.estimate_unseen_error),
         candidates=candidates,
-        law_reason=why_law,
-        ambiguity=apart,
+        law_reason=law_reason,
+        ambiguity=ambiguity,
     )
 
 
 class Selection:
-    """Fits under the candidates, and which of them may be chosen."""
+    """Fits of all candidates of a run, and the selection among them."""
 
     def __init__(self, run: SearchRun, loopset: Loops, maps: list[ModelCandidate]) -> None:
         self.run, self.loopset, self.maps = run, loopset, maps
         self.is_usable = partial(_is_usable, loopset=loopset)
-        self.comparison = Comparison([], {}, {}, inner_gaps(run.search_records.gap_count))
-        fits, known = self._fit_reference_gap()
+        self.comparison = CandidateComparison([], {}, {}, inner_gaps(run.search_records.gap_count))
+        fits, start_sets = self._fit_reference_gap()
         if maps:
-            self._compare_maps(known)
+            self._compare_maps(start_sets)
         else:
-            plain = ModelCandidate("none", run.fixed)
-            self.comparison = Comparison(
-                [plain], {plain: fits}, {}, (), noise=self._noise_cost(fits.full)
+            only_candidate = ModelCandidate("none", run.fixed)
+            self.comparison = CandidateComparison(
+                [only_candidate], {only_candidate: fits}, {}, (), noise=self._noise_cost(fits.full)
             )
 
     def _fit_reference_gap(self) -> tuple[Fits, list[ParameterSet]]:
-        """Fit the gap that shows most; give sets there: its optimum, then others worth a try."""
+        """Fit the gap with the largest output; also return sets to start from at other gaps."""
         run = self.run
-        home = run.search_records.at_gap(run.search_records.reference_gap)
+        reference_records = run.search_records.at_gap(run.search_records.reference_gap)
 
         def search() -> Fits:
-            wide = search_one_gap(run.form, home, run.seed, run.fixed)
-            return Fits(wide, wide if self.maps else remove_unneeded_offsets(wide))
+            full = search_one_gap(run.form, reference_records, run.seed, run.fixed)
+            return Fits(full, full if self.maps else remove_unneeded_offsets(full))
 
         fits = run.step("one gap", search)
         if not self.maps:
@@ -187,23 +195,23 @@ class Selection:
         ]
 
     def _compare_maps(self, starts: list[ParameterSet]) -> None:
-        """Fit every gap map, to all gaps and without some."""
-        contest, plain = self.comparison, None
+        """Fit every gap map to all gaps, and again without each inner gap."""
+        comparison, reluctance_fit = self.comparison, None
         for candidate in self.maps:
             try:
-                fits = self._fit_gap_map(candidate, starts, plain)
+                fits = self._fit_gap_map(candidate, starts, reluctance_fit)
             except FAILURES as error:
-                contest.drop(candidate, error)
+                comparison.drop(candidate, error)
                 self.run.total_stages -= 1
-                if candidate is self.maps[-1] and not contest.fits:
+                if candidate is self.maps[-1] and not comparison.fits:
                     raise
             else:
-                contest.fits[candidate] = fits
-                plain = fits.full if candidate.gap_map == "reluctance" else plain
-        contest.noise = self._noise_cost(next(iter(contest.fits.values())).full)
-        contest.eligible[:] = self._filter_eligible(list(contest.fits))
-        if contest.withheld:
-            self.run.step("left out", partial(self._refit_folds, contest.eligible))
+                comparison.fits[candidate] = fits
+                reluctance_fit = fits.full if candidate.gap_map == "reluctance" else reluctance_fit
+        comparison.noise = self._noise_cost(next(iter(comparison.fits.values())).full)
+        comparison.eligible[:] = self._filter_eligible(list(comparison.fits))
+        if comparison.withheld:
+            self.run.step("left out", partial(self._refit_folds, comparison.eligible))
 
     def _fit_gap_map(
         self,
@@ -211,19 +219,19 @@ class Selection:
         starts: list[ParameterSet],
         reluctance_fit: FoundModel | None,
     ) -> Fits:
-        run, gap_map, held = self.run, candidate.gap_map, candidate.fixed
+        run, gap_map, fixed = self.run, candidate.gap_map, candidate.fixed
 
         def search() -> Fits:
             if gap_map == "free":
-                wide = search_each_gap(run.form, run.search_records, run.seed, held)
+                full = search_each_gap(run.form, run.search_records, run.seed, fixed)
             elif gap_map in {"leakage", "circuit"}:
                 series = reluctance_fit or join_gaps(
-                    run.form, run.search_records, "reluctance", starts, held
+                    run.form, run.search_records, "reluctance", starts, fixed
                 )
-                wide = join_circuit(series, gap_map, candidate.common)
+                full = join_circuit(series, gap_map, candidate.common)
             else:
-                wide = join_gaps(run.form, run.search_records, gap_map, starts, held)
-            return Fits(wide, remove_unneeded_offsets(wide))
+                full = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
+            return Fits(full, remove_unneeded_offsets(full))
 
         fits = run.step("gap maps", search)
         if run.best is None or (candidate.rank == 0 and fits.reduced.cost < run.best.cost):
@@ -231,117 +239,136 @@ class Selection:
         return fits
 
     def compare_play_cells(self, base: ModelCandidate) -> ModelCandidate:
-        """Fit play cells under the most flexible map, the best of them under the others, and choose.
+        """Fit play cells under the most flexible map, then the best under other maps, and select.
 
-        With fewer than three gaps the inner loops are left out, where there are two or more, else
-        blocks of samples.
+        With fewer than three gaps, inner loops are withheld; with fewer than two of these, blocks
+        of samples.
         """
-        run, contest = self.run, self.comparison
-        if not contest.withheld:
-            contest.withheld_kind, contest.withheld = "loop", inner_loops(run.search_records)
-            if len(contest.withheld) < 2:
-                contest.withheld_kind, contest.withheld = "block", block_numbers(run.search_records)
-            contest.eligible[:] = [base]
+        run, comparison = self.run, self.comparison
+        if not comparison.withheld:
+            comparison.withheld_kind, comparison.withheld = "loop", inner_loops(run.search_records)
+            if len(comparison.withheld) < 2:
+                comparison.withheld_kind, comparison.withheld = (
+                    "block",
+                    block_numbers(run.search_records),
+                )
+            comparison.eligible[:] = [base]
             run.timed("left out", partial(self._refit_folds, [base]))
-        new = self._search_cells(base)
-        if not new:
+        cell_entries = self._search_cells(base)
+        if not cell_entries:
             return self.select()
-        run.step("left out", partial(self._refit_folds, new))
-        best = replace(contest, eligible=new).select_best()
-        differ = [other for other in self.maps if other.gap_map != best.gap_map]
-        free = [other for other in differ if other.gap_map == "free"]
-        others = [with_gap_map(best, other) for other in differ if other.gap_map != "free"]
-        if free and self.exceeds_noise(contest.fits[best].reduced):
-            others.append(with_gap_map(best, free[0]))
-        for candidate in others:
-            again = partial(fit_under_map, contest.fits[best].full, candidate, run.search_records)
-            run.timed("play cells", partial(self._try_fit, candidate, again))
-        others = [candidate for candidate in others if candidate in contest.fits]
-        run.timed("left out", partial(self._refit_folds, others))
-        new += others
-        if base.gap_map != "free" and _has_samples_for_weights(contest.fits[best].reduced):
-            best = min(new, key=lambda candidate: contest.withheld_error(candidate) or 0.0)
-            further = with_fitted_weights(best)
-            refine = partial(fit_cell_weights, contest.fits[best].reduced, run.search_records)
-            run.step("play cells", partial(self._try_fit, further, refine))
-            last = [further] if further in contest.fits else []
-            run.step("left out", partial(self._refit_folds, last))
-            new += last
+        run.step("left out", partial(self._refit_folds, cell_entries))
+        best = replace(comparison, eligible=cell_entries).select_best()
+        other_maps = [other for other in self.maps if other.gap_map != best.gap_map]
+        free_maps = [other for other in other_maps if other.gap_map == "free"]
+        map_variants = [
+            with_gap_map(best, other) for other in other_maps if other.gap_map != "free"
+        ]
+        if free_maps and self.exceeds_noise(comparison.fits[best].reduced):
+            map_variants.append(with_gap_map(best, free_maps[0]))
+        for candidate in map_variants:
+            refit_cells = partial(
+                fit_under_map, comparison.fits[best].full, candidate, run.search_records
+            )
+            run.timed("play cells", partial(self._try_fit, candidate, refit_cells))
+        map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
+        run.timed("left out", partial(self._refit_folds, map_variants))
+        cell_entries += map_variants
+        if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
+            best = min(
+                cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0
+            )
+            refined = with_fitted_weights(best)
+            refine = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
+            run.step("play cells", partial(self._try_fit, refined, refine))
+            refined_entries = [refined] if refined in comparison.fits else []
+            run.step("left out", partial(self._refit_folds, refined_entries))
+            cell_entries += refined_entries
         else:
             run.total_stages -= 2
-        every = new if run.only_cells or base in contest.dropped else [*contest.eligible, *new]
-        contest.eligible[:] = self._filter_eligible(every)
+        candidates = (
+            cell_entries
+            if run.only_cells or base in comparison.dropped
+            else [*comparison.eligible, *cell_entries]
+        )
+        comparison.eligible[:] = self._filter_eligible(candidates)
         return self.select()
 
     def _search_cells(self, base: ModelCandidate) -> list[ModelCandidate]:
         """Fit play cells under one map.
 
-        They are tried without interaction first where one loop, at one gap, hardly tells it from
-        pinning.
+        A single loop at one gap barely separates interaction from pinning. In that case, cells
+        without interaction are fitted first.
         """
-        run, contest = self.run, self.comparison
-        new = cell_candidates(select_cell_map(base, self.maps), run.cells)
-        alone = len(run.search_records.loops) == 1 and base.gap_map == "none"
-        simpler = [without_interaction(candidate) for candidate in new]
-        if not alone or run.form.power != 1 or "omega" in base.fixed:
-            simpler = []
-        wide, leaves = contest.fits[base].full, self.exceeds_noise
+        run, comparison = self.run, self.comparison
+        coupled = cell_candidates(select_cell_map(base, self.maps), run.cells)
+        is_single_loop = len(run.search_records.loops) == 1 and base.gap_map == "none"
+        uncoupled = [without_interaction(candidate) for candidate in coupled]
+        if not is_single_loop or run.form.power != 1 or "omega" in base.fixed:
+            uncoupled = []
+        base_fit, exceeds_noise = comparison.fits[base].full, self.exceeds_noise
         search = CellSearch(
-            wide, run.search_records, run.seed, leaves, self.is_usable, contest.drop
+            base_fit, run.search_records, run.seed, exceeds_noise, self.is_usable, comparison.drop
         )
 
         def work() -> dict[ModelCandidate, Fits]:
-            fit: dict[ModelCandidate, Fits] = {}
-            for some in filter(None, (simpler, new)):
-                if all(leaves(fits.reduced) for fits in fit.values()):
-                    fit |= search.fit_candidates(some)
-            return fit
+            found: dict[ModelCandidate, Fits] = {}
+            for candidates in filter(None, (uncoupled, coupled)):
+                if all(exceeds_noise(fits.reduced) for fits in found.values()):
+                    found |= search.fit_candidates(candidates)
+            return found
 
-        contest.fits.update(run.step("play cells", work))
-        return [candidate for candidate in (*simpler, *new) if candidate in contest.fits]
+        comparison.fits.update(run.step("play cells", work))
+        return [candidate for candidate in (*uncoupled, *coupled) if candidate in comparison.fits]
 
     def _try_fit(self, candidate: ModelCandidate, fit: Callable[[], Fits]) -> None:
-        """Fit a candidate; one that fails is dropped."""
+        """Fit a candidate, or drop it if the fit fails."""
         try:
             self.comparison.fits[candidate] = fit()
         except FAILURES as error:
             self.comparison.drop(candidate, error)
 
     def estimate_unseen_error(self) -> CrossValidation | None:
-        """Say what the choice misses where it has seen nothing; inner loops left out promise nothing."""
-        contest = self.comparison
-        if contest.withheld_kind == "loop" or not contest.withheld:
+        """Estimate the error at new gaps by nested cross-validation.
+
+        The result is None if nothing or only loops were withheld: inner loops do not represent
+        other gaps.
+        """
+        comparison = self.comparison
+        if comparison.withheld_kind == "loop" or not comparison.withheld:
             return None
-        if len(contest.eligible) > 1:
-            self._refit_folds(contest.find_rivals(), fold_size=2)
+        if len(comparison.eligible) > 1:
+            self._refit_folds(comparison.find_rivals(), fold_size=2)
         noises = noise_by_gap(self.loopset)
-        if contest.withheld_kind == "block":
+        if comparison.withheld_kind == "block":
             return expected_error(
-                contest.nested_errors(), [float(np.mean(noises))] * len(contest.withheld), "block"
+                comparison.nested_errors(),
+                [float(np.mean(noises))] * len(comparison.withheld),
+                "block",
             )
-        return expected_error(contest.nested_errors(), noises[1:-1])
+        return expected_error(comparison.nested_errors(), noises[1:-1])
 
     def _refit_folds(self, candidates: Sequence[ModelCandidate], fold_size: int = 1) -> None:
-        """Fit some without each place, or without each pair."""
-        contest = self.comparison
-        for fold in map(frozenset, combinations(contest.withheld, fold_size)):
-            known = contest.refits.setdefault(fold, {})
-            for entrant in candidates:
-                fits = contest.fits[entrant]
-                wide = fits.reduced if entrant.cells else fits.full
-                known[entrant] = refit(wide, self.loopset, fold, contest.withheld_kind)
+        """Fit some candidates again without each withheld part, or without each pair of them."""
+        comparison = self.comparison
+        for fold in map(frozenset, combinations(comparison.withheld, fold_size)):
+            refits = comparison.refits.setdefault(fold, {})
+            for candidate in candidates:
+                fits = comparison.fits[candidate]
+                start = fits.reduced if candidate.cells else fits.full
+                refits[candidate] = refit(start, self.loopset, fold, comparison.withheld_kind)
 
     def exceeds_noise(self, fit: FoundModel) -> bool:
-        """Whether a fit leaves more than the noise of the sensors, so that another law could gain.
+        """Whether a fit's residual exceeds the sensor noise, so that another law may be better.
 
-        However smooth noise may be (:mod:`anhyst.model.residual_analysis`), trying costs little: only white
-        noise ends it.
+        The test assumes white noise. For smoother noise (:mod:`anhyst.model.residual_analysis`),
+        its only effect is an unnecessary search.
         """
         cost = Objective(fit.space).linearise(fit.theta).cost
         return cost > max(_NOISE_LIMITED_RATIO**2 * self._noise_cost(fit), NEGLIGIBLE_DEVIATION**2)
 
     def _noise_cost(self, fit: FoundModel) -> float:
-        """Return the cost that the noise of the sensors adds to any fit."""
+        """Return the cost that the sensor noise adds to any fit."""
         ordered = [loop for group in self.loopset.by_schedule().values() for loop in group]
         return sum(
             record.weight**2 * record.input.size * estimate_noise(loop.output) ** 2
@@ -349,91 +376,100 @@ class Selection:
         )
 
     def _filter_eligible(self, candidates: list[ModelCandidate]) -> list[ModelCandidate]:
-        """Return the candidates that may be chosen: the usable ones, or all if there is none.
+        """Return the candidates that may be selected: the usable ones, or all if none is usable.
 
-        If the loops are not scheduled over a gap, the map ``free`` may be chosen although it cannot
-        be compiled, if it fits several times better than any usable one.
+        If the schedule is not a gap, the map ``free`` may be selected although it cannot be
+        compiled, if it fits several times better than any usable candidate.
         """
-        contest = self.comparison
-        able = [each for each in candidates if self.is_usable(contest.fits[each].reduced)]
-        if not able or is_scheduled_over_gap(self.loopset):
-            return able or candidates
-        return able + [
-            each
-            for each in candidates
-            if each.gap_map == "free"
-            and each not in able
-            and all(contest.is_several_times_worse(other, each) for other in able)
+        comparison = self.comparison
+        usable = [
+            candidate
+            for candidate in candidates
+            if self.is_usable(comparison.fits[candidate].reduced)
+        ]
+        if not usable or is_scheduled_over_gap(self.loopset):
+            return usable or candidates
+        return usable + [
+            candidate
+            for candidate in candidates
+            if candidate.gap_map == "free"
+            and candidate not in usable
+            and all(comparison.is_several_times_worse(other, candidate) for other in usable)
         ]
 
     def select(self) -> ModelCandidate:
-        """Choose; what fails the acceptance test drops out as long as anything comparable is there."""
-        contest = self.comparison
-        every = list(contest.eligible)
-        worst = _MAX_ERROR_RATIO * min(
-            contest.withheld_error(candidate) or 0.0 for candidate in every
+        """Return the best candidate that passes the acceptance test and is not overfitted.
+
+        If its error is much larger than the smallest one, these tests are ignored.
+        """
+        comparison = self.comparison
+        candidates = list(comparison.eligible)
+        max_error = _MAX_ERROR_RATIO * min(
+            comparison.withheld_error(candidate) or 0.0 for candidate in candidates
         )
-        while contest.eligible:
-            best = contest.select_best()
-            able = _passes_acceptance(contest.fits[best].reduced, self.loopset)
-            if len(every) == 1 or (able and not self._is_overfitted_between_gaps(best)):
-                if (contest.withheld_error(best) or 0.0) <= worst:
+        while comparison.eligible:
+            best = comparison.select_best()
+            passes = _passes_acceptance(comparison.fits[best].reduced, self.loopset)
+            if len(candidates) == 1 or (passes and not self._is_overfitted_between_gaps(best)):
+                if (comparison.withheld_error(best) or 0.0) <= max_error:
                     return best
                 break
-            contest.eligible.remove(best)
-        contest.eligible[:] = every
-        return contest.select_best()
+            comparison.eligible.remove(best)
+        comparison.eligible[:] = candidates
+        return comparison.select_best()
 
     def _is_overfitted_between_gaps(self, candidate: ModelCandidate) -> bool:
-        """Whether a gap map bends between the gaps, where the same law under simpler maps does not."""
-        contest, loopset = self.comparison, self.loopset
-        error = contest.finite_withheld_error(candidate)
-        if contest.withheld_kind != "gap" or not error or loopset.schedule is None:
+        """Whether a gap map deviates between the gaps from the same law under all simpler maps."""
+        comparison, loopset = self.comparison, self.loopset
+        error = comparison.finite_withheld_error(candidate)
+        if comparison.withheld_kind != "gap" or not error or loopset.schedule is None:
             return False
         simpler = [
-            (make_model(contest.fits[other].reduced, loopset), missed)
-            for other in contest.fits
+            (make_model(comparison.fits[other].reduced, loopset), other_error)
+            for other in comparison.fits
             if other.gap_map != candidate.gap_map
             and other.cells == candidate.cells
             and other.rank < candidate.rank
-            and contest.has_all_refits(other)
-            and (missed := contest.finite_withheld_error(other)) is not None
+            and comparison.has_all_refits(other)
+            and (other_error := comparison.finite_withheld_error(other)) is not None
         ]
         return is_overfitted_between_gaps(
-            make_model(contest.fits[candidate].reduced, loopset), error, simpler, loopset
+            make_model(comparison.fits[candidate].reduced, loopset), error, simpler, loopset
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
-        """Finish the best candidate; if it fails, the next one, until none is left."""
-        contest = self.comparison
+        """Finish the best candidate; if that fails, the next one. The last failure is raised."""
+        comparison = self.comparison
         while True:
             try:
-                fit, dead_band = _finish(self.run, self.loopset, contest.fits[best].reduced)
-                if len(contest.eligible) > 1:  # the last one stays, and its deviation is reported
+                fit, dead_band = _finish(self.run, self.loopset, comparison.fits[best].reduced)
+                if (
+                    len(comparison.eligible) > 1
+                ):  # with a single remaining candidate, only the deviation is reported
                     _require_no_drift(fit, self.loopset)
             except FAILURES as error:
-                contest.drop(best, error)
-                if not contest.eligible:
+                comparison.drop(best, error)
+                if not comparison.eligible:
                     raise
                 best = self.select()
             else:
                 return best, fit, dead_band
 
     def ambiguity_within_one_loop(self, best: ModelCandidate) -> float:
-        """Return how far candidates that follow the only loop as well differ within it."""
+        """Return how far candidates that follow the only loop equally well differ inside it."""
         if len(self.loopset) > 1:
             return 0.0
         chosen = self.comparison.fits[best].reduced
-        alike = [
+        models = [
             make_model(fits.reduced, self.loopset)
             for fits in self.comparison.fits.values()
             if fits.reduced.cost <= EQUAL_FIT_RATIO**2 * chosen.cost
         ]
-        return ambiguity_within_loop(make_model(chosen, self.loopset), alike, self.loopset)
+        return ambiguity_within_loop(make_model(chosen, self.loopset), models, self.loopset)
 
 
 def _has_samples_for_weights(fit: FoundModel) -> bool:
-    """Whether there are samples enough to fit every weight of the cells by itself."""
+    """Whether there are enough samples to fit every cell weight individually."""
     kernel = fit.space.form.cells
     assert isinstance(kernel, CellKernel)
     weights = make_weight_kernel(kernel, fit.parameter_sets[0].law).initial_cells.weights.size
@@ -442,60 +478,66 @@ def _has_samples_for_weights(fit: FoundModel) -> bool:
 
 
 def _is_usable(fit: FoundModel, loopset: Loops) -> bool:
-    """Whether what is to be compensated can be compiled, and starts near what was measured."""
+    """Whether a model for compensation can be compiled and has a plausible initial curve.
+
+    Models of quantities that are not compensated are always usable.
+    """
     if not is_actuator(loopset):
         return True
     model = make_model(fit, loopset)
     return find_compile_obstacle(model) is None and has_plausible_initial_curve(model, loopset)
 
 
-@lru_cache(maxsize=2)  # of one fit it is asked again and again
+@lru_cache(maxsize=2)  # the same fit is tested several times in a row
 def _passes_acceptance(fit: FoundModel, loopset: Loops) -> bool:
     model = replace(make_model(fit, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
 
 
 def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
-    """Refuse a fit that is close only with a drift of the sensor, which is not part of the model."""
+    """Raise an error if a fit is accurate only together with a sensor drift."""
     model = make_model(fit, loopset)
-    off = [model.predict_loop(loop) - loop.output for loop in loopset.loops]
-    rms = math.sqrt(float(np.mean(np.concatenate(off) ** 2))) / largest_output(loopset)
+    residuals = [model.predict_loop(loop) - loop.output for loop in loopset.loops]
+    rms = math.sqrt(float(np.mean(np.concatenate(residuals) ** 2))) / largest_output(loopset)
     if rms > max(_MAX_DRIFT_RMS, _MAX_DRIFT_RATIO * math.sqrt(fit.cost)):
         raise InputError(
-            f"without a drift of the sensor, it leaves {100.0 * rms:.2g} % rms", code="needs-drift"
+            f"without a fitted sensor drift, its error is {100.0 * rms:.2g} % rms",
+            code="needs-drift",
         )
 
 
 def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
-    """Add the dead band and run the fit to convergence on every sample."""
-    dead_band = "none: it was not wanted"
+    """Add the dead band and run the fit to convergence on all samples."""
+    dead_band = "none: not requested"
     if fit.space.form.cells is not None:
-        dead_band = "none: play cells need none"
+        dead_band = "none: not needed for play cells"
     elif run.dead_band:
         fit, dead_band = _add_dead_band(run, loopset, fit)
     start = use_exact_tables(fit)
-    last = partial(
+    descend = partial(
         descend_from,
         start.with_records(run.records).space,
         start.theta,
         *CONVERGED_STOP,
         start.smoothness,
     )
-    end = run.step("last steps", last)
-    # The last steps gain little, and may not lead to where nothing would have been chosen.
-    left = _is_usable(start, loopset) and not _is_usable(end, loopset)
-    return start.with_records(run.records) if left else end, dead_band
+    converged = run.step("last steps", descend)
+    # The last steps gain little. They are discarded if they make a usable model unusable.
+    became_unusable = _is_usable(start, loopset) and not _is_usable(converged, loopset)
+    return start.with_records(run.records) if became_unusable else converged, dead_band
 
 
 def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
-    def usable(fit: FoundModel) -> bool:
+    def is_deployable(fit: FoundModel) -> bool:
         return find_compile_obstacle(make_model(fit, loopset)) is None and _passes_acceptance(
             fit, loopset
         )
 
     def work() -> FoundModel:
-        matters = usable(fit)
-        return add_dead_band(fit, lambda candidate: not matters or usable(candidate))
+        is_start_deployable = is_deployable(fit)
+        return add_dead_band(
+            fit, lambda candidate: not is_start_deployable or is_deployable(candidate)
+        )
 
-    after = run.step("dead band", work)
-    return after, explain_dead_band(fit, after)
+    with_dead_band = run.step("dead band", work)
+    return with_dead_band, explain_dead_band(fit, with_dead_band)

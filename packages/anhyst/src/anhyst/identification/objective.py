@@ -1,8 +1,8 @@
-"""The deviation between measured and modelled loops, over all loops and gaps at once.
+"""Compute the residuals between measured and modelled loops over all loops and gaps.
 
-What play cells answer to the drives of a fit, with derivatives, in the gauge-free form.
-
-The equations are those of :mod:`.response`. A settled cycle is exact after one pass.
+:class:`Objective` evaluates residuals, gradient and normal matrix for a least-squares fit.
+:class:`CellResponder` computes the outputs of play cells with derivatives, in the gauge-free form
+of :mod:`.response`. For play cells, a steady-state cycle is exact after one pass.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
 _MAX_SAMPLES_PER_CALL = 20_000
-"""Samples that are followed in one call, about; more would cost memory and gain nothing."""
+"""Approximate number of samples per call; more would need more memory without gain in speed."""
 
 
 class CellResponder:
-    """Follows drives from the demagnetised state; caches how they join one another."""
+    """Simulates drives from the demagnetised state, and caches how drives are grouped."""
 
     def __init__(self) -> None:
         self._groups: dict[tuple[int, ...], list[_DriveGroup]] = {}
@@ -43,35 +43,35 @@ class CellResponder:
     def outputs(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
-        """Output of every drive, SI."""
+        """Return the output of every drive, SI."""
         outputs = []
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, _ = drives.cell_inputs(sets)
             x, m = cells.follow(omega, r, drives.starts)
-            for record, part in zip(drives.records, drives.record_slices, strict=True):
+            for record, samples in zip(drives.records, drives.record_slices, strict=True):
                 local = sets[record.gap]
-                b = m[part] + local.h * x[part]
+                b = m[samples] + local.h * x[samples]
                 outputs.append(local.gain * b**form.power + local.out_0)
         return outputs
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-        """Yield gap, output and derivatives by what the form names, (n, numbers), of all drives."""
+        """Yield gap, output and derivatives, shape (n, parameters), of all drives."""
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, scale = drives.cell_inputs(sets)
-            # What the circuit at other gaps adds through the past alone is left out.
+            # The effect of the circuit at other gaps through the history is neglected.
             r_t = np.stack([-r * drives.is_own_gap / scale, -drives.is_own_gap / scale], axis=1)
             path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
             path = CellPath(*(values[drives.sample_indices] for values in path))
             output, by_local = output_derivatives(form, sets, drives.gaps, path)
-            for gap, part in drives.gap_slices:
-                yield gap, output[part], by_local[part]
+            for gap, samples in drives.gap_slices:
+                yield gap, output[samples], by_local[samples]
 
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[DrivenCells, _DriveGroup]]:
-        """Return the cells of each group of drives that share them."""
+        """Yield the cells of each group of drives that share them."""
         assert form.cells is not None
         require_slope(sets)
         try:
@@ -80,35 +80,40 @@ class CellResponder:
             raise NoResponseError(str(error)) from error
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
-        alike = tuple(next(i for i, weights in enumerate(cells) if weights is own) for own in cells)
-        if alike not in self._groups:
-            self._groups[alike] = list(_group_drives(records, alike))
-        for drives in self._groups[alike]:
+        cell_indices = tuple(
+            next(i for i, weights in enumerate(cells) if weights is gap_cells)
+            for gap_cells in cells
+        )
+        if cell_indices not in self._groups:
+            self._groups[cell_indices] = list(_group_drives(records, cell_indices))
+        for drives in self._groups[cell_indices]:
             yield cells[drives.records[0].gap], drives
 
 
 @dataclass(frozen=True, eq=False)
 class _DriveGroup:
-    """Drives one after the other, what led up to each first."""
+    """Drives one after the other, each after its history."""
 
     records: Sequence[FitRecord]
     drive: FloatArray  # SI; shape (n,)
-    gap_position: FloatArray  # place of the gap that the drive was at; shape (n,)
+    gap_position: FloatArray  # index of the gap of each sample; shape (n,)
     is_own_gap: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
-    starts: NDArray[np.int64]  # where each drive begins
-    record_slices: Sequence[slice]  # where its record is
+    starts: NDArray[np.int64]  # first sample of each drive
+    record_slices: Sequence[slice]  # samples of each record
 
     @cached_property
     def sample_indices(self) -> NDArray[np.intp]:
-        """Places of the samples of records."""
-        return np.concatenate([np.arange(part.start, part.stop) for part in self.record_slices])
+        """Indices of the samples of records."""
+        return np.concatenate(
+            [np.arange(samples.start, samples.stop) for samples in self.record_slices]
+        )
 
     @cached_property
     def gap_slices(self) -> list[tuple[int, slice]]:
-        """Gaps, and where among the samples of records those at each are, one after the other."""
+        """Gaps, and the slices of their samples among the samples of records."""
         spans, first = [], 0
-        for gap, alike in groupby(self.records, lambda record: record.gap):
-            last = first + sum(record.input.size for record in alike)
+        for gap, gap_records in groupby(self.records, lambda record: record.gap):
+            last = first + sum(record.input.size for record in gap_records)
             spans.append((gap, slice(first, last)))
             first = last
         return spans
@@ -122,16 +127,16 @@ class _DriveGroup:
     def cell_inputs(
         self, sets: Sequence[ParameterSet]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Put them in the terms of the cells: omega and right side; and the scale of each sample."""
+        """Return omega and the right side of the equation, and the input scale, of each sample."""
         omega, scale, in_0 = interpolate_over_gaps(sets, self.gap_position)
         return omega, (self.drive - in_0) / scale, scale
 
 
-def _group_drives(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_DriveGroup]:
-    """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
-    for _, same in groupby(records, lambda record: alike[record.gap]):
+def _group_drives(records: Sequence[FitRecord], cell_key: Sequence[int]) -> Iterator[_DriveGroup]:
+    """Group successive drives that share cells, about 20,000 samples per group."""
+    for _, gap_records in groupby(records, lambda record: cell_key[record.gap]):
         group: list[FitRecord] = []
-        for record in same:
+        for record in gap_records:
             group.append(record)
             if sum(record.input.size for record in group) > _MAX_SAMPLES_PER_CALL:
                 yield _join_drives(group)
@@ -141,41 +146,48 @@ def _group_drives(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterato
 
 
 def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
-    drives, gap_columns, owns, begins, parts = [], [], [], [], []
+    drives, gap_columns, own_gap_parts, starts, record_slices = [], [], [], [], []
     end = 0
     for record in records:
-        before, n = record.remembered_history, record.input.size
-        drives += [before.drive, record.input]
-        gap_columns += [before.gap_position, np.full(n, float(record.gap))]
-        owns += [(before.gap_position == record.gap).astype(np.float64), np.ones(n)]
-        begins.append(end)
-        end += before.drive.size + n
-        parts.append(slice(end - n, end))
-    drive, gaps, own = (np.concatenate(values) for values in (drives, gap_columns, owns))
-    return _DriveGroup(tuple(records), drive, gaps, own, np.array(begins, dtype=np.int64), parts)
+        history, n = record.remembered_history, record.input.size
+        drives += [history.drive, record.input]
+        gap_columns += [history.gap_position, np.full(n, float(record.gap))]
+        own_gap_parts += [(history.gap_position == record.gap).astype(np.float64), np.ones(n)]
+        starts.append(end)
+        end += history.drive.size + n
+        record_slices.append(slice(end - n, end))
+    drive, gaps, is_own_gap = (
+        np.concatenate(values) for values in (drives, gap_columns, own_gap_parts)
+    )
+    return _DriveGroup(
+        tuple(records), drive, gaps, is_own_gap, np.array(starts, dtype=np.int64), record_slices
+    )
 
 
 PRIOR_COST = 1e-8
-"""Cost of a number one spread away from what is expected of it, in parts of the largest output
-squared: as much as a deviation of a ten-thousandth."""
+"""Cost of a parameter one prior standard deviation from its prior mean, relative to the largest
+output squared: the same as a residual of 1e-4."""
 
 DRIFT_STD = 0.003
-"""Spread of what a sensor of the output drifts by in a record, in parts of the largest output."""
+"""Prior standard deviation of the drift of the output sensor in a record, relative to full scale.
+"""
 
 _MAX_PIECE_SAMPLES = 20_000
-"""Samples of which derivatives are held at once: a long record must not cost memory by its length
-times its numbers. A law of Jiles and Atherton, with few numbers, needs its cycle whole to close it."""
+"""Number of samples whose derivatives are stored at once, to limit memory. A Jiles-Atherton law has
+few parameters and needs its whole cycle to close it."""
 
-NO_ANSWER_DEVIATION = 10.0  # deviation, in units of the largest output, where the law has no answer
+NO_ANSWER_DEVIATION = (
+    10.0  # residual for parameters without a solution, relative to the largest output
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Deviations near a point to first order: what a step of least squares needs of them."""
+    """Residuals near a point to first order, as needed for a least-squares step."""
 
-    deviation: FloatArray  # weighted deviations, shape (samples,)
-    gradient: FloatArray  # of half their sum of squares, shape (size,)
-    normal: FloatArray  # their derivatives times themselves, shape (size, size)
+    deviation: FloatArray  # weighted residuals, shape (samples,)
+    gradient: FloatArray  # gradient of half the sum of squares, shape (size,)
+    normal: FloatArray  # normal matrix, shape (size, size)
 
     @property
     def cost(self) -> float:
@@ -185,18 +197,18 @@ class Linearisation:
 
 @dataclass
 class Objective:
-    """Weighted deviations as a function of the coordinates of a space.
+    """Weighted residuals as a function of the coordinates of a space.
 
-    The sum of squares is the mean square deviation relative to the largest output, as far as the
-    weights make all samples equal. ``evaluations`` counts calls.
+    With equal weights of all samples, the sum of squares is the mean square residual relative to
+    the largest output squared. ``evaluations`` counts calls.
 
-    With ``tie`` above zero, differences of coordinates from gap to gap count as deviations too,
-    times its square root: what the loops do not determine then runs smoothly over the gap instead of
-    anyhow. Numbers of which something is expected count as :data:`EXPECTED` says.
+    With ``smoothness`` above zero, differences of coordinates between neighbouring gaps are
+    additional residuals, multiplied by its square root. Parameters with a prior mean add residuals
+    too (:data:`PRIOR_COST`).
 
-    Of play cells, what a steady drift of the output since the first sample at a gap can explain is no
-    deviation, where a clock says which loop was run when: its slope is the one with the least cost.
-    A law of Jiles and Atherton misses loops by more than sensors drift, and would take that for one.
+    For play cells, a linear drift of the output since the first sample at a gap is fitted and
+    removed, if the clock shows the order of the loops. A Jiles-Atherton law has larger model errors
+    than sensor drift, and would fit them with a drift.
     """
 
     space: CoordinateSpace
@@ -222,28 +234,31 @@ class Objective:
 
     @property
     def no_answer_deviations(self) -> FloatArray:
-        """Deviations in place of those of parameters without a solution."""
-        far = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
+        """Residuals that replace those of parameters without a solution."""
+        large_residual = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
-            [far, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
+            [
+                large_residual,
+                np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size),
+            ]
         )
 
     def outputs(self, sets: list[ParameterSet]) -> FloatArray:
-        """Modelled outputs of all loops, one after the other, SI."""
+        """Return the modelled outputs of all loops, one after the other, SI."""
         self.evaluations += 1
         return np.concatenate(self._responder.outputs(self.space.form, sets, self._loops))
 
     def deviations(self, theta: FloatArray) -> FloatArray:
-        """Weighted deviations, shape (samples,), and ties, if any, after them."""
+        """Return weighted residuals, shape (samples,), followed by drift cost and regularisation."""
         try:
             outputs = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.no_answer_deviations
-        off = (outputs - self.measured) * self.weights
-        off, cost = self._drift.remove(off)
+        residual = (outputs - self.measured) * self.weights
+        residual, cost = self._drift.remove(residual)
         return np.concatenate(
             [
-                off,
+                residual,
                 cost,
                 self._smoothness_rows @ theta,
                 self._prior_rows @ theta - self._prior_targets,
@@ -251,53 +266,63 @@ class Objective:
         )
 
     def normal_equations(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Deviations as above, gradient of half their sum of squares, and normal matrix.
+        """Return residuals, gradient of half their sum of squares, and normal matrix.
 
-        Gap by gap from the parameters there: what one gap does not share with the others
-        costs nothing at theirs, and no product is large enough for a library to spread it over
-        threads that then wait for each other.
+        The matrices are summed gap by gap. A parameter of one gap costs nothing at others, and no
+        product is large enough for a multithreaded library.
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
         numbers = len(self.space.form.names)
-        squares = np.zeros((len(sets), numbers, numbers))
-        slopes = np.zeros((len(sets), numbers))
-        values, along = [], np.zeros((len(sets), numbers))
-        first, at_gaps = 0, [local for local, _ in sets]
+        gap_normals = np.zeros((len(sets), numbers, numbers))
+        gap_gradients = np.zeros((len(sets), numbers))
+        values, gap_drifts = [], np.zeros((len(sets), numbers))
+        start, at_gaps = 0, [local for local, _ in sets]
         responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
-        for gap, output, by_local in responses:
-            part = slice(first, first + output.size)
-            weights = self.weights[part]
-            value, weighted = (output - self.measured[part]) * weights, by_local * weights[:, None]
-            squares[gap] += weighted.T @ weighted
-            slopes[gap] += value @ weighted
+        for gap, output, derivatives in responses:
+            samples = slice(start, start + output.size)
+            weights = self.weights[samples]
+            value, weighted = (
+                (output - self.measured[samples]) * weights,
+                derivatives * weights[:, None],
+            )
+            gap_normals[gap] += weighted.T @ weighted
+            gap_gradients[gap] += value @ weighted
             if self._drift.is_present:
-                along[gap] += self._drift.direction[part] @ weighted
-            first = part.stop
+                gap_drifts[gap] += self._drift.direction[samples] @ weighted
+            start = samples.stop
             values.append(value)
-        whole = np.concatenate(values)
-        off, cost = self._drift.remove(whole)
+        residual = np.concatenate(values)
+        without_drift, cost = self._drift.remove(residual)
         values = [
-            off,
+            without_drift,
             cost,
             self._smoothness_rows @ theta,
             self._prior_rows @ theta - self._prior_targets,
         ]
         gradient = self._smoothness_rows.T @ values[-2] + self._prior_rows.T @ values[-1]
         matrix = self._regularisation
-        for (_, by_theta), square, slope in zip(sets, squares, slopes, strict=True):
-            gradient = gradient + slope @ by_theta
-            matrix = matrix + by_theta.T @ square @ by_theta
+        for (_, coordinate_derivatives), square, slope in zip(
+            sets, gap_normals, gap_gradients, strict=True
+        ):
+            gradient = gradient + slope @ coordinate_derivatives
+            matrix = matrix + coordinate_derivatives.T @ square @ coordinate_derivatives
         if self._drift.is_present:
-            by_drift = np.einsum("gn,gnk->k", along, np.stack([by_theta for _, by_theta in sets]))
-            gradient = gradient - self._drift.slope(whole) * by_drift
-            matrix = matrix - np.outer(by_drift, by_drift) / self._drift.squared_norm
+            drift_derivatives = np.einsum(
+                "gn,gnk->k",
+                gap_drifts,
+                np.stack([coordinate_derivatives for _, coordinate_derivatives in sets]),
+            )
+            gradient = gradient - self._drift.slope(residual) * drift_derivatives
+            matrix = (
+                matrix - np.outer(drift_derivatives, drift_derivatives) / self._drift.squared_norm
+            )
         return np.concatenate(values), gradient, matrix
 
     def linearise(self, theta: FloatArray) -> Linearisation:
-        """Linearise at a point; without any slope where the law has no answer.
+        """Linearise at a point; derivatives are zero if the law has no solution there.
 
-        By analytic derivatives where there are any.
+        Analytic derivatives are used if the law has them.
         """
         if not self.space.form.kernel.has_derivatives:
             deviation = self.deviations(theta)
@@ -306,11 +331,11 @@ class Objective:
         try:
             return Linearisation(*self.normal_equations(theta))
         except NoResponseError:
-            nothing = np.zeros((theta.size, theta.size))
-            return Linearisation(self.no_answer_deviations, nothing[0], nothing)
+            zeros = np.zeros((theta.size, theta.size))
+            return Linearisation(self.no_answer_deviations, zeros[0], zeros)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
-        """Linearise where the cost is below another; a numerical derivative is dear."""
+        """Linearise if the cost is below a limit, else return None. Numerical derivatives are slow."""
         if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
@@ -319,21 +344,21 @@ class Objective:
         return linear if linear.cost < cost else None
 
     def numerical_jacobian(self, theta: FloatArray) -> FloatArray:
-        """Central differences, turned inward at the bounds."""
-        low, high = self.space.bounds
+        """Return central differences, one-sided at the bounds."""
+        lower, upper = self.space.bounds
         columns = []
         for index in range(theta.size):
-            ends = []
-            for side in (-1e-5, 1e-5):
+            pair = []
+            for step in (-1e-5, 1e-5):
                 moved = theta.copy()
-                moved[index] = np.clip(moved[index] + side, low[index], high[index])
-                ends.append((moved[index], self.deviations(moved)))
-            columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
+                moved[index] = np.clip(moved[index] + step, lower[index], upper[index])
+                pair.append((moved[index], self.deviations(moved)))
+            columns.append((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
         return np.stack(columns, axis=1)
 
 
 class _Drift:
-    """A linear drift of the deviations, and the deviations without it."""
+    """A linear drift of the residuals, and the residuals without it."""
 
     def __init__(self, drift: FloatArray) -> None:
         self.direction = drift
@@ -342,20 +367,20 @@ class _Drift:
         self.is_present = bool(np.any(drift))
 
     def slope(self, deviation: FloatArray) -> float:
-        """Slope with the least cost."""
+        """Return the slope with the lowest cost."""
         return float(self.direction @ deviation / self.squared_norm)
 
     def remove(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the deviations without the drift, and its cost as one more."""
+        """Return the residuals without the drift, and the cost of the drift as one more residual."""
         slope = self.slope(deviation)
         return deviation - self.direction * slope, np.array([self._prior_weight * slope])
 
 
 def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
-    """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
-    column = {entry: at for at, entry in enumerate(space.entries)}
+    """Return rows that give the differences between neighbouring gaps, except for offsets."""
+    column_of = {entry: index for index, entry in enumerate(space.entries)}
     pairs = [
-        (column[name, gap], column[name, gap + 1])
+        (column_of[name, gap], column_of[name, gap + 1])
         for name, gap in space.entries
         if gap is not None and gap + 1 < space.records.gap_count and name not in {"in_0", "out_0"}
     ]
@@ -366,12 +391,12 @@ def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
 
 
 def _make_prior_rows(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
-    """Rows that take a coordinate in parts of its spread, and what is expected of them."""
-    rows, usual = [], []
+    """Return rows that scale coordinates by their prior standard deviation, and the prior means."""
+    rows, targets = [], []
     for row, (name, _) in zip(np.eye(space.size), space.entries, strict=True):
         number = space.fit_parameters[name]
         if number.prior_mean is not None:
             weight = np.sqrt(PRIOR_COST) / number.prior_std
             rows.append(weight * row)
-            usual.append(weight * space.to_coordinate(name, number.prior_mean))
-    return np.array(rows).reshape(-1, space.size), np.array(usual)
+            targets.append(weight * space.to_coordinate(name, number.prior_mean))
+    return np.array(rows).reshape(-1, space.size), np.array(targets)

@@ -1,15 +1,13 @@
-"""The seven free parameters of the paper at one gap, and the coordinates a search moves.
+"""Define the paper's seven free parameters, their search coordinates, and the criterion (eq. 16).
 
-``M_s, a, alpha, k, c`` of the law and ``c_H, c_out`` (the paper's c_B) of eqs. 10 and 11, with
-their redundancy left in on purpose: nothing in the loops of one gap distinguishes ``M_s, a, k, c_H`` from
-all of them times q with ``c_out/q**2`` (docs/theory.md). What a search finds along it is
-chance.
-Where field or flux density is measured, c_H or c_out is 1 and the rest have that much less freedom.
+The parameters are ``M_s, a, alpha, k, c`` of the law and ``c_H, c_out`` (the paper's c_B) of eqs.
+10 and 11. They are redundant on purpose, as in the paper: the loops of one gap do not change if
+``M_s, a, k, c_H`` are multiplied by q and ``c_out`` is divided by ``q**2`` (docs/theory.md). If
+field or flux density is measured, c_H or c_out is 1.
 
-Coordinates are logarithms of positive parameters, the inverse hyperbolic sine of ``alpha`` (a
-logarithm of either sign), and plain numbers else.
-
-The criterion of eq. 16 at one gap, for one parameter set or for many at once.
+Coordinates are logarithms of positive parameters, the inverse hyperbolic sine of ``alpha``, and
+scaled values of the others. The criterion is computed for one parameter set or for many at the same
+time.
 """
 
 from __future__ import annotations
@@ -30,31 +28,31 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
 Values = dict[str, float]
-"""Physical parameters at one gap, SI, named as in :class:`anhyst.model.actuator.Model`."""
+"""Physical parameters at one gap, SI, with the names of :class:`anhyst.model.actuator.Model`."""
 
 SEVEN_NAMES = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
 POSITIVE_NAMES = frozenset({"M_s", "a", "k", "c_H", "c_out"})
 OFFSET_NAMES = ("in_0", "out_0")
 
-_ALPHA_SCALE = 1e-3  # size at which the coordinate of alpha turns from linear to logarithmic
+_ALPHA_SCALE = 1e-3  # size at which the coordinate of alpha changes from linear to logarithmic
 _SATURATION_RANGE = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
-_SHAPE_RANGE = (1.0, 3e4)  # a from soft iron to an iron that looks sheared by its gap, A/m
-_PINNING_RANGE = (0.05, 3e4)  # k likewise, from loops that are hardly open, A/m
-_FIELD_RANGE = (30.0, 3e5)  # largest field c_H may make of the largest input, A/m
+_SHAPE_RANGE = (1.0, 3e4)  # a from soft iron to iron sheared by its gap, A/m
+_PINNING_RANGE = (0.05, 3e4)  # k from almost closed loops to iron sheared by its gap, A/m
+_FIELD_RANGE = (30.0, 3e5)  # largest field that c_H may produce at the largest input, A/m
 _SATURATED_OUTPUT_RANGE = (
     1.0,
     100.0,
-)  # output at saturation in parts of the largest output measured
+)  # output at saturation, relative to the largest measured output
 
 _ALPHA_RANGE = (-0.5, 0.05)
-"""From the demagnetising share of a wide gap to the interaction where jumps begin."""
+"""From the demagnetisation of a wide gap to the interaction at which jumps begin."""
 
 COMMON_AIR_CORE_SLOPE = 1e-5
-"""a/M_s in the common gauge: what soft iron has. So small, alpha over the gap is the same thing as
-a reluctance over the gap (docs/theory.md)."""
+"""a/M_s in the common gauge, as in soft iron. With such a small value, a gap-dependent alpha is
+equivalent to a gap-dependent reluctance (docs/theory.md)."""
 
 _REVERSIBLE_RANGE = (0.0, 0.95)
-_MAX_OFFSET_SHARE = 0.1  # of the span of input or output
+_MAX_OFFSET_SHARE = 0.1  # relative to the range of input or output
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,7 @@ class Variables:
     names: tuple[str, ...]  # parameters that vary
     low: FloatArray  # bounds of the coordinates, shape (n,)
     high: FloatArray
-    # scale of the coordinate of those that are neither logarithms nor alpha
+    # unit of each coordinate that is neither a logarithm nor alpha
     spans: Mapping[str, float]
 
     @property
@@ -73,10 +71,10 @@ class Variables:
         return len(self.names)
 
     def only(self, names: Sequence[str]) -> Variables:
-        """Keep these names, in the order they have here."""
-        kept = [index for index, name in enumerate(self.names) if name in names]
-        some = tuple(self.names[index] for index in kept)
-        return Variables(some, self.low[kept], self.high[kept], self.spans)
+        """Return only some of the variables, in the present order."""
+        indices = [index for index, name in enumerate(self.names) if name in names]
+        kept_names = tuple(self.names[index] for index in indices)
+        return Variables(kept_names, self.low[indices], self.high[indices], self.spans)
 
     def to_coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Return the coordinates of parameters, shape (n,), clipped to the bounds."""
@@ -84,7 +82,7 @@ class Variables:
         return np.asarray(np.clip(theta, self.low, self.high))
 
     def to_parameters(self, theta: FloatArray) -> dict[str, FloatArray]:
-        """Return the parameters at coordinates of shape (..., n): one array of shape (...) each."""
+        """Return one array of shape (...) per parameter, for coordinates of shape (..., n)."""
         values = {}
         for n, name in enumerate(self.names):
             coordinate = theta[..., n]
@@ -106,15 +104,15 @@ def _to_coordinate(name: str, value: float, spans: Mapping[str, float]) -> float
 def make_variables(
     records: FitRecords, drive: Quantity, answer: Quantity, fixed: frozenset[str]
 ) -> tuple[Variables, Values]:
-    """Choose what a search may vary, between which bounds, and what is known beforehand."""
+    """Return the search variables with their bounds, and the parameters with known values."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
-    known = dict.fromkeys(fixed & set(OFFSET_NAMES), 0.0)
+    fixed_values = dict.fromkeys(fixed & set(OFFSET_NAMES), 0.0)
     shape, pinning, saturation = _SHAPE_RANGE, _PINNING_RANGE, _SATURATION_RANGE
     if drive.name == "field":
-        known["c_H"] = 1.0
+        fixed_values["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
     if output_map(answer).is_flux_density:
-        known["c_out"] = 1.0
+        fixed_values["c_out"] = 1.0
         saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
     power = output_map(answer).power
     bounds = {
@@ -134,19 +132,19 @@ def make_variables(
             _MAX_OFFSET_SHARE * records.output_span,
         ),
     }
-    names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in known)
-    ends = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
-    low, high = np.array(ends).T
-    return Variables(names, low, high, spans), known
+    names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in fixed_values)
+    bound_pairs = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
+    low, high = np.array(bound_pairs).T
+    return Variables(names, low, high, spans), fixed_values
 
 
 def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
-    """Parameters in the form the law is computed in (:mod:`.response`), element by element.
+    """Convert physical parameters to gauge-free ones (:mod:`.response`), element by element.
 
     >>> seven = dict(M_s=1e6, a=1e3, alpha=-0.02, k=2e3, c=0.2, c_H=2e4, c_out=200.0)
     >>> found = to_gauge_free({name: np.array(value) for name, value in seven.items()}, power=2)
     >>> {name: round(float(value), 6) for name, value in found.items()}
-    {'kappa': 2.0, 'c': 0.2, 'omega': 20.0, 'scale': 0.05, 'gain': 328.583568, 'h': 0.00098}
+    {'kappa': 2.0, 'c': 0.2, 'omega': 20.0, 'scale': 0.05, 'gain': 328.586765, 'h': 0.00098}
     """
     effective = values["M_s"] * (1.0 - values["alpha"])
     return {
@@ -160,7 +158,7 @@ def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, Flo
 
 
 def make_parameter_set(values: Mapping[str, float], power: int) -> ParameterSet:
-    """Gauge-free parameters of one set."""
+    """Return the gauge-free parameters of one physical set."""
     arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
     form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
     law = (form.pop("kappa"), form.pop("c"))
@@ -168,49 +166,49 @@ def make_parameter_set(values: Mapping[str, float], power: int) -> ParameterSet:
 
 
 def mean_over_gaps(name: str, values: Sequence[float]) -> float:
-    """Mean that replaces a parameter: geometric for the positive ones, which are scales."""
+    """Return the mean of a parameter over the gaps: geometric for positive parameters."""
     if name in POSITIVE_NAMES:
         return float(np.exp(np.mean(np.log(values))))
     return float(np.mean(values))
 
 
 def names_set_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
-    """Name what :func:`in_one_gauge` makes the same at all gaps."""
+    """Return the parameters that :func:`move_to_one_gauge` makes equal at all gaps."""
     tied = {"M_s": "c_out", "a": "c_H"}
     return tuple(name for name, partner in tied.items() if partner in searched)
 
 
 def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
-    """Move the sets of all gaps along the redundancies to the same ``M_s`` and the same ``a``.
+    """Move the sets of all gaps along the redundancies to a common ``M_s`` and a common ``a``.
 
-    Before that a mean over gaps means nothing: what is averaged is mostly chance. ``M_s`` goes to
-    its geometric mean, which changes no output. ``a`` goes to ``AIR_SLOPE*M_s``, which changes the
-    slope of the air core and nothing else; the search that follows takes most of that up (where the
-    truth had a slope of 1e-3, 0.09 % of the largest output were left). Everything else follows from
-    leaving the gauge-free form as it was. Where field (``c_H = 1``) or flux density (``c_out = 1``)
-    is measured there is nothing to choose for ``a`` or ``M_s``.
+    Without a common gauge, a mean over gaps has no meaning. ``M_s`` becomes its geometric mean,
+    which changes no output. ``a`` becomes ``COMMON_AIR_CORE_SLOPE*M_s``, which changes only the
+    slope of the air core. The search that follows compensates most of this change (for a true slope
+    of 1e-3, 0.09 % of the largest output remained). All other parameters follow from the unchanged
+    gauge-free form. If field (``c_H = 1``) or flux density (``c_out = 1``) is measured, ``a`` or
+    ``M_s`` is determined.
     """
-    chosen = names_set_by_gauge(searched)
+    names = names_set_by_gauge(searched)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved = []
     for values in sets:
         arrays = {name: np.asarray(value) for name, value in values.items()}
         form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
-        a = COMMON_AIR_CORE_SLOPE * saturation if "a" in chosen else values["a"]
+        a = COMMON_AIR_CORE_SLOPE * saturation if "a" in names else values["a"]
         effective = values["M_s"] * (1.0 - values["alpha"])
-        m_s = saturation if "M_s" in chosen else effective - form["omega"] * a
+        m_s = saturation if "M_s" in names else effective - form["omega"] * a
         alpha = -form["omega"] * a / m_s
-        gauge = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
+        moved_values = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
         if "c_H" in searched:
-            gauge["c_H"] = a / form["scale"]
+            moved_values["c_H"] = a / form["scale"]
         if "c_out" in searched:
-            gauge["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
-        moved.append(values | gauge)
+            moved_values["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
+        moved.append(values | moved_values)
     return moved
 
 
-NO_ANSWER_COST = 10.0  # cost where the law has no answer
-_KAPPA_RANGE = (2e-3, 5e2)  # pinning over shape that the tables of the core are made for
+NO_ANSWER_COST = 10.0  # cost of parameters without a solution
+_KAPPA_RANGE = (2e-3, 5e2)  # range of pinning over shape that the tables of the core support
 
 
 class Criterion:
@@ -219,7 +217,7 @@ class Criterion:
     def __init__(self, form: ResponseForm, records: FitRecords) -> None:
         self._form = form
         self._loops = records.loops
-        # The square of the weight of a deviation is what its sample counts.
+        # The squared weight of a residual is the weight of its sample.
         total = sum(record.weight**2 * record.input.size for record in self._loops)
         self._shares = [record.weight**2 / (total * records.output_span) for record in self._loops]
         self._responder = Responder()
@@ -227,7 +225,7 @@ class Criterion:
         self.evaluations = 0
 
     def cost_of_set(self, values: Mapping[str, float]) -> float:
-        """Cost of one parameter set by the exact law; :data:`IMPOSSIBLE` where it has no answer."""
+        """Return the cost of one set by the exact law, or :data:`NO_ANSWER_COST`."""
         self.evaluations += 1
         local = make_parameter_set(values, self._form.power)
         try:
@@ -243,30 +241,32 @@ class Criterion:
             return NO_ANSWER_COST
 
     def costs_of_sets(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Costs of many sets by the batch of the core, shape (count,); infinite where it cannot.
+        """Return the costs of many sets, shape (count,); infinite if the batch cannot compute one.
 
-        The batch steps linearly, goes round a settled cycle three times only, knows no jumps, and
-        takes the effective-field law for that of 1986: good enough to see which parents to keep.
+        The batch uses linear steps, only three cycles of a steady-state loop, no jumps, and the
+        effective-field law instead of that of 1986. This is accurate enough to select parents.
         """
         form = to_gauge_free(values, self._form.power)
-        sane = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
-        sane &= form["kappa"] < _KAPPA_RANGE[1]
-        costs = np.full(sane.size, np.inf)
-        self.evaluations += sane.size
-        kept = {name: array[sane] for name, array in form.items()}
-        in_0, out_0 = values["in_0"][sane], values["out_0"][sane]
-        sets = np.stack([kept["kappa"], kept["c"], kept["omega"], kept["scale"]])
+        is_supported = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
+        is_supported &= form["kappa"] < _KAPPA_RANGE[1]
+        costs = np.full(is_supported.size, np.inf)
+        self.evaluations += is_supported.size
+        supported = {name: array[is_supported] for name, array in form.items()}
+        in_0, out_0 = values["in_0"][is_supported], values["out_0"][is_supported]
+        sets = np.stack(
+            [supported["kappa"], supported["c"], supported["omega"], supported["scale"]]
+        )
         criteria = np.zeros(in_0.size)
         for share, record in zip(self._shares, self._loops, strict=True):
             m, xi = follow_sets(record, np.arange(record.input.size), sets, in_0)
-            output = kept["gain"] * (m + kept["h"] * xi) ** self._form.power + out_0
+            output = supported["gain"] * (m + supported["h"] * xi) ** self._form.power + out_0
             criteria += share * np.abs(output - record.output[:, None]).sum(axis=0)
-        costs[sane] = criteria
+        costs[is_supported] = criteria
         return costs
 
 
 def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
-    """Criterion of eq. 16 for outputs that are known already."""
+    """Return the criterion of eq. 16 for given outputs."""
     measured = np.concatenate([record.output for record in records.loops])
     counts = np.concatenate([np.full(d.output.size, d.weight**2) for d in records.loops])
     return float(np.average(np.abs(outputs - measured), weights=counts) / records.output_span)
@@ -278,20 +278,21 @@ def run_simplex(
     start: FloatArray,
     max_evaluations: int,
 ) -> tuple[FloatArray, float]:
-    """Nelder and Mead's simplex, begun again at its end until that gains nothing more."""
-    # Only here: importing it takes longer than the default search, which does without.
+    """Run a Nelder-Mead simplex search, restarted at its result until that gains little."""
+    # Imported here, because the import takes longer than the default search, which does not need
+    # it.
     from scipy.optimize import minimize
 
-    best, lowest, step = start, cost(start), 0.05
+    best_theta, best_cost, step = start, cost(start), 0.05
     span = variables.high - variables.low
     while max_evaluations > variables.size + 1:
-        corners = np.tile(best, (variables.size + 1, 1))
+        corners = np.tile(best_theta, (variables.size + 1, 1))
         axes = np.arange(variables.size)
-        inward = np.where(best + step * span > variables.high, -step, step)
-        corners[axes + 1, axes] += inward * span
+        steps = np.where(best_theta + step * span > variables.high, -step, step)
+        corners[axes + 1, axes] += steps * span
         minimum = minimize(
             cost,
-            best,
+            best_theta,
             method="Nelder-Mead",
             bounds=list(zip(variables.low, variables.high, strict=True)),
             options={
@@ -305,9 +306,9 @@ def run_simplex(
         )
         max_evaluations -= minimum.nfev
         step *= 0.25
-        gained = lowest - minimum.fun
-        if gained > 0.0:
-            best, lowest = np.asarray(minimum.x), float(minimum.fun)
-        if gained < 1e-3 * lowest:
+        gain = best_cost - minimum.fun
+        if gain > 0.0:
+            best_theta, best_cost = np.asarray(minimum.x), float(minimum.fun)
+        if gain < 1e-3 * best_cost:
             break
-    return best, lowest
+    return best_theta, best_cost

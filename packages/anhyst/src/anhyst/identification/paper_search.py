@@ -1,17 +1,16 @@
-"""The paper's search (II.B and II.C): seven free parameters at each gap, by evolution and simplex.
+"""Search the seven free parameters of the paper at each gap, by evolution and simplex (II.B, II.C).
 
-1. At each gap by itself the evolution strategy narrows seven parameters, and
-   the offsets of input and output with them, on the criterion of eq. 16; a generation is computed
-   at once by the batch of the core, on thinned loops. Nelder and Mead's simplex finishes on the
-   exact law.
-2. Offsets belong to the sensors and not to a gap: they are replaced by their means, and the seven
-   are searched again. That is the paper's free model. It fits each gap as well as the law can, and
-   its parameters scatter along the redundancies (Fig. 1); an ordinary spline through them gives
-   nonsense between the gaps (Fig. 2, :func:`spline_model_at`).
-3. :mod:`.paper_sequence` then makes one parameter after another the same at all gaps (Fig. 3).
+1. At each gap, an evolution strategy searches the seven parameters and the offsets of input and output
+   with the criterion of eq. 16. The batch of the core computes a generation at once, on thinned loops.
+   A Nelder-Mead simplex search continues with the exact law.
+2. Offsets belong to the sensors, not to a gap. They are replaced by their means, and the seven
+   parameters are searched again. This is the paper's free model. It fits each gap as well as the law
+   can, and its parameters scatter along the redundancies (Fig. 1). An ordinary spline through them is
+   wrong between the gaps (Fig. 2, :func:`spline_model_at`).
+3. :mod:`.paper_sequence` then makes one parameter after another equal at all gaps (Fig. 3).
 
-Searches see thinned loops, since the exact step does not depend on how the path is cut; every cost
-that is reported is computed on all samples. Everything random comes from the seed.
+Searches use thinned loops, because the exact step does not depend on the sampling. Every reported
+cost is computed on all samples. All random numbers come from the seed.
 """
 
 from __future__ import annotations
@@ -40,15 +39,15 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 PARENTS = 15
-CHILDREN = 105  # seven children for a parent, Schwefel's advice for self-adaptation
-_FIRST_STEP = 0.2  # first step size, in parts of the range of a variable
-_MIN_STEP = 1e-9  # smallest step size, in parts of the range: below it nothing moves any more
+CHILDREN = 105  # seven children per parent, as Schwefel recommends for self-adaptation
+_FIRST_STEP = 0.2  # first step size, relative to the range of a variable
+_MIN_STEP = 1e-9  # smallest step size, relative to the range
 
 
 def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Bring values within bounds by reflecting them there, as often as it takes.
+    """Bring values within bounds by reflecting them as often as necessary.
 
-    Unlike clipping this leaves no heap of individuals on the bound itself.
+    Unlike clipping, this does not collect individuals on the bounds.
 
     >>> reflected(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
     array([0.8, 0.5, 0.6])
@@ -59,15 +58,16 @@ def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArr
 
 
 class EvolutionStrategy:
-    """The (mu, lambda) evolution strategy after Schwefel, with step sizes that adapt themselves.
+    """The (mu, lambda) evolution strategy after Schwefel, with self-adaptive step sizes.
 
-    H.-P. Schwefel, *Evolution and Optimum Seeking*, Wiley 1995; the operators in the words of
-    T. Baeck, *Evolutionary Algorithms in Theory and Practice*, Oxford 1996, section 2.1. Every
-    individual carries one step size for each variable. Step sizes are inherited and mutated before
-    the variables are, so that the good ones survive by the children they make.
+    References: H.-P. Schwefel, *Evolution and Optimum Seeking*, Wiley 1995; operators after T. Baeck,
+    *Evolutionary Algorithms in Theory and Practice*, Oxford 1996, section 2.1. Every individual has one
+    step size per variable. Step sizes are inherited and mutated before the variables, so that good step
+    sizes survive through their children.
 
-    It finds the valley and then creeps: with one step size an axis it cannot follow a valley that
-    runs across the axes, so a simplex finishes the work (the paper, II.C).
+    The strategy finds the region of the minimum and then converges slowly: with one step size per
+    axis, it cannot follow a valley that is not parallel to an axis. Therefore, a simplex search
+    continues from its result (the paper, II.C).
     """
 
     def __init__(
@@ -85,16 +85,16 @@ class EvolutionStrategy:
             )
         if not 1 <= parents < children:
             raise InputError(
-                f"evolution strategy: {children} children of {parents} parents leave nothing to "
-                "select; take about seven children for a parent",
+                f"evolution strategy: {children} children of {parents} parents allow no "
+                "selection; use about seven children per parent",
                 code="too-few-children",
             )
         self._low, self._high = low.copy(), high.copy()
         self._random = np.random.default_rng(seed)
         self._mu, self._lambda = parents, children
         size = low.size
-        self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # each step size by itself
-        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # all step sizes of a child together
+        self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # for each step size
+        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # for all step sizes of a child
         self._x = low + (high - low) * self._random.random((children, size))
         self._sigma = np.tile(_FIRST_STEP * (high - low), (children, 1))
         self.best = self._x[0].copy()
@@ -105,20 +105,20 @@ class EvolutionStrategy:
         return self._x.copy()
 
     def tell(self, costs: FloatArray) -> None:
-        """Select the parents of the next generation, and make it."""
+        """Select the parents of the next generation by their costs, and create it."""
         ranked = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
         if costs[ranked[0]] < self.best_cost:
             self.best_cost = float(costs[ranked[0]])
             self.best = self._x[ranked[0]].copy()
         x, sigma = (values[ranked[: self._mu]] for values in (self._x, self._sigma))
         couples = self._random.integers(0, self._mu, (2, self._lambda))
-        first = self._random.random((self._lambda, self._low.size)) < 0.5
-        self._x = np.where(first, x[couples[0]], x[couples[1]])
+        is_from_first = self._random.random((self._lambda, self._low.size)) < 0.5
+        self._x = np.where(is_from_first, x[couples[0]], x[couples[1]])
         self._sigma = 0.5 * (sigma[couples[0]] + sigma[couples[1]])
         self._mutate()
 
     def _mutate(self) -> None:
-        """Log-normal for step sizes, then normal for variables with the new step sizes."""
+        """Mutate the step sizes (log-normal), then the variables with the new step sizes (normal)."""
         common = self._random.standard_normal((self._lambda, 1))
         single = self._random.standard_normal(self._sigma.shape)
         self._sigma = self._sigma * np.exp(self._tau_common * common + self._tau * single)
@@ -128,17 +128,18 @@ class EvolutionStrategy:
         self._x = reflected(self._x + steps, self._low, self._high)
 
 
-_PARENTS, _CHILDREN = 30, 210
+_PARENTS = 30
+_CHILDREN = 210
 _EVOLUTION_SAMPLES = 64
 _SIMPLEX_SAMPLES = 128
-"""Samples a loop, at most."""
+"""Maximum number of samples per loop, for the evolution strategy and for the simplex search."""
 
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """How long to search: generations, and evaluations of the simplex for each variable.
+    """Effort of a search: generations, and evaluations of the simplex per variable.
 
-    ``trial`` ranks the candidates of a round; ``final`` is spent on the one that is kept.
+    ``trial`` is used to rank the candidates of a round, ``final`` for the selected one.
     """
 
     generations: int = 400
@@ -148,7 +149,7 @@ class SearchEffort:
 
 @dataclass(frozen=True)
 class SearchState:
-    """State of a search: parameters at each gap, those that may differ, and the cost."""
+    """State of a search: parameters at each gap, gap-dependent parameters, and the cost."""
 
     sets: tuple[Values, ...]
     varying: tuple[str, ...]
@@ -156,18 +157,18 @@ class SearchState:
     evaluations: int = 0
 
     @classmethod
-    def from_plain(cls, plain: dict[str, Any]) -> SearchState:
-        """Rebuild from what a checkpoint kept, which knows lists alone."""
-        return cls(**plain | {key: tuple(plain[key]) for key in ("sets", "varying")})
+    def from_plain(cls, stored: dict[str, Any]) -> SearchState:
+        """Restore a state from a checkpoint, which stores tuples as lists."""
+        return cls(**stored | {key: tuple(stored[key]) for key in ("sets", "varying")})
 
 
 @dataclass
 class PaperSearch:
-    """Loops at every gap, ready for searches with any of the parameters."""
+    """Loops of every gap, prepared for searches over any of the parameters."""
 
     run: SearchRun  # settings and stages
-    loopset: Loops  # for the quantities
-    effort: SearchEffort = field(default_factory=SearchEffort)  # how long to search
+    loopset: Loops  # measured loops, for their quantities
+    effort: SearchEffort = field(default_factory=SearchEffort)  # effort of the search
 
     def __post_init__(self) -> None:
         self.variables, self.fixed_values = make_variables(
@@ -177,11 +178,11 @@ class PaperSearch:
             name for name in self.variables.names if name not in OFFSET_NAMES
         )
         self._records = [self.run.records.at_gap(gap) for gap in range(self.gap_count)]
-        counts = [
+        weight_sums = [
             sum(record.weight**2 * record.input.size for record in records.loops)
             for records in self._records
         ]
-        self._shares = [count / sum(counts) for count in counts]
+        self._shares = [count / sum(weight_sums) for count in weight_sums]
 
     @property
     def gap_count(self) -> int:
@@ -189,12 +190,12 @@ class PaperSearch:
         return self.run.records.gap_count
 
     def cost(self, sets: Sequence[Values]) -> float:
-        """Criterion of eq. 16 over all samples of all gaps, relative to the largest output."""
+        """Return the criterion of eq. 16 over all samples of all gaps."""
         costs = [self.cost_at(gap, values) for gap, values in enumerate(sets)]
         return float(np.dot(self._shares, costs))
 
     def cost_at(self, gap: int, values: Values) -> float:
-        """Compute the same at one gap."""
+        """Return the criterion of eq. 16 at one gap."""
         return Criterion(self.run.form, self._records[gap]).cost_of_set(values)
 
     def _criterion(self, gap: int, samples: int) -> Criterion:
@@ -203,13 +204,13 @@ class PaperSearch:
     def make_state(
         self, sets: Sequence[Values], varying: Sequence[str], evaluations: int
     ) -> SearchState:
-        """Sum up a search that has come to these sets."""
+        """Return the state of a search with these sets."""
         return SearchState(tuple(sets), tuple(varying), self.cost(sets), evaluations)
 
     def refine(
         self, gap: int, values: Values, names: Sequence[str], evaluations_per_variable: int
     ) -> tuple[Values, int]:
-        """Run the simplex at one gap from given values."""
+        """Run the simplex search at one gap from given values; also return its evaluations."""
         variables = self.variables.only(names)
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
 
@@ -225,41 +226,41 @@ class PaperSearch:
         return values | _to_floats(variables.to_parameters(best)), criterion.evaluations
 
     def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
-        """Run the evolution strategy at one gap, over the whole range of the names."""
+        """Run the evolution strategy at one gap over the whole range of the named parameters."""
         variables = self.variables.only(names)
         criterion = self._criterion(gap, _EVOLUTION_SAMPLES)
         seed = [self.run.seed, gap, variables.size]
         strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
-        held = {
+        fixed = {
             name: np.full(_CHILDREN, value)
             for name, value in values.items()
             if name not in variables.names
         }
         for _ in range(self.effort.generations):
-            strategy.tell(criterion.costs_of_sets(held | variables.to_parameters(strategy.ask())))
+            strategy.tell(criterion.costs_of_sets(fixed | variables.to_parameters(strategy.ask())))
         return values | _to_floats(variables.to_parameters(strategy.best)), criterion.evaluations
 
     def search_gap(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
-        """Search one gap in full: evolution, then simplex from its end or from where it began.
+        """Search one gap in full: evolution, then simplex from its result or from the given values.
 
-        A beginning without a value of every name is none.
+        The given values are a start only if they contain every named parameter.
         """
-        evolved, spent = self.evolve(gap, values, names)
-        beginnings = [values, evolved] if set(names) <= values.keys() else [evolved]
+        evolved_values, evaluations = self.evolve(gap, values, names)
+        starts = [values, evolved_values] if set(names) <= values.keys() else [evolved_values]
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
-        best = min(beginnings, key=criterion.cost_of_set)
-        refined, more = self.refine(gap, best, names, self.effort.final)
-        return refined, spent + more
+        best = min(starts, key=criterion.cost_of_set)
+        refined, simplex_evaluations = self.refine(gap, best, names, self.effort.final)
+        return refined, evaluations + simplex_evaluations
 
     def search_gaps(
         self, stage: str, sets: Sequence[Values], names: Sequence[str]
     ) -> tuple[list[Values], int]:
-        """Search every gap in full, each in a stage; return the sets and the evaluations."""
-        ends = [
+        """Search every gap in full, each as one stage; return the sets and the evaluations."""
+        results = [
             self.run.stage(stage.format(gap), partial(self.search_gap, gap, values, names))
             for gap, values in enumerate(sets)
         ]
-        return [values for values, _ in ends], sum(spent for _, spent in ends)
+        return [values for values, _ in results], sum(evaluations for _, evaluations in results)
 
 
 def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
@@ -267,54 +268,57 @@ def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
 
 
 def search_each_gap(bench: PaperSearch) -> SearchState:
-    """Find the paper's free model: an optimal set for every gap, offsets common to all."""
+    """Find the paper's free model: a separate set for every gap, with common offsets."""
     names = bench.variables.names
-    sets, spent = bench.search_gaps(
+    sets, evaluations = bench.search_gaps(
         "gap {} from scratch", [bench.fixed_values] * bench.gap_count, names
     )
     offsets = [name for name in names if name in OFFSET_NAMES]
     if offsets and bench.gap_count > 1:
         means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
         common = [values | means for values in sets]
-        sets, more = bench.search_gaps("gap {} with common offsets", common, bench.searched_names)
-        spent += more
-    return bench.make_state(sets, bench.searched_names, spent)
+        sets, second_evaluations = bench.search_gaps(
+            "gap {} with common offsets", common, bench.searched_names
+        )
+        evaluations += second_evaluations
+    return bench.make_state(sets, bench.searched_names, evaluations)
 
 
-def model_at_nodes(stand: SearchState, run: SearchRun, loopset: Loops) -> Model:
-    """Bare model with a number at each gap for what varies.
+def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
+    """Return the model with one value per gap for gap-dependent parameters, without records.
 
-    The gap map is ``scaling`` where that allows what varies, else ``free``.
+    The gap map is ``scaling`` if it allows these parameters, else ``free``.
     """
-    single = run.records.gap_count == 1
-    parameters: dict[str, Parameter] = dict(stand.sets[0])
-    for name in () if single else stand.varying:
-        parameters[name] = tuple(values[name] for values in stand.sets)
-    scaling = set(stand.varying) <= MAY_VARY["scaling"]
+    is_single_gap = run.records.gap_count == 1
+    parameters: dict[str, Parameter] = dict(state.sets[0])
+    for name in () if is_single_gap else state.varying:
+        parameters[name] = tuple(values[name] for values in state.sets)
+    is_scaling = set(state.varying) <= MAY_VARY["scaling"]
     return Model(
         name="model",
         input=loopset.input,
         output=loopset.output,
         parameters=parameters,
         law=run.form.law,
-        gap_map="none" if single else "scaling" if scaling else "free",
+        gap_map="none" if is_single_gap else "scaling" if is_scaling else "free",
         schedule=loopset.schedule,
         nodes=tuple(float(node) for node in run.records.nodes),
     )
 
 
 def spline_model_at(model: Model, gap: float) -> Model:
-    """Model of one gap from ordinary cubic splines through all parameters, as in the paper's II.C.
+    """Return the model of one gap from cubic splines through all parameters (the paper's II.C).
 
-    Kept to show why that fails (Figs. 1 and 2): between nodes a spline overshoots, and parameters
-    that scatter along a redundancy do not belong together. The product's own interpolation is that
-    of :mod:`anhyst.model.parameters`.
+    It demonstrates why this fails (Figs. 1 and 2): a spline overshoots between nodes, and
+    parameters that scatter along a redundancy are not consistent. Models use the interpolation of
+    :mod:`anhyst.model.parameters`.
     """
     if len(model.nodes) < 2:
         raise InputError(
-            "a spline over the gap needs a model with two nodes or more", code="single-gap"
+            "a spline over the gap needs a model with at least two nodes", code="single-gap"
         )
-    # Only here: importing it takes longer than the default search, which does without.
+    # Imported here, because the import takes longer than the default search, which does not need
+    # it.
     from scipy.interpolate import CubicSpline
 
     parameters = {

@@ -1,12 +1,11 @@
-"""The whole of the paper's search: free sets at each gap, then the reduction, then a model.
+"""Perform the paper's search: free parameter sets at each gap, the reduction, and the model.
 
-The reduction of the number of variable parameters (the paper, II.D and Fig. 3).
-
-Each round tries every parameter that still differs from gap to gap: it is replaced by its mean
-over the gaps, and the others are searched again at each gap, briefly. The cheapest is kept so and
-the others are searched in full. The rounds end when one parameter is left. So the order is found
-and not fixed. Before the first round all gaps are moved to one gauge, since a mean over different
-gauges means nothing (docs/theory.md).
+The reduction decreases the number of gap-dependent parameters (the paper, II.D and Fig. 3). Each
+round tries every parameter that still depends on the gap: it is replaced by its mean over the gaps,
+and the others are searched again briefly at each gap. The parameter with the lowest cost stays
+fixed, and the others are searched in full. The rounds end when one parameter is left. Before the
+first round, all gaps are converted to one gauge, because a mean over different gauges has no
+meaning (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -48,220 +47,230 @@ from anhyst.model.schema import ReductionStep
 from anhyst.support.errors import InputError
 
 _EQUAL_COST_SHARE = 0.01
-"""Costs that differ by less than this share are taken as equal: a simplex ends no more exactly."""
+"""Relative difference up to which costs are equal, because a simplex search is not more accurate.
+"""
 
 _NEGLIGIBLE_COST = 1e-5
-"""So are costs that differ by less than this part of the largest output: no sensor distinguishes them."""
+"""Difference up to which costs are equal, relative to the largest output; below sensor resolution.
+"""
 
 
 def count_stages(bench: PaperSearch, last: str | None) -> int:
-    """Count the stages that :func:`reductions` will take."""
+    """Return the number of stages of :func:`reductions`."""
     gaps, names = bench.gap_count, len(bench.searched_names)
-    kept = 0 if last is None else 1
-    return gaps + sum(left - kept + gaps for left in range(2, names + 1))
+    fixed_last = 0 if last is None else 1
+    return gaps + sum(varying_count - fixed_last + gaps for varying_count in range(2, names + 1))
 
 
-def move_to_common_gauge(bench: PaperSearch, free: SearchState) -> SearchState:
-    """Bring all gaps to one gauge, and to one valley where their loops do not determine which.
+def move_to_common_gauge(bench: PaperSearch, free_state: SearchState) -> SearchState:
+    """Convert all gaps to one gauge and, if their loops allow it, to one minimum of the cost.
 
-    What the gauge chooses is the same at all gaps then, so freezing it comes first and costs
-    nothing. Beside the exact redundancies there are long valleys: loops that hardly saturate are
-    fitted alike by many sets, and a mean over sets from anywhere in a valley would mean nothing
-    either. So the others are searched again outward from the gap that shows most, at each gap from
-    where its neighbour ended and from its own set, and the neighbour's valley is taken unless that
-    costs more.
+    Parameters chosen by the gauge are then equal at all gaps, so they are fixed first and at no
+    cost. Loops that barely saturate also have long flat valleys, in which a mean over gaps has no
+    meaning. Therefore, the other parameters are searched again, outward from the reference gap,
+    from the result of the neighbouring gap and from the own set. The neighbour's result is
+    preferred unless it costs more.
     """
-    moved = move_to_one_gauge(free.sets, bench.searched_names, bench.run.form.power)
-    home = bench.run.records.reference_gap
+    moved = move_to_one_gauge(free_state.sets, bench.searched_names, bench.run.form.power)
+    reference = bench.run.records.reference_gap
     sets: dict[int, Values] = {}
-    spent = free.evaluations
-    for gap in [home, *range(home + 1, bench.gap_count), *range(home - 1, -1, -1)]:
-        near = sets.get(gap - 1 if gap > home else gap + 1)
-        sets[gap], more = bench.run.stage(
-            f"gap {gap} in one gauge", partial(_search_from_neighbour, bench, gap, moved[gap], near)
+    evaluations = free_state.evaluations
+    for gap in [reference, *range(reference + 1, bench.gap_count), *range(reference - 1, -1, -1)]:
+        neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
+        sets[gap], gap_evaluations = bench.run.stage(
+            f"gap {gap} in one gauge",
+            partial(_search_from_neighbour, bench, gap, moved[gap], neighbour),
         )
-        spent += more
-    return bench.make_state([sets[gap] for gap in range(bench.gap_count)], free.varying, spent)
+        evaluations += gap_evaluations
+    return bench.make_state(
+        [sets[gap] for gap in range(bench.gap_count)], free_state.varying, evaluations
+    )
 
 
 def _search_from_neighbour(
-    bench: PaperSearch, gap: int, own: Values, near: Values | None
+    bench: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
 ) -> tuple[Values, int]:
-    """Search one gap from its own set and from its neighbour's, and prefer the neighbour's end."""
+    """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
     names = [
         name
         for name in bench.searched_names
         if name not in names_set_by_gauge(bench.searched_names)
     ]
-    begins = [own] if near is None else [near, own]
-    ends = [bench.refine(gap, begin, names, bench.effort.final) for begin in begins]
-    costs = [bench.cost_at(gap, values) for values, _ in ends]
+    starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
+    results = [bench.refine(gap, start, names, bench.effort.final) for start in starts]
+    costs = [bench.cost_at(gap, values) for values, _ in results]
     best = 0 if costs[0] <= _max_equal_cost(min(costs)) else 1
-    return ends[best][0], sum(evaluations for _, evaluations in ends)
+    return results[best][0], sum(evaluations for _, evaluations in results)
 
 
 def reductions(
-    bench: PaperSearch, free: SearchState, last: str | None = None
+    bench: PaperSearch, free_state: SearchState, last: str | None = None
 ) -> Iterator[tuple[SearchState, ReductionStep]]:
-    """Freeze one parameter after another, until one is left."""
-    stand = move_to_common_gauge(bench, free)
-    while len(stand.varying) > 1:
-        tried = {name: _try_freezing(bench, stand, name) for name in stand.varying if name != last}
-        costs = {name: trial.cost for name, trial in tried.items()}
-        frozen, before = _select_cheapest(stand, costs), stand
-        spent = before.evaluations + sum(trial.evaluations for trial in tried.values())
-        stage = _stage_name(tried[frozen].varying, "in full at gap {}")
-        sets, more = bench.search_gaps(stage, tried[frozen].sets, tried[frozen].varying)
-        stand = bench.make_state(sets, tried[frozen].varying, spent + more)
-        yield stand, ReductionStep(frozen, before.cost, stand.cost, costs)
+    """Fix one parameter after another until one is left; yield each state and step."""
+    state = move_to_common_gauge(bench, free_state)
+    while len(state.varying) > 1:
+        trials = {name: _try_freezing(bench, state, name) for name in state.varying if name != last}
+        costs = {name: trial.cost for name, trial in trials.items()}
+        frozen, previous = _select_cheapest(state, costs), state
+        evaluations = previous.evaluations + sum(trial.evaluations for trial in trials.values())
+        stage = _stage_name(trials[frozen].varying, "in full at gap {}")
+        sets, full_evaluations = bench.search_gaps(
+            stage, trials[frozen].sets, trials[frozen].varying
+        )
+        state = bench.make_state(sets, trials[frozen].varying, evaluations + full_evaluations)
+        yield state, ReductionStep(frozen, previous.cost, state.cost, costs)
 
 
-def _try_freezing(bench: PaperSearch, stand: SearchState, name: str) -> SearchState:
-    """Replace one parameter by its mean and search the others briefly, at every gap."""
-    rest = [other for other in stand.varying if other != name]
-    mean = mean_over_gaps(name, [values[name] for values in stand.sets])
+def _try_freezing(bench: PaperSearch, state: SearchState, name: str) -> SearchState:
+    """Replace one parameter by its mean, and search the others briefly at every gap."""
+    other_names = [other_name for other_name in state.varying if other_name != name]
+    mean = mean_over_gaps(name, [values[name] for values in state.sets])
 
     def work() -> dict[str, object]:
         results = [
-            bench.refine(gap, values | {name: mean}, rest, bench.effort.trial)
-            for gap, values in enumerate(stand.sets)
+            bench.refine(gap, values | {name: mean}, other_names, bench.effort.trial)
+            for gap, values in enumerate(state.sets)
         ]
-        spent = sum(result[1] for result in results)
-        return asdict(bench.make_state([result[0] for result in results], rest, spent))
+        evaluations = sum(result[1] for result in results)
+        return asdict(bench.make_state([result[0] for result in results], other_names, evaluations))
 
     return SearchState.from_plain(
-        bench.run.stage(_stage_name(stand.varying, f"without {name}"), work)
+        bench.run.stage(_stage_name(state.varying, f"without {name}"), work)
     )
 
 
-def _stage_name(varying: Sequence[str], what: str) -> str:
-    return f"{', '.join(varying)} over the gap, {what}"
+def _stage_name(varying: Sequence[str], description: str) -> str:
+    return f"{', '.join(varying)} over the gap, {description}"
 
 
-def _select_cheapest(stand: SearchState, costs: dict[str, float]) -> str:
-    """Choose what to freeze; of those that cost the same, what differs least from gap to gap."""
+def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
+    """Return the parameter to fix: the cheapest or, at equal cost, the most constant over the gaps."""
     limit = _max_equal_cost(min(costs.values()))
     return min(
         (name for name, cost in costs.items() if cost <= limit),
-        key=lambda name: _spread(name, [values[name] for values in stand.sets]),
+        key=lambda name: _spread(name, [values[name] for values in state.sets]),
     )
 
 
 def _max_equal_cost(cost: float) -> float:
-    """Highest cost that counts as the same as this one."""
+    """Return the highest cost that counts as equal to a cost."""
     return cost * (1.0 + _EQUAL_COST_SHARE) + _NEGLIGIBLE_COST
 
 
 def _spread(name: str, values: Sequence[float]) -> float:
-    """Relative spread over the gaps."""
+    """Return the relative spread of a parameter over the gaps."""
     if name in POSITIVE_NAMES:
         return float(np.std(np.log(values)))
     return float(np.std(values) / max(np.max(np.abs(values)), np.finfo(np.float64).tiny))
 
 
 LAST_VARYING = {"auto": None, "scaling": "c_H", "reluctance": "alpha"}
-"""Which parameter a wanted gap map keeps to the last; ``free`` makes no reduction."""
+"""Parameter that remains gap-dependent for a requested gap map. ``free`` makes no reduction."""
 
-_EQUAL_COST_RATIO = 1.01  # rise of the cost up to which a model in another form counts as the same
+_EQUAL_COST_RATIO = 1.01  # ratio of costs up to which a model in another form is equal
 
 
 def search_paper(
     run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None
 ) -> Outcome:
-    """Search as the paper does."""
+    """Perform the paper's search."""
     require_gaps(run.records, gap_map)
     bench = PaperSearch(run, loopset, effort or SearchEffort())
-    last = _last_varying(bench, gap_map)
-    reducing = bench.gap_count > 1 and gap_map != "free"
-    shifted = bench.gap_count > 1 and not set(OFFSET_NAMES) <= run.fixed
-    run.total_stages = bench.gap_count * (2 if shifted else 1)
-    run.total_stages += count_stages(bench, last) if reducing else 0
-    free: SearchState | None = None
+    last_name = _last_varying(bench, gap_map)
+    is_reducing = bench.gap_count > 1 and gap_map != "free"
+    has_common_offsets = bench.gap_count > 1 and not set(OFFSET_NAMES) <= run.fixed
+    run.total_stages = bench.gap_count * (2 if has_common_offsets else 1)
+    run.total_stages += count_stages(bench, last_name) if is_reducing else 0
+    free_state: SearchState | None = None
     steps: list[ReductionStep] = []
     interrupted = False
     try:
-        free = stand = search_each_gap(bench)
-        for reached, step in reductions(bench, free, last) if reducing else ():
-            stand = reached
+        free_state = state = search_each_gap(bench)
+        for next_state, step in reductions(bench, free_state, last_name) if is_reducing else ():
+            state = next_state
             steps.append(step)
     except KeyboardInterrupt:
-        if free is None:
+        if free_state is None:
             raise
         interrupted = True
-    model, fit = _make_model(bench, stand, gap_map)
+    model, fit = _make_model(bench, state, gap_map)
     return Outcome(
         model,
         assess_uncertainty(fit, loopset),
         fit.theta.size,
         fit.evaluations,
-        _explain(stand, model, reducing, interrupted),
+        _explain(state, model, is_reducing, interrupted),
         interrupted,
         steps=tuple(steps),
-        per_gap=model_at_nodes(free, run, loopset) if bench.gap_count > 1 else None,
+        per_gap=model_at_nodes(free_state, run, loopset) if bench.gap_count > 1 else None,
         resumed_stages=run.resumed_stages,
         fit=fit,
     )
 
 
 def _last_varying(bench: PaperSearch, gap_map: str) -> str | None:
-    last = LAST_VARYING.get(gap_map)
-    if last is not None and last not in bench.searched_names:
+    name = LAST_VARYING.get(gap_map)
+    if name is not None and name not in bench.searched_names:
         quantity = bench.loopset.input.name
         raise InputError(
-            f"gap map '{gap_map}' with search 'paper' keeps {last} to the last, but with a measured "
-            f"{quantity} {last} is known; use --gap-map auto or --search default",
+            f"gap map '{gap_map}' with search 'paper' reduces to {name}, but {name} is known with a "
+            f"measured {quantity}; use --gap-map auto or --search default",
             code="choices-together",
             key="gap_map",
         )
-    return last
+    return name
 
 
-def _make_model(bench: PaperSearch, stand: SearchState, gap_map: str) -> tuple[Model, FoundModel]:
-    model = model_at_nodes(stand, bench.run, bench.loopset)
-    sets = [make_parameter_set(values, bench.run.form.power) for values in stand.sets]
+def _make_model(bench: PaperSearch, state: SearchState, gap_map: str) -> tuple[Model, FoundModel]:
+    model = model_at_nodes(state, bench.run, bench.loopset)
+    sets = [make_parameter_set(values, bench.run.form.power) for values in state.sets]
     h = float(np.mean([local.h for local in sets]))
-    # Alpha over the schedule can be a reluctance: of a gap, and in no law of 1986.
-    of_a_gap = gap_map == "reluctance" or is_scheduled_over_gap(bench.loopset)
-    circuit = "c_H" in bench.searched_names and not bench.run.form.kernel.is_coupled
-    if stand.varying == ("alpha",) and of_a_gap and circuit and bench.gap_count > 1:
-        fit = _make_fit(bench, stand, "reluctance", _as_series_reluctance(sets, h), h)
+    # A gap-dependent alpha can be a reluctance, for a gap and not in the law of 1986.
+    is_over_gap = gap_map == "reluctance" or is_scheduled_over_gap(bench.loopset)
+    can_be_circuit = "c_H" in bench.searched_names and not bench.run.form.kernel.is_coupled
+    if state.varying == ("alpha",) and is_over_gap and can_be_circuit and bench.gap_count > 1:
+        fit = _make_fit(bench, state, "reluctance", _as_series_reluctance(sets, h), h)
         outputs = Objective(fit.space).outputs(fit.parameter_sets)
-        if mean_deviation(bench.run.records, outputs) <= _EQUAL_COST_RATIO * stand.cost:
+        if mean_deviation(bench.run.records, outputs) <= _EQUAL_COST_RATIO * state.cost:
             return make_model(fit, bench.loopset), fit
-    return model, _make_fit(bench, stand, model.gap_map, sets, h)
+    return model, _make_fit(bench, state, model.gap_map, sets, h)
 
 
 def _make_fit(
-    bench: PaperSearch, stand: SearchState, gap_map: str, sets: list[ParameterSet], h: float
+    bench: PaperSearch, state: SearchState, gap_map: str, sets: list[ParameterSet], h: float
 ) -> FoundModel:
     form = replace(bench.run.form, h=h)
     space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.fixed)
-    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
+    return FoundModel(space, space.pack(sets), state.cost, state.evaluations)
 
 
 def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterSet]:
-    """Read alpha over the gap as a series reluctance over the gap.
+    """Convert a gap-dependent alpha to a gap-dependent series reluctance.
 
-    They are the same up to the slope of the air core, which the common gauge has made small
-    (docs/theory.md). With a reluctance the gap may move during a run, with alpha it may not.
+    They are equal up to the slope of the air core, which is small in the common gauge
+    (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, it must be
+    fixed.
     """
     unscaled = float(np.mean([local.scale * (1.0 - h * local.omega) for local in sets]))
     gain = float(np.mean([local.gain for local in sets]))
-    return [replace(own, h=h, gain=gain, scale=unscaled / (1.0 - h * own.omega)) for own in sets]
+    return [
+        replace(parameter_set, h=h, gain=gain, scale=unscaled / (1.0 - h * parameter_set.omega))
+        for parameter_set in sets
+    ]
 
 
-def _explain(stand: SearchState, model: Model, reducing: bool, interrupted: bool) -> str:
-    if interrupted:
-        return "the search was interrupted: this is the best so far"
+def _explain(state: SearchState, model: Model, is_reducing: bool, is_interrupted: bool) -> str:
+    if is_interrupted:
+        return "the search was interrupted: this is the best model so far"
     if not model.nodes or len(model.nodes) < 2:
-        return "there is one gap only, so nothing runs over it"
-    if not reducing:
-        return "gap map 'free' was asked for, so nothing was made common to all gaps"
-    left = stand.varying[0]
+        return "there is only one gap, so no parameter depends on it"
+    if not is_reducing:
+        return "gap map 'free' was requested, so there was no reduction"
+    last_varying = state.varying[0]
     if model.gap_map == "reluctance":
-        return (
-            f"the reduction left {left} over the gap: a reluctance in series, so it is kept as rho"
-        )
+        return f"after the reduction, only {last_varying} depends on the gap: a series reluctance, stored as rho"
     if model.gap_map == "free":
-        return f"the reduction left {left} over the gap: for runs at a fixed gap"
-    return f"the reduction left {left} over the gap"
+        return (
+            f"after the reduction, only {last_varying} depends on the gap: for runs at a fixed gap"
+        )
+    return f"after the reduction, only {last_varying} depends on the gap"

@@ -1,9 +1,10 @@
-"""The fit of solid iron: how many layers, and how late the middle is, from loops of several speeds.
+"""Fit the eddy currents of solid iron, as a number of layers, to loops of several speeds.
 
-The static model is that of the slow loops and is held: at rest a model of layers is the static one.
-What is fitted to the fast loops is ``gamma``, the share of the surface and that of sheets. Whether rate
-matters is decided by speeds, or else gaps, that are left out; how many layers there are by the fit,
-since any number of them from two on has the same parameters (docs/rate.md).
+The static model comes from the slow loops and is fixed, because layers do not change static
+behaviour. Three parameters are fitted to the fast loops: ``gamma``, the share of the surface, and
+the share of sheets. Withheld speeds (or gaps, with a single fast speed) decide whether there is a
+rate dependence. The fit decides on the number of layers: from two layers on, the number of
+parameters is the same (docs/rate.md).
 """
 
 from __future__ import annotations
@@ -23,63 +24,70 @@ from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-LAYER_COUNTS = (1, 2, 3, 4)  # layers that are tried; 1 is a lag of the flux
+LAYER_COUNTS = (1, 2, 3, 4)  # numbers of layers that are tried; 1 is a lag of the flux
 
 MAX_ERROR_RATIO = 0.9
-"""What is missed, in parts of that without rate or with fewer layers, from which on these are taken."""
+"""Largest error, relative to the static model or to fewer layers, with which layers are accepted.
+"""
 
-MAX_SAMPLES_PER_LOOP = 120  # of a loop, that are fitted, at most
+MAX_SAMPLES_PER_LOOP = 120  # samples of a loop that are fitted, at most
 
-CYCLE_TOLERANCE, MAX_CYCLES = 1e-6, 40
-"""A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
+CYCLE_TOLERANCE = 1e-6
+MAX_CYCLES = 40
+"""Maximum number of cycles until a steady-state loop closes, and its tolerance relative to the
+field scale of the law."""
 
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
-"""Values of ``gamma`` that a fit may start from, in parts of the one whose field, at the rate of the
-fastest loops, is as large as the drive."""
+"""Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
+equals the drive."""
 
-START_LAMINATED_SHARE = 0.2  # share of the path in sheets that a fit starts from
+START_LAMINATED_SHARE = 0.2  # initial laminated share of the path
 
 MIN_RATE_EFFECT_RATIO = 0.3
-"""Root mean square of what rate does to the slow loops, in parts of what the static model leaves of
-them, from which on the static model is identified once more, without it."""
+"""Rms rate effect in the slow loops, relative to the static residual, above which the effect is
+subtracted and the static model is fitted again."""
 
-_NO_ANSWER_DEVIATION = 1e3  # deviation of a set that the core has no answer for
+_NO_ANSWER_DEVIATION = 1e3  # residual of parameters without a solution
 
 
 @dataclass(frozen=True, eq=False)
 class RateFit:
-    """Result of a fit of the rate dependence to fast loops."""
+    """Result of fitting the rate dependence to fast loops."""
 
-    model: Model  # with layers, or as it was where nothing is gained
+    model: Model  # the model with layers or a lag; unchanged if they do not help
     reason: str  # a sentence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
-    error: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
+    error: float = (
+        np.inf
+    )  # geometric mean over the speeds of the rms residual, relative to the largest output
 
-    def add_to_uncertainty(self, known: Uncertainty) -> Uncertainty:
-        """Add it to what is known of a static model, which was held."""
+    def add_to_uncertainty(self, static_uncertainty: Uncertainty) -> Uncertainty:
+        """Return the uncertainty of the static model, with ``gamma`` added."""
         gamma, dynamics = self.model.parameters["gamma"], self.model.dynamics
         assert isinstance(gamma, float)
         assert dynamics is not None
         statement = (
-            f"gamma, how late the middle of the iron is, is known to {100.0 * self.log_gamma_std:.2g} %; it was "
-            f"measured up to {dynamics.fastest:.3g} Hz, beyond nothing is known"
+            f"gamma has a standard deviation of {100.0 * self.log_gamma_std:.2g} %; it was measured "
+            f"up to {dynamics.fastest:.3g} Hz, faster runs were not measured"
         )
-        whole = np.eye(len(known.correlation) + 1)
-        whole[:-1, :-1] = known.correlation or np.empty((0, 0))
+        correlation = np.eye(len(static_uncertainty.correlation) + 1)
+        correlation[:-1, :-1] = static_uncertainty.correlation or np.empty((0, 0))
         return Uncertainty(
-            names=(*known.names, GAMMA_NAME),
-            values=(*known.values, gamma),
-            std=(*known.std, gamma * self.log_gamma_std),
-            correlation=tuple(map(tuple, whole.tolist())) if known.correlation else (),
-            statements=(*known.statements, statement),
+            names=(*static_uncertainty.names, GAMMA_NAME),
+            values=(*static_uncertainty.values, gamma),
+            std=(*static_uncertainty.std, gamma * self.log_gamma_std),
+            correlation=tuple(map(tuple, correlation.tolist()))
+            if static_uncertainty.correlation
+            else (),
+            statements=(*static_uncertainty.statements, statement),
         )
 
 
 @dataclass(frozen=True)
 class _RateParameters:
-    """What is fitted."""
+    """The fitted parameters, and the number of layers."""
 
-    count: int  # layers
+    count: int  # number of layers
     theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both shares
 
     @property
@@ -89,7 +97,7 @@ class _RateParameters:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Share of the surface in the section, and of sheets in the path."""
+        """Share of the section at the surface, and laminated share of the path."""
         if self.count == 1:
             return 1.0, 0.0
         surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
@@ -97,77 +105,84 @@ class _RateParameters:
 
 
 class _LoopPath:
-    """One loop on its way through the iron."""
+    """One measured loop, prepared for simulation with any rate parameters."""
 
     def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
         assert loop.time is not None
-        every = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
-        ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
-        kept = np.unique(np.concatenate([np.arange(0, loop.n, every), ends]))
-        steps = np.diff(loop.time[kept])
+        step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
+        end_rows = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
+        samples = np.unique(np.concatenate([np.arange(0, loop.n, step), end_rows]))
+        steps = np.diff(loop.time[samples])
         self.is_cycle, self.gap = loop.history.kind == "settled", loop.schedule_value
-        first = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
-        self.rate = np.concatenate([[first], 1.0 / steps])
-        gap = None if loop.schedule is None else loop.schedule[kept]
-        self.circuit = model.circuit(gap, np.zeros(kept.size))
-        self.drive = self.circuit.magnetomotive(loop.input[kept])
-        self.measured = loop.output[kept]
+        first_rate = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
+        self.rate = np.concatenate([[first_rate], 1.0 / steps])
+        gap = None if loop.schedule is None else loop.schedule[samples]
+        self.circuit = model.circuit(gap, np.zeros(samples.size))
+        self.drive = self.circuit.magnetomotive(loop.input[samples])
+        self.measured = loop.output[samples]
         self.largest = largest
         self.iron = iron
         start = None if loop.schedule is None else float(loop.schedule[0])
         self.state = initial_state(model, iron, as_history(loop.history, model), start)
 
     def relative_residual(self, rate: _RateParameters) -> FloatArray:
-        """Return what is missed of the output, in parts of the largest."""
+        """Return modelled minus measured output, relative to the largest output of all loops."""
         self.iron.make_solid(rate.count, *rate.shares)
         eddy = rate.gamma * self.rate
         state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
-        around = self.drive, self.circuit.rho, eddy
+        circuit_inputs = self.drive, self.circuit.rho, eddy
         if self.is_cycle:
-            state = self.iron.settle(*around, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
-        flux, _, _, status, _ = self.iron.forward(*around, state)
+            state = self.iron.settle(*circuit_inputs, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
+        flux, _, _, status, _ = self.iron.forward(*circuit_inputs, state)
         if status:
             return np.full(self.measured.size, _NO_ANSWER_DEVIATION)
-        missed: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
-        return missed
+        residual: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
+        return residual
 
 
 class _RateProblem:
-    """Fast loops in groups, around a static model."""
+    """Fast loops in groups of equal speed, with a static model."""
 
     def __init__(self, model: Model, speeds: SpeedGroups, largest: float) -> None:
-        irons: dict[float | None, AnyIron] = {}  # own ones: fits cut them into layers
+        irons: dict[
+            float | None, AnyIron
+        ] = {}  # separate objects, because the fit changes their layers
         law = model.operator_law
 
         def path(loop: Loop) -> _LoopPath:
             gap = loop.schedule_value if model.needs_fixed_gap else None
             if gap not in irons:
                 at = model.parameters_at(gap if gap is not None else model.first_node)
-                made = law.iron(*(at[spec.name] for spec in law.parameters))
-                assert isinstance(made, AnyIron)
-                irons[gap] = made
+                iron = law.iron(*(at[spec.name] for spec in law.parameters))
+                assert isinstance(iron, AnyIron)
+                irons[gap] = iron
             return _LoopPath(model, loop, irons[gap], largest)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]
-        last = self.groups[-1]
-        density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
-        drive = max(float(np.ptp(path.drive)) for path in last)
+        fastest_paths = self.groups[-1]
+        density = max(
+            float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths
+        )
+        drive = max(float(np.ptp(path.drive)) for path in fastest_paths)
         self.gamma_scale = drive / (2.0 * np.pi * speeds.fastest_rate * density)
 
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
-        """Return what is fitted and what is left out: each speed, or of one speed each gap."""
+        """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
-            parts = [[group] for group in self.groups]
+            all_parts = [[group] for group in self.groups]
         else:
-            only = self.groups[0]
-            gaps = sorted({path.gap for path in only if path.gap is not None})
-            parts = [[[path for path in only if path.gap == gap]] for gap in gaps]
-        if len(parts) < 2:
+            paths = self.groups[0]
+            gaps = sorted({path.gap for path in paths if path.gap is not None})
+            all_parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
+        if len(all_parts) < 2:
             return [(self.groups, self.groups)]
         return [
-            ([group for other in parts if other is not part for group in other], part)
-            for part in parts
+            (
+                [group for other in all_parts if other is not withheld_groups for group in other],
+                withheld_groups,
+            )
+            for withheld_groups in all_parts
         ]
 
     def fit(
@@ -176,16 +191,16 @@ class _RateProblem:
         count: int,
         start: _RateParameters | None = None,
     ) -> tuple[_RateParameters, float]:
-        """Fit some loops; return what was found and the deviation of ``ln(gamma)``."""
+        """Fit the rate parameters to some loops; also return the std of ``ln(gamma)``."""
         from scipy.optimize import least_squares
 
         if start is None:
             shares = () if count == 1 else (_logit(1.0 / count), _logit(START_LAMINATED_SHARE))
-            tried = [
+            starts = [
                 _RateParameters(count, (float(np.log(g * self.gamma_scale)), *shares))
                 for g in GAMMA_START_RATIOS
             ]
-            start = min(tried, key=lambda rate: mean_error(groups, rate))
+            start = min(starts, key=lambda rate: mean_error(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
             rate = _RateParameters(count, tuple(theta.tolist()))
@@ -197,16 +212,16 @@ class _RateProblem:
             return np.concatenate(rows)
 
         bound = np.array([50.0, 6.0, 6.0][: len(start.theta)])
-        begin = np.array(start.theta)
-        begin[1:] = np.clip(begin[1:], -5.9, 5.9)
-        end = least_squares(
-            residuals, begin, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
+        theta_start = np.array(start.theta)
+        theta_start[1:] = np.clip(theta_start[1:], -5.9, 5.9)
+        result = least_squares(
+            residuals, theta_start, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
             max_nfev=15,
         )  # fmt: skip
-        spare = max(1, end.fun.size - end.x.size)
-        inverse = np.linalg.pinv(end.jac.T @ end.jac)
-        std = float(np.sqrt(2.0 * end.cost / spare * inverse[0, 0]))
-        return _RateParameters(count, tuple(end.x.tolist())), std
+        degrees_of_freedom = max(1, result.fun.size - result.x.size)
+        inverse = np.linalg.pinv(result.jac.T @ result.jac)
+        std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * inverse[0, 0]))
+        return _RateParameters(count, tuple(result.x.tolist())), std
 
 
 def _logit(share: float) -> float:
@@ -214,7 +229,7 @@ def _logit(share: float) -> float:
 
 
 def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> float:
-    """Return the root mean square that is missed, by the geometric mean of the groups."""
+    """Return the geometric mean over the groups of the rms residual."""
     return _geometric_mean(
         float(
             np.sqrt(np.mean(np.concatenate([path.relative_residual(rate) ** 2 for path in group])))
@@ -226,49 +241,59 @@ def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> 
 def fit_rate(
     model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]
 ) -> RateFit:
-    """Fit eddy currents to fast loops around a fixed static model, with a least number of layers."""
+    """Fit eddy currents to fast loops with a fixed static model and at least `min_layers` layers."""
     static, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()
-    at_rest = _RateParameters(1, (-np.inf,))
-    still = _geometric_mean(mean_error(out, at_rest) for _, out in folds)
+    static_rate = _RateParameters(1, (-np.inf,))
+    static_error = _geometric_mean(
+        mean_error(withheld_paths, static_rate) for _, withheld_paths in folds
+    )
     chosen: tuple[_RateParameters, float] | None = None
-    fitted = unseen = np.inf
+    best_error = withheld_error = np.inf
     for count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
         rate, std = problem.fit(problem.groups, count)
-        missed = mean_error(problem.groups, rate)
+        error = mean_error(problem.groups, rate)
         if chosen is None:
-            unseen = _geometric_mean(
+            withheld_error = _geometric_mean(
                 mean_error(
-                    out, problem.fit(rest, count, rate)[0] if rest is not problem.groups else rate
+                    withheld_paths,
+                    problem.fit(fitted_paths, count, rate)[0]
+                    if fitted_paths is not problem.groups
+                    else rate,
                 )
-                for rest, out in folds
+                for fitted_paths, withheld_paths in folds
             )
-            pays = unseen < MAX_ERROR_RATIO * still
+            is_better = withheld_error < MAX_ERROR_RATIO * static_error
         else:
-            pays = missed < MAX_ERROR_RATIO * fitted
-        if pays:
-            fitted, chosen = missed, (rate, std)
+            is_better = error < MAX_ERROR_RATIO * best_error
+        if is_better:
+            best_error, chosen = error, (rate, std)
         elif chosen is not None and count > 2:
-            break  # further layers are finer still
-    of_static = f"{100.0 * still:.2g} % of the largest output"
+            break  # more layers would be finer still
+    static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static, f"fast loops gain nothing from layers: the static model misses {of_static}"
+            static,
+            f"layers do not improve the fast loops: the error of the static model is {static_text}",
         )
     rate, std = chosen
-    made = replace(
+    rate_model = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
         layers=Layers(rate.count, *rate.shares) if rate.count > 1 else None,
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
-    what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
-    why = (
-        f"{what} {100.0 * fitted:.2g} % of the fast loops; of what is left out of a fit rate leaves "
-        f"{100.0 * unseen:.2g} %, the static model {of_static}"
+    layers_text = (
+        "a lag of the flux has an error of"
+        if rate.count == 1
+        else f"{rate.count} layers have an error of"
     )
-    return RateFit(made, why, std, mean_error([*problem.groups, problem.slow], rate))
+    reason = (
+        f"{layers_text} {100.0 * best_error:.2g} % of full scale at the fast loops; its error at withheld loops is "
+        f"{100.0 * withheld_error:.2g} %, that of the static model {static_text}"
+    )
+    return RateFit(rate_model, reason, std, mean_error([*problem.groups, problem.slow], rate))
 
 
 def _geometric_mean(values: Iterable[float]) -> float:
@@ -276,39 +301,39 @@ def _geometric_mean(values: Iterable[float]) -> float:
 
 
 def _with_series_reluctance(model: Model) -> Model:
-    """Return a model of cells with the coupling that is a reluctance put around the layers.
+    """Return a play-cell model whose coupling is converted to a series reluctance.
 
-    At rest they are the same, but a reluctance holds back the flux of all layers together and a
-    coupling that of each. A negative coupling is what a gap does. A positive one is the iron's own
-    and stays, unless the iron would jump without a gap; then as much as no negative reluctance
-    stands for is moved.
+    Static behaviour does not change. With layers, a reluctance acts on the flux of all layers
+    together, and a coupling on the flux of each. A negative coupling is a gap, and is converted. A
+    positive coupling belongs to the iron and is kept. If the iron would jump without a gap, a
+    positive coupling is converted as far as the reluctance stays positive.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:
         return model
     if alpha > 0.0 and not model.jumps_without_gap:
         return model
-    held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
-    kept = max(0.0, 1.0 - float(held.min()))
-    by = (1.0 - alpha) / (1.0 - kept)
-    parts = (*law.with_role("saturation"), *law.with_role("reversible"))
-    scaled = (*(part.name for part in parts), "c_H")
-    parameters = {name: (by * np.array(model.parameters[name])).tolist() for name in scaled}
-    around = {"alpha": kept, "rho": np.maximum(held / (1.0 - kept) - 1.0, 0.0).tolist()}
-    return replace(model, parameters={**model.parameters, **parameters, **around})
+    total = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
+    new_alpha = max(0.0, 1.0 - float(total.min()))
+    factor = (1.0 - alpha) / (1.0 - new_alpha)
+    specs = (*law.with_role("saturation"), *law.with_role("reversible"))
+    scaled = (*(spec.name for spec in specs), "c_H")
+    parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled}
+    circuit = {"alpha": new_alpha, "rho": np.maximum(total / (1.0 - new_alpha) - 1.0, 0.0).tolist()}
+    return replace(model, parameters={**model.parameters, **parameters, **circuit})
 
 
-def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None:
-    """Take what rate does to slow loops off them; None where that is too little to matter."""
-    left, done, mended = [], [], []
-    for loop in slow.loops:
-        still = static.predict_loop(loop)
-        late = model.predict_loop(loop) - still
-        left.append(np.mean((loop.output - still) ** 2))
-        done.append(np.mean(late**2))
-        mended.append(replace(loop, output=loop.output - late))
+def remove_rate_effect(model: Model, static: Model, slow_loops: Loops) -> Loops | None:
+    """Subtract the rate effect from slow loops; return None if it is negligible."""
+    static_squares, rate_squares, corrected = [], [], []
+    for loop in slow_loops.loops:
+        static_output = static.predict_loop(loop)
+        rate_effect = model.predict_loop(loop) - static_output
+        static_squares.append(np.mean((loop.output - static_output) ** 2))
+        rate_squares.append(np.mean(rate_effect**2))
+        corrected.append(replace(loop, output=loop.output - rate_effect))
     return (
         None
-        if np.mean(done) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(left)
-        else slow.with_loops(mended)
+        if np.mean(rate_squares) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(static_squares)
+        else slow_loops.with_loops(corrected)
     )

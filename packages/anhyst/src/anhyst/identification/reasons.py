@@ -1,7 +1,7 @@
-"""The reasons for a choice, as sentences, and the list of all candidates.
+"""Explain the selected law and gap map in sentences, and list all candidates.
 
-A sentence states the figures that decided. It names a candidate with a smaller error, if there is
-one, and says why that candidate was not chosen.
+A sentence states the figures that decided. If another candidate has a smaller error, the sentence
+names it and explains why it was not selected.
 """
 
 from __future__ import annotations
@@ -11,19 +11,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.candidates import Comparison, ModelCandidate, make_titles
+from anhyst.identification.candidates import CandidateComparison, ModelCandidate, make_titles
 from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _MIN_OFFER_RATIO = 1.5
-"""Rms deviation over that of a map that cannot be compiled, from which on the reason offers it."""
+"""Ratio of rms residuals to a map that cannot be compiled, above which the text suggests that map.
+"""
 
 
 def list_candidates(
-    comparison: Comparison, best: ModelCandidate, law: str
+    comparison: CandidateComparison, best: ModelCandidate, law: str
 ) -> tuple[CandidateFit, ...]:
-    """Put all candidates side by side, the simplest first."""
-    every = sorted(dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda one: one.rank)
+    """Return all candidates, the simplest first."""
+    candidates = sorted(
+        dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda entry: entry.rank
+    )
     return tuple(
         CandidateFit(
             law=title,
@@ -35,12 +38,12 @@ def list_candidates(
             else None,
             note=_note(comparison, candidate, best),
         )
-        for candidate, title in zip(every, make_titles(every, law), strict=True)
+        for candidate, title in zip(candidates, make_titles(candidates, law), strict=True)
         for fits in [comparison.fits.get(candidate)]
     )
 
 
-def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
+def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
     if candidate == best:
         return CHOSEN
     if candidate in comparison.dropped:
@@ -48,108 +51,116 @@ def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidat
     return "" if candidate in comparison.eligible else "passed over"
 
 
-def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
-    """Say why this law was chosen."""
+def explain_law(
+    comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops
+) -> str:
+    """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
-    own = comparison.finite_withheld_error(best)
-    if own is None:
-        return (
-            f"law {names[best]}: the simplest, no candidate has an answer at all withheld samples"
-        )
+    own_error = comparison.finite_withheld_error(best)
+    if own_error is None:
+        return f"law {names[best]}: the simplest, because no candidate has a solution at all withheld samples"
     text = (
         f"law {names[best]} predicts withheld {withheld[comparison.withheld_kind]} with a mean error of "
-        f"{_percent(own)} of the largest output"
+        f"{_percent(own_error)} of the largest output"
     )
     errors = {
         model: comparison.finite_withheld_error(model)
         for model in comparison.eligible
         if model != best
     }
-    others = {model: error for model, error in errors.items() if error is not None}
-    if not others:
+    other_errors = {model: error for model, error in errors.items() if error is not None}
+    if not other_errors:
         return text
-    least = min(others, key=lambda model: others[model])
-    under = "" if least.file_gap_map == best.file_gap_map else f" under '{least.file_gap_map}'"
-    text += f"; {names[least]}{under} has an error of {_percent(others[least])}"
-    return text + (_explain_rejected(comparison, best, least) if others[least] < own else "")
+    closest = min(other_errors, key=lambda model: other_errors[model])
+    map_text = (
+        "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
+    )
+    text += f"; {names[closest]}{map_text} has an error of {_percent(other_errors[closest])}"
+    return text + (
+        _explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else ""
+    )
 
 
-def _explain_rejected(comparison: Comparison, best: ModelCandidate, other: ModelCandidate) -> str:
-    """Say why a candidate with a smaller mean error was not chosen."""
-    if comparison.is_several_times_worse(other, best):
-        rms = np.sqrt([comparison.fits[each].reduced.cost for each in (best, other)])
+def _explain_rejected(
+    comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate
+) -> str:
+    """Explain why a candidate with a smaller mean error was not selected."""
+    if comparison.is_several_times_worse(rejected, best):
+        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
         return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
-    if other.rank > best.rank:
+    if rejected.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
     return ", but its mean square error, which decides, is larger or within its scatter"
 
 
 def explain_gap_map(
-    comparison: Comparison,
+    comparison: CandidateComparison,
     best: ModelCandidate,
     requested: str,
     loopset: Loops,
     rejected: Sequence[ModelCandidate],
 ) -> str:
-    """Say why this gap map was chosen."""
+    """Explain why this gap map was selected."""
     name = best.file_gap_map
     gaps, count = _schedule_plural(loopset), len(loopset.schedule_values)
     if count < 2:
-        over = loopset.schedule.name if loopset.schedule else "gap"
-        return f"there are loops at one {over} only, so no parameter depends on the {over}"
+        schedule_name = loopset.schedule.name if loopset.schedule else "gap"
+        return f"there are loops at only one {schedule_name}, so no parameter depends on the {schedule_name}"
     if count == 2:
-        why = (
-            f"gap map '{name}' was {'chosen by its fit alone' if requested == 'auto' else 'requested'}; "
-            f"with two {gaps} none can be withheld to test it, so between and beyond them the model "
-            "is a guess"
+        reason = (
+            f"gap map '{name}' was {'selected by its fit only' if requested == 'auto' else 'requested'}; "
+            f"with two {gaps} none can be withheld for a test, so the model is a guess between and "
+            "beyond them"
         )
     elif requested != "auto":
-        why = f"gap map '{name}' was requested"
+        reason = f"gap map '{name}' was requested"
     else:
-        why = _explain_comparison(comparison, best, gaps)
-    text = f"{why}{_offer_free_map(comparison, best, loopset)}"
-    if names := dict.fromkeys(each.file_gap_map for each in rejected):
+        reason = _explain_comparison(comparison, best, gaps)
+    text = f"{reason}{_offer_free_map(comparison, best, loopset)}"
+    if names := dict.fromkeys(candidate.file_gap_map for candidate in rejected):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
-            "deviates between the gaps or starts far from the measurement)"
+            "deviates between the gaps or has an implausible initial curve)"
         )
     return text
 
 
-def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str) -> str:
+def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, gaps: str) -> str:
     name = best.file_gap_map
     errors = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else {}
-    own = errors.pop(name, np.inf)
-    if not np.isfinite(own):
+    own_error = errors.pop(name, np.inf)
+    if not np.isfinite(own_error):
         return f"gap map '{name}' fits the loops best"
-    why = (
-        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own)} of the "
+    reason = (
+        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own_error)} of the "
         "largest output"
     )
     if others := ", ".join(
-        f"{other} {_percent(error)}" if np.isfinite(error) else f"{other} has no answer there"
-        for other, error in errors.items()
+        f"{map_name} {_percent(error)}"
+        if np.isfinite(error)
+        else f"{map_name} has no solution there"
+        for map_name, error in errors.items()
     ):
-        why += f" ({others})"
-    if any(error < own for error in errors.values()):
-        why += "; a smaller error is within its scatter, of a more complex map or of a worse fit"
-    return why
+        reason += f" ({others})"
+    if any(error < own_error for error in errors.values()):
+        reason += "; a smaller error is within its scatter, or belongs to a more complex map or a worse fit"
+    return reason
 
 
-def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops) -> str:
-    """Name the map ``free`` if it fits better and was not chosen because it cannot be compiled."""
+def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loopset: Loops) -> str:
+    """Suggest the map ``free`` if it fits better and was rejected because it cannot be compiled."""
     if is_scheduled_over_gap(loopset) or best.gap_map == "free":
         return ""
-    own = comparison.fits[best].reduced.cost
+    own_cost = comparison.fits[best].reduced.cost
     costs = [
         fits.reduced.cost
-        for each, fits in comparison.fits.items()
-        if each.gap_map == "free" and each not in comparison.eligible
+        for candidate, fits in comparison.fits.items()
+        if candidate.gap_map == "free" and candidate not in comparison.eligible
     ]
-    if not costs or own < _MIN_OFFER_RATIO**2 * min(costs):
+    if not costs or own_cost < _MIN_OFFER_RATIO**2 * min(costs):
         return ""
-    rms = [_percent(float(np.sqrt(cost))) for cost in (own, min(costs))]
+    rms = [_percent(float(np.sqrt(cost))) for cost in (own_cost, min(costs))]
     return (
         f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be "
         "compiled"
@@ -157,11 +168,11 @@ def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops
 
 
 def _schedule_plural(loopset: Loops) -> str:
-    """Return what the values of the schedule are called."""
+    """Return the plural name of the values of the schedule."""
     if loopset.schedule is None or is_scheduled_over_gap(loopset):
         return "gaps"
     return f"values of the {loopset.schedule.name}"
 
 
-def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %"
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"

@@ -1,11 +1,11 @@
-"""What the law answers to one drive, with derivatives, in the gauge-free form.
+"""Simulate a Jiles-Atherton law along one drive, with derivatives, in the gauge-free form.
 
-At one gap and in units of the law (docs/theory.md)::
+The equations at one gap, in units of the law (docs/theory.md), are::
 
     xi + omega*m(xi) = (input - in_0)/scale,    output = gain*(m + h*xi)**power + out_0
 
-``m`` is the law for ``M_s = a = 1``. ``h``, the slope of the air core, is not fitted: with field
-and flux density measured it follows from ``scale`` and ``gain``, else no data determine it.
+``m`` is the law for ``M_s = a = 1``. The slope of the air core ``h`` is not fitted: with measured
+field and flux density, it follows from ``scale`` and ``gain``; otherwise, no data determine it.
 """
 
 from __future__ import annotations
@@ -25,29 +25,31 @@ from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
 CIRCUIT_NAMES = ("omega", "scale", "gain", "in_0", "out_0")
-"""What surrounds the law, in the order of the derivatives."""
+"""Parameters of the circuit around the law, in the order of the derivatives."""
 
 PARAMETER_NAMES = ("kappa", "c", *CIRCUIT_NAMES)
-"""Gauge-free parameters at one gap of a law of Jiles and Atherton, in the same order."""
+"""Gauge-free parameters of a Jiles-Atherton law at one gap, in the same order."""
 
-_DERIVATIVE_COUNT = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
-_START_DERIVATIVE = 5  # one more direction: the state at the start of a settled cycle
+_DERIVATIVE_COUNT = 5  # kappa, c, omega, scale, in_0; derivatives computed by the core
+_START_DERIVATIVE = 5  # one more derivative: by the state at the start of a steady-state cycle
 _CLOSED_TOLERANCE = 1e-10
 _NEARLY_CLOSED_TOLERANCE = 1e-5
 _MAX_PASSES = 80
 MAX_FLATNESS = 0.95
-_PASSES_PER_EXTRAPOLATION = 4  # passes after which the rest of the way is extrapolated
-_MAX_FIELD = 1e3  # effective field, in units of a, that no loop needs
-_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
+_PASSES_PER_EXTRAPOLATION = 4  # passes before each extrapolation to the steady state
+_MAX_FIELD = 1e3  # effective field, in units of a, above that of any loop
+_MAX_MAGNETISATION = (
+    1.0 - 1e-6
+)  # magnetisation below which the effective field is within that limit
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterSet:
     """Gauge-free parameters at one gap."""
 
-    law: tuple[float, ...]  # Numbers of the law, in the order of its kernel: dimensionless
-    omega: float  # interaction with circuit, dimensionless
-    scale: float  # input that makes one unit of effective field, SI
+    law: tuple[float, ...]  # parameters of the law, in the order of its kernel, dimensionless
+    omega: float  # interaction of the law with the circuit, dimensionless
+    scale: float  # input per unit of effective field, SI
     gain: float  # output at saturation, SI
     in_0: float  # offsets of input and output, SI
     out_0: float
@@ -55,33 +57,32 @@ class ParameterSet:
 
     @property
     def kappa(self) -> float:
-        """Pinning over shape, of a law of Jiles and Atherton."""
+        """Pinning over shape, k/a, of a Jiles-Atherton law."""
         return self.law[0]
 
     @property
     def c(self) -> float:
-        """Reversibility, of a law of Jiles and Atherton."""
+        """Reversibility of a Jiles-Atherton law."""
         return self.law[1]
 
 
 @dataclass(frozen=True, slots=True)
 class ResponseForm:
-    """What the measured quantities make of the equations: power of the output, rule for h."""
+    """Form of the equations for the measured quantities: power of the output, rule for h, law."""
 
     power: int  # 2 for a force, else 1
     law: str = DEFAULT_LAW  # name of a law with a kernel, or of play cells
-    # how a fit sees play cells; None for another law
+    # parametrisation of play cells; None for another law
     cells: CellKernel | WeightKernel | None = None
-    # mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0
+    # mu_0 if field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0
     permeability: float = 0.0
-    h: float = 1e-3  # the value of h where it does not follow
-    # half-width of the play in front of the irreversible part, in parts of the pinning; it is given
-    # and not fitted
+    h: float = 1e-3  # value of h without this rule
+    # fixed half-width of the play before the irreversible part, relative to the pinning
     dead_band: float = 0.0
 
     @property
     def kernel(self) -> Kernel | CellKernel | WeightKernel:
-        """How the law is followed."""
+        """Functions for simulating the law."""
         if self.cells is not None:
             return self.cells
         kernel = LAWS[self.law].kernel
@@ -95,17 +96,17 @@ class ResponseForm:
 
     def named_values(self, local: ParameterSet) -> dict[str, float]:
         """Return the parameters of a set by name."""
-        around = (getattr(local, name) for name in CIRCUIT_NAMES)
-        return dict(zip(self.names, (*local.law, *around), strict=True))
+        circuit_values = (getattr(local, name) for name in CIRCUIT_NAMES)
+        return dict(zip(self.names, (*local.law, *circuit_values), strict=True))
 
     def make_set(self, values: Sequence[float]) -> ParameterSet:
-        """Return a set of parameters in the order of the names, with h by the rule."""
+        """Return a parameter set from values in the order of the names, with h by its rule."""
         *law, omega, scale, gain, in_0, out_0 = values
         h = self.permeability * scale / gain if self.permeability > 0.0 else self.h
         return ParameterSet(tuple(law), omega, scale, gain, in_0, out_0, h)
 
     def make_operator(self, local: ParameterSet) -> Operator:
-        """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
+        """Build the law for a parameter set; in the law of 1986, interaction enters twice."""
         require_slope([local])
         kernel = self.kernel
         assert isinstance(kernel, Kernel)
@@ -117,13 +118,13 @@ class ResponseForm:
 
 
 def require_slope(sets: Sequence[ParameterSet]) -> None:
-    """Refuse sets whose curve would be all but as flat as the air core."""
+    """Raise an error for sets whose curve would be almost as flat as the air core."""
     if max(local.h * local.omega for local in sets) > MAX_FLATNESS:
-        raise NoResponseError("the curve would be all but as flat as the air core")
+        raise NoResponseError("the curve would be almost as flat as the air core")
 
 
 class Responder:
-    """Follows drives; remembers where settled cycles began, to begin there the next time."""
+    """Simulates drives, and starts steady-state cycles from their last known start."""
 
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
@@ -131,14 +132,14 @@ class Responder:
     def outputs(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
-        """Output of every drive, SI."""
+        """Return the output of every drive, SI."""
         laws = _make_operators(form, sets)
         return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-        """Yield gap and output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        """Yield gap, output and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of every drive."""
         laws = _make_operators(form, sets)
         for record in records:
             yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
@@ -151,35 +152,37 @@ class Responder:
         record: FitRecord,
         sets: Sequence[ParameterSet] = (),
     ) -> FloatArray:
-        """Output of one drive, shape (n,), SI, without derivatives.
+        """Return the output of one drive, shape (n,), SI, without derivatives.
 
-        Without the sets of all gaps, what was before counts as if it had been at this one.
+        Without the sets of all gaps, the history counts as if it had happened at this gap.
         """
         r = (record.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
         state = demagnetised()
         if record.history.drive.size and not record.is_cycle:
-            before, lead = history_inputs(sets or (local,), record.history)
-            _, _, state, status, _ = operator.run(before, lead, state)
+            omega_before, r_before = history_inputs(sets or (local,), record.history)
+            _, _, state, status, _ = operator.run(omega_before, r_before, state)
             require_answer(status)
         elif record.is_cycle and id(record) in self._starts:
             state = _make_admissible(self._starts[id(record)], form, local, float(r[-1]))
-        x, m, after, status, _ = operator.run(omega, r, state)
+        x, m, final_state, status, _ = operator.run(omega, r, state)
         require_answer(status)
-        ends = [float(state[1])]
+        cycle_ends = [float(state[1])]
         while (
             record.is_cycle
-            and abs(after[1] - state[1]) > _CLOSED_TOLERANCE
-            and len(ends) < _MAX_PASSES
+            and abs(final_state[1] - state[1]) > _CLOSED_TOLERANCE
+            and len(cycle_ends) < _MAX_PASSES
         ):
-            ends.append(float(after[1]))
-            state = after
-            if len(ends) % _PASSES_PER_EXTRAPOLATION == 0:
-                state = _make_admissible(_extrapolate_cycle(after, ends), form, local, float(r[-1]))
-            x, m, after, status, _ = operator.run(omega, r, state)
+            cycle_ends.append(float(final_state[1]))
+            state = final_state
+            if len(cycle_ends) % _PASSES_PER_EXTRAPOLATION == 0:
+                state = _make_admissible(
+                    _extrapolate_cycle(final_state, cycle_ends), form, local, float(r[-1])
+                )
+            x, m, final_state, status, _ = operator.run(omega, r, state)
             require_answer(status)
         if record.is_cycle:
-            self._starts[id(record)] = after
+            self._starts[id(record)] = final_state
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
 
     def with_derivatives(
@@ -189,7 +192,7 @@ class Responder:
         operator: Operator,
         record: FitRecord,
     ) -> tuple[FloatArray, FloatArray]:
-        """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a drive."""
         local = sets[record.gap]
         if record.is_cycle:
             path = self._follow_cycle(form, local, operator, record)
@@ -200,7 +203,7 @@ class Responder:
     def _follow_cycle(
         self, form: ResponseForm, local: ParameterSet, operator: Operator, record: FitRecord
     ) -> CellPath:
-        """Close the cycle by Newton on the one number that is free: y before the first sample."""
+        """Close the cycle by Newton's method on one unknown: y before the first sample."""
         terms = _SolverInputs(form, local, record.input, _DERIVATIVE_COUNT + 1)
         state = self._starts.get(id(record))
         if state is None:
@@ -209,21 +212,21 @@ class Responder:
         state = _make_admissible(state, form, local, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
             seeds = _start_derivatives(form, local, terms, state)
-            x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
+            x, m, x_t, m_t, final_state, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
             require_answer(status)
-            kept = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
-            missing = (after[1] - state[1]) / (1.0 - kept)
-            if abs(missing) < _NEARLY_CLOSED_TOLERANCE:
+            remaining = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
+            mismatch = (final_state[1] - state[1]) / (1.0 - remaining)
+            if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = after + kept * missing * seeds[_START_DERIVATIVE]
+            start = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
             state = _make_admissible(start, form, local, float(terms.r[-1]))
-        # The rest of the way is so short that the derivatives carry it: no further pass.
-        x += missing * x_t[:, _START_DERIVATIVE]
-        m += missing * m_t[:, _START_DERIVATIVE]
-        self._starts[id(record)] = after + kept * missing * seeds[_START_DERIVATIVE]
-        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - kept)
+        # The remaining mismatch is so small that the derivatives correct it without another pass.
+        x += mismatch * x_t[:, _START_DERIVATIVE]
+        m += mismatch * m_t[:, _START_DERIVATIVE]
+        self._starts[id(record)] = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
+        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
         m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
         x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
         return CellPath(x, m, x_t, m_t)
@@ -232,39 +235,39 @@ class Responder:
 def output_derivatives(
     form: ResponseForm, sets: Sequence[ParameterSet], gaps: NDArray[np.intp], path: CellPath
 ) -> tuple[FloatArray, FloatArray]:
-    """Output at each sample, and its derivatives by the numbers at its gap."""
+    """Return the output at each sample, and its derivatives by the parameters at its gap."""
     x, m, x_t, m_t = path
     law = len(sets[0].law)
-    around = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
-    h, scale, gain, out_0 = around[gaps].T
+    scalars = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
+    h, scale, gain, out_0 = scalars[gaps].T
     b = m + h * x
-    steep = gain * form.power * b ** (form.power - 1)
-    through = steep[:, None] * (m_t + h[:, None] * x_t)
+    slope = gain * form.power * b ** (form.power - 1)
+    input_derivatives = slope[:, None] * (m_t + h[:, None] * x_t)
     jacobian = np.empty((b.size, law + 5))
-    jacobian[:, : law + 2] = through[:, : law + 2]
+    jacobian[:, : law + 2] = input_derivatives[:, : law + 2]
     jacobian[:, law + 2] = b**form.power
-    jacobian[:, law + 3] = through[:, law + 2]
+    jacobian[:, law + 3] = input_derivatives[:, law + 2]
     jacobian[:, law + 4] = 1.0
     if form.permeability > 0.0:
-        jacobian[:, law + 1] += steep * x * h / scale
-        jacobian[:, law + 2] -= steep * x * h / gain
+        jacobian[:, law + 1] += slope * x * h / scale
+        jacobian[:, law + 2] -= slope * x * h / gain
     return gain * b**form.power + out_0, jacobian
 
 
 def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Operator]:
-    """Laws at each gap; those that are the same are built once."""
-    built: dict[tuple[float, ...], Operator] = {}
+    """Return the law at each gap; equal laws are built once."""
+    operators_by_key: dict[tuple[float, ...], Operator] = {}
     operators = []
     for local in sets:
         key = (*local.law, local.omega) if form.kernel.is_coupled else local.law
-        if key not in built:
-            built[key] = form.make_operator(local)
-        operators.append(built[key])
+        if key not in operators_by_key:
+            operators_by_key[key] = form.make_operator(local)
+        operators.append(operators_by_key[key])
     return operators
 
 
 def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tuple[FloatArray, ...]:
-    """Return omega, scale and in_0 at places of gaps, and between them."""
+    """Return omega, scale and in_0 at positions of gaps, also between them."""
     indices = np.arange(len(sets))
     return tuple(
         np.interp(gap, indices, values)
@@ -275,13 +278,13 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
 def history_inputs(
     sets: Sequence[ParameterSet], past: InputHistory
 ) -> tuple[FloatArray, FloatArray]:
-    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps."""
+    """Return omega and right side of the equation for a history, at its gaps."""
     omega, scale, in_0 = interpolate_over_gaps(sets, past.gap_position)
     return omega, (past.drive - in_0) / scale
 
 
 class _SolverInputs:
-    """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
+    """Inputs of the solver for a drive, with derivatives by kappa, c, omega, scale, in_0."""
 
     def __init__(
         self, form: ResponseForm, local: ParameterSet, drive: FloatArray, directions: int
@@ -303,33 +306,33 @@ class _SolverInputs:
 def _follow_record(
     form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
 ) -> CellPath:
-    first = record.history.drive.size
-    whole = np.concatenate([record.history.drive, record.input])
-    terms = _SolverInputs(form, sets[record.gap], whole, _DERIVATIVE_COUNT)
-    terms.omega[:first], terms.r[:first] = history_inputs(sets, record.history)
-    # What the circuit at other gaps adds through the past alone is left out of the derivatives.
-    elsewhere = np.flatnonzero(record.history.gap_position != record.gap)
-    terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
-    around = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
+    skipped = record.history.drive.size
+    drive = np.concatenate([record.history.drive, record.input])
+    terms = _SolverInputs(form, sets[record.gap], drive, _DERIVATIVE_COUNT)
+    terms.omega[:skipped], terms.r[:skipped] = history_inputs(sets, record.history)
+    # The effect of the circuit at other gaps through the history is neglected in the derivatives.
+    at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
+    terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
+    inputs = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
     seeds = np.zeros((_DERIVATIVE_COUNT, 3))
-    *path, _, _, status, _ = operator.sensitivity(*around, demagnetised(), seeds)
+    *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), seeds)
     require_answer(status)
-    return CellPath(*(values[first:] for values in path))
+    return CellPath(*(values[skipped:] for values in path))
 
 
 def _start_derivatives(
     form: ResponseForm, local: ParameterSet, terms: _SolverInputs, state: FloatArray
 ) -> FloatArray:
-    """Differentiate the state before the first sample: x follows y by the equation there.
+    """Return the derivatives of the state before the first sample, where x depends on y.
 
-    The play stands at the same part of its width, as it does where a drive has pushed it.
+    The play keeps the same relative position in its width, as after a drive has moved it.
     """
     x, y, p = state.tolist()
     kappa, c = local.law
-    pull, slope = _langevin(x)
+    anhysteretic, slope = _langevin(x)
     steepness = 1.0 + local.omega * c * slope
-    x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * pull)
-    x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
+    x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * anhysteretic)
+    x_t = x_t - local.omega * (anhysteretic - y) * terms.law_t[:, 1]
     x_t[_START_DERIVATIVE] = -local.omega * (1.0 - c)
     seeds = np.zeros((_DERIVATIVE_COUNT + 1, 3))
     seeds[:, 0] = seeds[:, 2] = x_t / steepness
@@ -339,7 +342,7 @@ def _start_derivatives(
 
 
 def _langevin(x: float) -> tuple[float, float]:
-    """Langevin's function and its slope at one place."""
+    """Return the Langevin function and its slope at one place."""
     value, slope = langevin(np.array([x]))
     return value.item(), slope.item()
 
@@ -347,29 +350,39 @@ def _langevin(x: float) -> tuple[float, float]:
 def _make_admissible(
     state: FloatArray, form: ResponseForm, local: ParameterSet, r: float
 ) -> FloatArray:
-    """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
+    """Convert a state of other parameters to one before the first sample, with y within its limits.
 
-    With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
+    For constant y, the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
     """
     x, y, p = state.tolist()
     kappa, c = local.law
     omega, play = local.omega, form.dead_band * kappa
-    behind = min(max(p - x, -play), play)
+    play_offset = min(max(p - x, -play), play)
     for _ in range(4):
-        pull, slope = _langevin(x)
-        rest = x + omega * ((1.0 - c) * y + c * pull) - r
-        x -= rest / (1.0 + omega * c * slope)
-    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y from other parameters can send it anywhere
-    p = x + behind
-    pull, _ = _langevin(p)
-    room = kappa / 3.0
-    y = min(max(y, pull - room, -_MAX_MAGNETISATION), pull + room, _MAX_MAGNETISATION)
+        anhysteretic, slope = _langevin(x)
+        mismatch = x + omega * ((1.0 - c) * y + c * anhysteretic) - r
+        x -= mismatch / (1.0 + omega * c * slope)
+    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y of other parameters can make x arbitrarily large
+    p = x + play_offset
+    anhysteretic, _ = _langevin(p)
+    max_distance = kappa / 3.0
+    y = min(
+        max(y, anhysteretic - max_distance, -_MAX_MAGNETISATION),
+        anhysteretic + max_distance,
+        _MAX_MAGNETISATION,
+    )
     return np.array([x, y, p])
 
 
-def _extrapolate_cycle(state: FloatArray, ends: list[float]) -> FloatArray:
-    """Where the last three ends of passes lead: small loops creep for hundreds of passes."""
-    first, second = ends[-2] - ends[-3], ends[-1] - ends[-2]
-    if abs(second) >= abs(first):
+def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray:
+    """Extrapolate the last three ends of passes: small loops need hundreds of passes to settle."""
+    first_step, second_step = cycle_ends[-2] - cycle_ends[-3], cycle_ends[-1] - cycle_ends[-2]
+    if abs(second_step) >= abs(first_step):
         return state
-    return np.array([state[0], ends[-1] - second * second / (second - first), state[2]])
+    return np.array(
+        [
+            state[0],
+            cycle_ends[-1] - second_step * second_step / (second_step - first_step),
+            state[2],
+        ]
+    )

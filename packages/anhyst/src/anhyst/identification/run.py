@@ -1,4 +1,8 @@
-"""One identification: its settings, its progress, what a killed one left behind, and what it gives back."""
+"""Settings, progress, checkpoint and result of one identification.
+
+A :class:`SearchRun` performs the stages of a search and stores finished ones in a checkpoint file,
+from which an interrupted run continues. :class:`IdentifyResult` is the result for users.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +41,7 @@ if TYPE_CHECKING:
 
     from anhyst.identification.default_search import FoundModel
 
-MAX_SEARCH_SAMPLES = 400  # samples of a loop that a search looks at, at most
+MAX_SEARCH_SAMPLES = 400  # samples per loop in a search, at most
 
 Stage = TypeVar("Stage")
 
@@ -47,20 +51,20 @@ class SearchRun:
     """Settings of a search, and its stages."""
 
     form: ResponseForm  # equations of the measured quantities
-    records: FitRecords  # what is fitted
-    seed: int  # of everything random
-    fixed: frozenset[str]  # parameters that are zero and not fitted
+    records: FitRecords  # the loops, prepared for fitting
+    seed: int  # seed of all random numbers
+    fixed: frozenset[str]  # parameters fixed at zero
     cells: tuple[Shape, ...] = ()  # curves of play cells that are compared with the law of the form
-    only_cells: bool = False  # whether only they may be chosen
-    dead_band: bool = True  # whether the law is given the widest dead band that the loops allow
-    total_stages: int = 1  # number of stages foreseen
+    only_cells: bool = False  # whether only play cells may be selected
+    dead_band: bool = True  # whether a dead band is fitted
+    total_stages: int = 1  # expected number of stages
     progress: Progress | None = None  # called with the number of stages done and the total
-    # file that keeps finished stages until the run ends well; None keeps nothing
+    # file that stores finished stages until the run ends without an error; None: no file
     checkpoint: Path | None = None
     resumed_stages: int = 0  # number of stages taken from the checkpoint
-    # processor time of each kind of stage, s; runs of one identification share it
+    # processor time of each kind of stage, s; shared by the runs of one identification
     cpu_times: dict[str, float] = field(default_factory=dict)
-    best: FoundModel | None = None  # the best complete fit so far, for a run that is interrupted
+    best: FoundModel | None = None  # best complete fit so far, for interrupted runs
     _key: str = ""
     _done_stages: int = 0
     _stored_stages: dict[str, Any] = field(default_factory=dict)
@@ -72,17 +76,17 @@ class SearchRun:
         try:
             stored = json.loads(self.checkpoint.read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            return  # none there, or not one of ours: begin from the start
+            return  # no checkpoint, or not a valid one: start from the beginning
         if isinstance(stored, dict) and stored.get("key") == self._key:
             self._stored_stages = dict(stored.get("stages", {}))
 
     @cached_property
     def search_records(self) -> FitRecords:
-        """What the search runs on: long loops thinned, since the exact step does not mind."""
+        """The records for the search, with long loops thinned; the exact step allows this."""
         return self.records.thinned(MAX_SEARCH_SAMPLES)
 
     def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
-        """Do one stage, or take what an earlier, killed run has left of it."""
+        """Return the result of a stage from the checkpoint, or perform and store the stage."""
         if name in self._stored_stages:
             self.resumed_stages += 1
         else:
@@ -93,22 +97,22 @@ class SearchRun:
         return self.step("search", lambda: cast("Stage", self._stored_stages[name]))
 
     def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
-        """Do a part of a stage of some kind."""
-        began = time.process_time()
-        made = work()
-        self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - began
-        return made
+        """Perform a part of a stage and add its processor time to its kind."""
+        start = time.process_time()
+        result = work()
+        self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - start
+        return result
 
     def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
-        """Do one stage of which nothing is kept, and report the progress."""
-        made = self.timed(kind, work)
+        """Perform a stage without storing its result, and report the progress."""
+        result = self.timed(kind, work)
         self._done_stages += 1
         if self.progress is not None:
             self.progress(self._done_stages, max(self.total_stages, self._done_stages))
-        return made
+        return result
 
     def finish(self) -> None:
-        """Remove the checkpoint: the run has ended well."""
+        """Remove the checkpoint after a complete run."""
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
 
@@ -117,33 +121,36 @@ class SearchRun:
 class Outcome:
     """Result of a search."""
 
-    model: Model  # bare: no records of how it was found
+    model: Model  # without records of its identification
     uncertainty: Uncertainty
-    parameter_count: int  # that were fitted
+    parameter_count: int  # number of fitted parameters
     evaluations: int
-    map_reason: str  # the reason for the gap map, or what the reduction came to, as a sentence
-    is_interrupted: bool = False  # it was stopped before its end
-    dead_band: str = "none"  # how wide the dead band of the law is, and why
-    # cross-validation error of each map tried, relative to the largest output; empty below three
-    # gaps, and without those maps that cannot be computed at a gap left out
+    map_reason: str  # reason for the gap map, or result of the reduction, as a sentence
+    is_interrupted: bool = False  # whether the search was stopped before its end
+    dead_band: str = "none"  # width of the dead band of the law, and the reason
+    # cross-validation error of each tried map, relative to the largest output; empty below three
+    # gaps, and without maps that have no solution at a withheld gap
     withheld_errors: dict[str, float] = field(default_factory=dict)
-    # what the whole choice misses at gaps it has not seen; None below three gaps
+    # expected error of the selected model at new gaps; None below three gaps
     expected_error: CrossValidation | None = None
-    candidates: tuple[CandidateFit, ...] = ()  # all that were compared, where laws were
-    law_reason: str = ""  # why this law; empty where none was compared
-    # how far laws that follow the only loop alike differ within it, in parts of the largest output
+    candidates: tuple[CandidateFit, ...] = ()  # all compared candidates, if laws were compared
+    law_reason: str = ""  # reason for the law; empty if laws were not compared
+    # largest difference of laws that follow the only loop equally well, relative to the largest
+    # output
     ambiguity: float = 0.0
-    steps: tuple[ReductionStep, ...] = ()  # what the paper's search froze, in the order it was
-    per_gap: Model | None = None  # bare, of the paper's search: everything free at each gap
-    resumed_stages: int = 0  # stages that a killed run had done already
-    rate_reason: str = ""  # how late solid iron answers, and why
+    steps: tuple[ReductionStep, ...] = ()  # steps of the reduction in the paper's search
+    per_gap: Model | None = (
+        None  # model of the paper's search with all parameters free at each gap, without records
+    )
+    resumed_stages: int = 0  # number of stages taken from a checkpoint
+    rate_reason: str = ""  # reason for the rate dependence of solid iron
     fit: FoundModel | None = None  # the same fit in gauge-free coordinates
 
 
 def _key(run: SearchRun) -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(source.read_bytes())  # a search that was changed does not go on
+        digest.update(source.read_bytes())  # a changed search does not continue an old checkpoint
     digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.fixed)}".encode())
     for record in run.records.loops:
         digest.update(f"{record.label} {record.gap} {record.is_cycle} {record.weight!r}".encode())
@@ -164,7 +171,7 @@ Weights = Literal["loops", "points", "relative"]
 
 
 def _read_option_validator(name: str) -> AfterValidator:
-    """Check a text that says how measurements are read, as :class:`ReadOptions` does."""
+    """Return a validator for a text option that describes how measurements are read."""
 
     def check(text: str) -> str:
         try:
@@ -176,7 +183,7 @@ def _read_option_validator(name: str) -> AfterValidator:
         for step in options.clean:
             if step not in STEPS:
                 raise InputError(
-                    f"'{step}' is not known; there are: {', '.join(STEPS)}",
+                    f"'{step}' is unknown; use one of {', '.join(STEPS)}",
                     code="unknown-cleaning-step",
                 )
         return text
@@ -185,13 +192,14 @@ def _read_option_validator(name: str) -> AfterValidator:
 
 
 SEARCH_OPTIONS = ("law", "gap_map", "search", "seed", "weights", "offsets", "dead_band", "rate")
-"""Options of a search; all others say how loops are read."""
+"""Options of the search; all other options describe how loops are read."""
 
 
 class IdentifyTable(Table):
-    """``[identify]``: the options of ``anhyst identify``, by the same names and in the same form.
+    """``[identify]``: the options of ``anhyst identify``, with the same names and values.
 
-    What is left out is as on the command line, but for the gap map: whoever identifies says which.
+    Missing options have the defaults of the command line, except the gap map, which the caller
+    provides.
     """
 
     law: LawName | Literal["auto"] = "auto"
@@ -214,49 +222,49 @@ class IdentifyTable(Table):
     drop: Literal["invalid"] | None = None
 
     def read_options(self, folder: Path | None = None) -> ReadOptions:
-        """Return how measurements are read."""
+        """Return the options for reading measurements."""
         texts = {option.name: getattr(self, option.name) for option in fields(ReadOptions)}
         if self.sidecar is not None and folder is not None:
             texts["sidecar"] = str(folder / self.sidecar)
         return ReadOptions.from_text(**texts)
 
     def search_options(self, gap_map: str = "auto") -> dict[str, Any]:
-        """Return what :func:`anhyst.identification.identify` is to be asked for."""
-        asked = {name: getattr(self, name) for name in SEARCH_OPTIONS}
-        return asked | {"gap_map": self.gap_map or gap_map}
+        """Return the keyword arguments for :func:`anhyst.identification.identify`."""
+        options = {name: getattr(self, name) for name in SEARCH_OPTIONS}
+        return options | {"gap_map": self.gap_map or gap_map}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifyResult(Result):
-    """A model, and how it was found.
+    """A model, and the results of its identification.
 
     Parameters
     ----------
     model : Model
         Complete, with fit figures, uncertainty, reduction and provenance.
     loops : Loops
-        What it was fitted to.
+        The fitted loops.
     fitted : tuple of ndarray
         Modelled output of each loop of ``loops``, SI, in the same order.
     acceptance : Acceptance
-        Outcome of the acceptance test.
+        Result of the acceptance test.
     warnings : tuple of str
-        What a user should know before trusting the model.
+        Limitations that a user should know before using the model.
     per_gap : Model or None
-        Of the paper's search: seven parameters free at each gap, before the reduction.
+        Paper's search only: seven parameters free at each gap, before the reduction.
     splines : GapCheck or None
-        The acceptance test over the gap with ordinary splines through the parameters of
-        ``per_gap`` (the paper's Fig. 2); its ``failing`` are the gaps where it fails.
+        Acceptance test over the gap with ordinary splines through the parameters of ``per_gap`` (the
+        paper's Fig. 2); ``failing`` contains the gaps where it fails.
     seconds : float
-        Wall time.
+        Wall time, s.
     stages : mapping of str to float
         Processor time of each kind of stage, s.
     evaluations : int
-        Runs of all loops through the law.
+        Number of simulations of all loops.
     rejection : str
-        Why the model must not be used; empty if it fits.
+        Reason why the model must not be used; empty if it is usable.
     interrupted : bool
-        The search was stopped before its end; the model is the best so far.
+        Whether the search was stopped before its end; the model is the best so far.
     """
 
     model: Model
@@ -273,7 +281,7 @@ class IdentifyResult(Result):
     rejection: str = ""
 
     def facts(self) -> dict[str, str]:
-        """Return what was found, how well it fits, and what to know before trusting it."""
+        """Return the model, its accuracy, and the warnings."""
         return {
             **self.model.facts(),
             "found in": f"{self.seconds:.1f} s",
@@ -294,12 +302,12 @@ class IdentifyResult(Result):
         }
 
     def draw(self, ax: Axes) -> None:
-        """Draw the measured loops, and what the model gives for them dashed."""
+        """Draw the measured loops, and the modelled ones dashed."""
         self.loops.draw(ax)
         scale, _ = length_scale(self.loops.output)
         for loop, fitted in zip(self.loops.loops, self.fitted, strict=True):
-            every = thinning_slice(loop.n)
-            ax.plot(loop.input[every], scale * fitted[every], color="0.15", lw=0.8, ls="--")
+            plotted = thinning_slice(loop.n)
+            ax.plot(loop.input[plotted], scale * fitted[plotted], color="0.15", lw=0.8, ls="--")
         ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
 
     def save(self, path: PathLike) -> Path:
@@ -308,14 +316,14 @@ class IdentifyResult(Result):
         Raises
         ------
         InputError
-            The place cannot be written.
+            The file cannot be written.
         """
         write_model(self.model, path)
         return Path(path)
 
 
 def require_complete(result: IdentifyResult) -> IdentifyResult:
-    """Return what a search found if it came to its end; after ctrl-C, whoever goes on ends too."""
+    """Return the result of a complete search; raise KeyboardInterrupt if it was interrupted."""
     if result.interrupted:
         raise KeyboardInterrupt
     return result

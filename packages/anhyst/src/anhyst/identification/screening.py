@@ -1,14 +1,11 @@
-"""Where a search starts: many sets of parameters, and which of them are worth a descent.
+"""Generate start parameters for a search, and select those with the smallest residual.
 
-Of a law with a steady branch, thousands of sets over one gap at once, by the batch of the core. Offset
-and gain of the output enter linearly and are solved for each set, so that only pinning, reversibility,
-interaction and the scale of the input are left to sample.
-
-Of play cells, sets drawn in scaled units, each put on the loops. Drawn is what can be seen in a loop:
-how far the cells are driven, in widths of their curve; how far they are pinned and how alike; how much
-answers reversibly; and which part of the drive the iron takes, which leaves the rest to the gap. Scale,
-gain and what the map lets differ from gap to gap then follow in closed form: the model passes through
-the largest output at every gap.
+For a Jiles-Atherton law, many parameter sets are simulated at one gap by the batch of the core.
+Offset and gain of the output follow by linear regression, so that only pinning, reversibility,
+interaction and the input scale are sampled. For play cells, normalised parameters are sampled: the
+drive relative to the width of the curve, pinning and its spread, the reversible part, and the share
+of the drive across the iron. Scale, gain and the gap-dependent parameters then follow in closed
+form from the largest output at every gap.
 """
 
 from __future__ import annotations
@@ -33,26 +30,26 @@ from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
 LEVEL_VARIABLE = (
-    "ANHYST_DISPATCH"  # environment variable that forces an instruction set on the batch
+    "ANHYST_DISPATCH"  # environment variable that selects the instruction set of the batch
 )
 JUMP_INTERACTION = (
-    3.0  # at omega = -3 the law may begin to jump; the batch does not follow it there
+    3.0  # for omega <= -3, the magnetisation may jump; the batch does not support this
 )
 
 _MIN_OMEGA = -2.95
 
 _SCAN_VALUES = 32  # values tried for a parameter at one gap
-_WARM_UP_CYCLES = 2  # repetitions before a settled cycle is compared; enough to rank sets
-_MAX_BIAS_RATIO = 1.5  # largest offset of the input that is drawn, in parts of the largest input
+_WARM_UP_CYCLES = 2  # repetitions of a cycle before the comparison; enough to rank sets
+_MAX_BIAS_RATIO = 1.5  # largest sampled input offset, relative to the largest input
 
 _MIN_SIDE_RATIO = 0.3
-"""How far the other way an input goes at least, in parts of the way that it goes further."""
+"""Smallest ratio of the smaller to the larger side of a bipolar input."""
 
-_SCREENING_SAMPLES = 64  # samples a loop at the screening, at most
+_SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
 
 
 def batch_level() -> str:
-    """Level of the batch: the processor's best unless the environment names one."""
+    """Return the instruction set of the batch: the processor's best, or the one of the environment."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -68,38 +65,37 @@ def batch_level() -> str:
 
 
 def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
-    """Fill the unit cube evenly from a random start, shape (dimensions, count).
+    """Return evenly distributed points of the unit cube, shape (dimensions, count).
 
-    Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
-    (M. Roberts 2018). Sobol's sequence is no better here, and importing SciPy's takes longer than
-    the whole search.
+    The points are multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio in d
+    dimensions (M. Roberts 2018), from a random start. Sobol's sequence is not better here, and
+    importing SciPy's takes longer than the whole search.
     """
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (dimensions + 1))
     steps = root ** -np.arange(1.0, dimensions + 1.0)
-    begin = np.random.default_rng(seed).random(dimensions)
-    return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
+    start = np.random.default_rng(seed).random(dimensions)
+    return np.asarray((start[:, None] + steps[:, None] * np.arange(count)) % 1.0)
 
 
 def sample_sets(
     records: FitRecords, count: int, seed: int, is_interacting: bool = True, is_biased: bool = False
 ) -> FloatArray:
-    """Draw kappa, c, omega, scale and in_0 by an additive sequence of low discrepancy (:func:`evenly`).
+    """Sample kappa, c, omega, scale and in_0 evenly in normalised ranges.
 
-    What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
-    effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
-    logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is
-    to be zero. in_0 is zero unless biased; then it goes to 1.5 times the largest input either way,
-    most densely about zero.
+    The ranges cover the visible properties of loops: largest effective field (0.3 to 30,
+    logarithmic), pinning relative to that field (0.01 to 3, logarithmic), reversibility (0 to
+    0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is zero. in_0 is zero, or, if
+    biased, up to 1.5 times the largest input in both directions, most densely near zero.
     """
     draw = sample_unit_cube(5 if is_biased else 4, count, seed)
-    reach = 0.3 * 100.0 ** draw[0]
-    kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
+    max_field = 0.3 * 100.0 ** draw[0]
+    kappa = np.clip(max_field * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
     omega = 0.1 * 3000.0 ** draw[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
-    saturated = 1.0 / np.tanh(reach) - 1.0 / reach
-    drive = np.maximum(reach + omega * saturated, 0.1 * reach)
+    saturated = 1.0 / np.tanh(max_field) - 1.0 / max_field
+    drive = np.maximum(max_field + omega * saturated, 0.1 * max_field)
     largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
     in_0 = _MAX_BIAS_RATIO * largest * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
     return np.stack([kappa, c, omega, largest / drive, in_0])
@@ -108,51 +104,52 @@ def sample_sets(
 def screen_sets(
     form: ResponseForm, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Deviation of many sets at one gap, with the best gain and offset for each."""
+    """Return the cost of many sets at one gap, with the best gain and offset of each."""
     moments, total = _moments(form, records, sets[:4], sets[4])
-    ones, first, second, mean, cross = moments
-    spread = ones * second - first**2
-    gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
-    out_0 = (mean - gain * first) / ones
+    weight_sum, sum_b, sum_bb, sum_y, sum_by = moments
+    determinant = weight_sum * sum_bb - sum_b**2
+    gain = (weight_sum * sum_by - sum_b * sum_y) / np.where(determinant > 0.0, determinant, np.inf)
+    out_0 = (sum_y - gain * sum_b) / weight_sum
     return np.where(gain > 0.0, _cost(moments, total, gain, out_0), np.inf), gain, out_0
 
 
 def follow_sets(
     record: FitRecord, sample_indices: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Follow one drive with many parameter sets at the same time."""
+    """Simulate one drive with many parameter sets at the same time."""
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
-    driven = np.ascontiguousarray(record.input[sample_indices])
-    # Up to the first sample in small steps: the linear step is not exact over long ones.
+    drive = np.ascontiguousarray(record.input[sample_indices])
+    # The path to the first sample uses small steps, because long linear steps are not exact.
     rise = np.concatenate(
-        [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, driven[0])]
+        [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])]
     )
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
     for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
-        follow(drive=driven, keep=False)
-    m, xi = follow(drive=driven)
+        follow(drive=drive, keep=False)
+    m, xi = follow(drive=drive)
     return m, xi
 
 
 def _moments(
     form: ResponseForm, records: FitRecords, sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
+    """Return weighted sums over all samples, from which the cost of any gain and offset follows.
 
-    With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
+    With the output b for gain 1 and the measured output y, these are 1, b, b^2, y, b*y; and the sum
+    of y^2.
     """
     moments = np.zeros((5, sets.shape[1]))
     total = 0.0
     for record in records.loops:
-        kept = thin_rows(record.input, _SCREENING_SAMPLES)
-        m, x_out = follow_sets(record, kept, sets, offset)
+        sample_indices = thin_rows(record.input, _SCREENING_SAMPLES)
+        m, x_out = follow_sets(record, sample_indices, sets, offset)
         shape = (m + form.h * x_out) ** form.power
-        weight = record.weight**2 * record.input.size / kept.size
-        measured = record.output[kept]
-        moments[0] += weight * kept.size
+        weight = record.weight**2 * record.input.size / sample_indices.size
+        measured = record.output[sample_indices]
+        moments[0] += weight * sample_indices.size
         moments[1] += weight * shape.sum(axis=0)
         moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
         moments[3] += weight * measured.sum()
@@ -162,40 +159,44 @@ def _moments(
 
 
 def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
-    ones, first, second, mean, cross = moments
-    square = total + gain**2 * second + out_0**2 * ones
-    return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
+    weight_sum, sum_b, sum_bb, sum_y, sum_by = moments
+    square = total + gain**2 * sum_bb + out_0**2 * weight_sum
+    return np.asarray(square + 2.0 * (gain * out_0 * sum_b - gain * sum_by - out_0 * sum_y))
 
 
 def screen_starts(
     space: CoordinateSpace, count: int, max_starts: int, seed: int
 ) -> list[ParameterSet]:
-    """Best sets of a screening at the only gap of a space, far enough apart to differ."""
-    free = "omega" not in space.fixed
-    begins = _select_best_sets(space, sample_sets(space.records, count, seed, free), max_starts)
-    # A bias would show in an output that is even in the flux, driven to both sides.
+    """Return the best sets of a screening at a single gap, at a minimum distance from each other."""
+    is_interacting = "omega" not in space.fixed
+    start_sets = _select_best_sets(
+        space, sample_sets(space.records, count, seed, is_interacting), max_starts
+    )
+    # A bias is visible only if the output is even in the flux and the drive is bipolar.
     low = min(float(loop.input.min()) for loop in space.records.loops)
     high = max(float(loop.input.max()) for loop in space.records.loops)
-    both_sides = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
-    if "in_0" not in space.fixed and space.form.power == 2 and both_sides:
-        begins += _select_best_sets(
-            space, sample_sets(space.records, count, seed, free, is_biased=True), max_starts
+    is_bipolar = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
+    if "in_0" not in space.fixed and space.form.power == 2 and is_bipolar:
+        start_sets += _select_best_sets(
+            space,
+            sample_sets(space.records, count, seed, is_interacting, is_biased=True),
+            max_starts,
         )
-    if not begins:
+    if not start_sets:
         raise NoUsableStartError
-    return begins
+    return start_sets
 
 
 def _select_best_sets(
     space: CoordinateSpace, sets: FloatArray, max_starts: int
 ) -> list[ParameterSet]:
     cost, gain, out_0 = screen_sets(space.form, space.records, sets)
-    apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + JUMP_INTERACTION)])
+    features = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + JUMP_INTERACTION)])
     chosen: list[int] = []
     for index in np.argsort(cost):
         if not np.isfinite(cost[index]) or len(chosen) == max_starts:
             break
-        if all(np.linalg.norm(apart[:, index] - apart[:, other]) > 0.7 for other in chosen):
+        if all(np.linalg.norm(features[:, index] - features[:, other]) > 0.7 for other in chosen):
             chosen.append(int(index))
     if "out_0" in space.fixed:
         out_0 = np.zeros(out_0.size)
@@ -207,40 +208,40 @@ def _select_best_sets(
 def scan_gap(
     space: CoordinateSpace, gap: int, start_sets: list[ParameterSet]
 ) -> tuple[list[ParameterSet], FloatArray]:
-    """Find, at one gap, the best value of the parameter that the map ties to it, the rest held."""
+    """Find the best value of the gap-dependent parameter at one gap, with all others fixed."""
     count = len(start_sets)
     table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
     if space.gap_map in SERIES_MAPS:
         unscaled = table[3] * (1.0 - space.form.h * table[2])
-        reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN_VALUES)
-        table[2] = np.tile(np.exp(reach) - JUMP_INTERACTION, count)
+        log_omegas = np.linspace(np.log(0.05), np.log(300.0), _SCAN_VALUES)
+        table[2] = np.tile(np.exp(log_omegas) - JUMP_INTERACTION, count)
         table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
     else:
         table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN_VALUES), count)
     cost = _table_cost(space, gap, table).reshape(count, _SCAN_VALUES)
     best = np.argmin(cost, axis=1)
-    at = best + _SCAN_VALUES * np.arange(count)
+    best_columns = best + _SCAN_VALUES * np.arange(count)
     sets = [
         replace(local, omega=float(table[2, index]), scale=float(table[3, index]))
-        for local, index in zip(start_sets, at, strict=True)
+        for local, index in zip(start_sets, best_columns, strict=True)
     ]
     return sets, cost[np.arange(count), best]
 
 
 def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> FloatArray:
-    """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
+    """Return the costs of unchanged sets at one gap, shape (len(sets),)."""
     return _table_cost(space, gap, _parameter_table(sets))
 
 
 def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
-    """Lay sets out as columns, rows in the order of LOCAL."""
+    """Return the sets as columns, with the parameters as rows in the order of PARAMETER_NAMES."""
     return np.array([[getattr(local, name) for local in sets] for name in PARAMETER_NAMES])
 
 
 def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
-    followed = np.stack([kappa, c, np.maximum(omega, _MIN_OMEGA), scale])
-    moments, total = _moments(space.form, space.records.at_gap(gap), followed, in_0)
+    sets = np.stack([kappa, c, np.maximum(omega, _MIN_OMEGA), scale])
+    moments, total = _moments(space.form, space.records.at_gap(gap), sets, in_0)
     return _cost(moments, total, gain, out_0)
 
 
@@ -248,31 +249,34 @@ CURVE_SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 """Slope of each curve at its middle."""
 
 _FIELD_RANGE = (0.4, 8.0)
-"""Largest effective field, in widths of the first population that the slope at its middle gives."""
+"""Largest effective field, relative to the width of the first population divided by the initial
+slope of its curve."""
 
-_PINNING_RANGE = (0.02, 1.0)  # pinning of a population, in parts of the largest effective field
+_PINNING_RANGE = (0.02, 1.0)  # pinning of a population, relative to the largest effective field
 
 _SPREAD_RANGE = (0.7, 5.0)
-_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, of the first population
+_REVERSIBLE_SHARE_RANGE = (
+    0.02,
+    1.5,
+)  # share of the reversible part, relative to the first population
 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
-"""Share and width of a further population, of the first."""
+"""Share and width of a further population, relative to the first."""
 
-_IRON_DRIVE_SHARE_WITH_GAP, _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.02, 0.9), (0.3, 4.0)
-"""Part of the drive that the iron takes behind a gap; and without one, where interaction of the iron
-may add to the drive."""
+_IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
+_IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
+"""Share of the drive across the iron, with a gap and without one. Without a gap, interaction may
+increase the field."""
 
-_MAX_INTERACTION = (
-    0.8  # interaction, in parts of that at which the magnetisation would jump, at most
-)
+_MAX_INTERACTION = 0.8  # largest interaction, as a share of that at which the magnetisation jumps
 
 _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Numbers of the law, largest effective field in its units, part of the drive for the iron."""
+    """Law parameters, largest effective field in their units, share of the drive across the iron."""
 
     law: tuple[float, ...]
     max_field: float
@@ -280,64 +284,67 @@ class CellStart(NamedTuple):
 
 
 def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool) -> list[CellStart]:
-    """Draw starts evenly over the logarithms of their ranges."""
-    own = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
-    further = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    """Sample starts evenly over the logarithms of their ranges."""
+    first_ranges = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    other_ranges = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
     ranges = [
         _FIELD_RANGE,
         _IRON_DRIVE_SHARE_WITH_GAP if has_gap else _IRON_DRIVE_SHARE_WITHOUT_GAP,
-        *own,
-        *further * (kernel.population_count - 1),
+        *first_ranges,
+        *other_ranges * (kernel.population_count - 1),
     ]
     low, high = np.log(np.array(ranges)).T[:, :, None]
-    drawn = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
+    samples = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
     starts = []
-    for steep_reach, part, *law in np.exp(drawn).T.tolist():
-        reach = steep_reach / CURVE_SLOPES[kernel.shape]
-        law[2::4] = [pinned * reach for pinned in law[2::4]]
-        starts.append(CellStart(tuple(law), reach, part))
+    for scaled_field, iron_drive_share, *law in np.exp(samples).T.tolist():
+        max_field = scaled_field / CURVE_SLOPES[kernel.shape]
+        law[2::4] = [pinned * max_field for pinned in law[2::4]]
+        starts.append(CellStart(tuple(law), max_field, iron_drive_share))
     return starts
 
 
 def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSet]:
-    """Return the sets at each gap that pass through the largest output there."""
+    """Return sets at each gap that pass through the largest output there."""
     form = space.form
     field = np.linspace(0.0, 3.0 * start.max_field, _CURVE_SAMPLES)
     assert space.form.cells is not None
     field, curve = space.form.cells.make_driven_cells(start.law).follow(np.zeros(field.size), field)
     drives, outputs = _largest_by_gap(space)
-    home = space.records.reference_gap
-    top = float(np.interp(start.max_field, field, curve))
-    omega = start.max_field * (1.0 / start.iron_drive_share - 1.0) / top
+    reference = space.records.reference_gap
+    max_magnetisation = float(np.interp(start.max_field, field, curve))
+    omega = start.max_field * (1.0 / start.iron_drive_share - 1.0) / max_magnetisation
     omega = max(omega, -_MAX_INTERACTION / float(np.max(np.diff(curve) / np.diff(field))))
-    scale = drives[home] / (start.max_field + omega * top)
-    gain = outputs[home] / top**form.power
+    scale = drives[reference] / (start.max_field + omega * max_magnetisation)
+    gain = outputs[reference] / max_magnetisation**form.power
     sets = []
     for drive, output in zip(drives, outputs, strict=True):
         m = (output / gain) ** (1.0 / form.power)
         x = float(np.interp(m, curve, field))
-        own = (omega, scale)
+        omega_and_scale = (omega, scale)
         if space.gap_map in SERIES_MAPS:
-            own = (max((drive / scale - x) / m, 0.0), scale)
+            omega_and_scale = (max((drive / scale - x) / m, 0.0), scale)
         elif len(drives) > 1:
-            own = (omega, drive / (x + omega * m))
-        sets.append(form.make_set([*start.law, *own, gain, 0.0, 0.0]))
+            omega_and_scale = (omega, drive / (x + omega * m))
+        sets.append(form.make_set([*start.law, *omega_and_scale, gain, 0.0, 0.0]))
     return sets
 
 
 def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
-    """Whether the scales of a start are those of a drive and an output."""
+    """Whether scales and gains of a start are positive, and its curve is not too flat."""
     return all(
-        own.scale > 0.0 and own.gain > 0.0 and own.h * own.omega < MAX_FLATNESS for own in sets
+        parameter_set.scale > 0.0
+        and parameter_set.gain > 0.0
+        and parameter_set.h * parameter_set.omega < MAX_FLATNESS
+        for parameter_set in sets
     )
 
 
 def _largest_by_gap(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
-    """Drive and output where the output is largest, at each gap; absolute values."""
+    """Return drive and output at the largest output of each gap, as absolute values."""
     drives, outputs = np.zeros(space.records.gap_count), np.zeros(space.records.gap_count)
     for record in space.records.loops:
-        at = int(np.argmax(np.abs(record.output)))
-        if abs(record.output[at]) > outputs[record.gap]:
-            drives[record.gap] = abs(record.input[at])
-            outputs[record.gap] = abs(record.output[at])
+        row = int(np.argmax(np.abs(record.output)))
+        if abs(record.output[row]) > outputs[record.gap]:
+            drives[record.gap] = abs(record.input[row])
+            outputs[record.gap] = abs(record.output[row])
     return drives, outputs

@@ -1,9 +1,8 @@
-"""The numbers a search moves, and the parameters at each gap they stand for.
+"""Convert between the coordinates of a search and the parameters at each gap.
 
-A coordinate vector holds, in the order of the names of its form, one entry for
-each parameter that is shared by all gaps and one for each gap for those that are not. Positive
-ones are logarithms; ``omega``, which may have either sign and any size, is the hyperbolic sine of
-its coordinate.
+A coordinate vector has one entry for each parameter common to all gaps, and one entry per gap for
+each gap-dependent parameter, in the order of the names of its form. Positive parameters are
+exponentials of their coordinates; ``omega``, with either sign and any size, is the hyperbolic sine.
 """
 
 from __future__ import annotations
@@ -33,29 +32,30 @@ GAP_DEPENDENT = {
     "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
     "free": frozenset(CIRCUIT_NAMES),
 }
-"""Which parameters each gap map lets differ from gap to gap; ``free`` those of the law too. Where
-omega is a reluctance the scale of the input follows from it: ``scale = scale_0/(1 - h*omega)``;
-1/(1 - h*omega) = 1 + rho."""
+"""Gap-dependent parameters of each gap map; ``free`` includes those of the law too. If omega is a
+reluctance, the input scale depends on it: ``scale = scale_0/(1 - h*omega)``, and 1/(1 - h*omega) =
+1 + rho."""
 
 SERIES_MAPS = frozenset({"reluctance", "leakage", "circuit"})
-"""Gap maps that read omega as a reluctance in series with the iron."""
+"""Gap maps in which omega is a reluctance in series with the iron."""
 
 FILE_GAP_MAPS = {"leakage": "circuit"}
-"""Gap map under which a model has what a fit found under another.
+"""Gap map in a model file, for maps with another name in a fit.
 
-With a path for flux beside the gap, of permeance P, the iron sees the reluctance ``omega = R/(1 + P*R)``
-and the gap has the part ``1/(1 + P*R) = 1 - P*omega`` of its flux: one number gives the gain at every
-gap, ``gain_0*(1 - P*omega)**power``, where the map ``circuit`` has one for each.
+With a leakage path of permeance P parallel to the gap, the iron sees the reluctance ``omega = R/(1
++ P*R)``, and the gap carries the fraction ``1/(1 + P*R) = 1 - P*omega`` of its flux. One parameter
+then gives the gain at every gap, ``gain_0*(1 - P*omega)**power``. The map ``circuit`` has one gain
+per gap.
 """
 
 LEAKAGE_PARAMETER = FitParameter(
     "leakage", "part of the flux beside the widest gap", -0.5, 0.9, prior_mean=0.0, prior_std=0.2
 )
-"""Fringes of the field at the gap act against it, so that it may come out below zero."""
+"""Fringing fields at the gap have the opposite effect, so the value may be negative."""
 
 _MIN_OMEGA = 1e-6
 
-MIN_GAP_FLUX_SHARE = 0.05  # part of the iron's flux that passes the gap, at least
+MIN_GAP_FLUX_SHARE = 0.05  # smallest share of the iron's flux that passes the gap
 
 CIRCUIT_PARAMETERS = (
     FitParameter("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
@@ -64,51 +64,53 @@ CIRCUIT_PARAMETERS = (
     FitParameter("in_0", "input offset", -2.0, 2.0, unit_of="input"),
     FitParameter("out_0", "output offset", -2.0, 2.0, unit_of="output"),
 )
-"""What a fit moves of what surrounds the law."""
+"""Fit parameters of the circuit around the law."""
 
 
 @dataclass(frozen=True)
 class CoordinateSpace:
     """Coordinates of one identification."""
 
-    gap_map: str  # A key of :data:`PER_GAP`
-    records: FitRecords  # what is fitted
+    gap_map: str  # key of :data:`GAP_DEPENDENT`
+    records: FitRecords  # the fitted loops
     form: ResponseForm  # equations of the measured quantities
-    # names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``
+    # parameters fixed at zero: ``in_0``, ``out_0``, ``omega``
     fixed: frozenset[str] = frozenset()
-    # names of parameters that are the same at every gap although the map lets them differ
+    # parameters that are the same at every gap although the map allows different values
     common: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         if self.gap_map in SERIES_MAPS | {"scaling"}:
-            # Behind a gap the measured field is not that in the iron: it does not determine h.
+            # With a gap, the measured field is not the field in the iron and does not determine h.
             object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 
     @cached_property
     def entries(self) -> tuple[tuple[str, int | None], ...]:
-        """Name and gap of each coordinate; no gap for those shared by all."""
-        listed: list[tuple[str, int | None]] = []
-        differing = GAP_DEPENDENT[self.gap_map] - self.common
+        """Name and gap of each coordinate; gap None if it is common to all gaps."""
+        entries: list[tuple[str, int | None]] = []
+        gap_dependent = GAP_DEPENDENT[self.gap_map] - self.common
         if self.gap_map == "free":
-            differing |= {number.name for number in self.form.kernel.fit_parameters} - self.common
+            gap_dependent |= {
+                number.name for number in self.form.kernel.fit_parameters
+            } - self.common
         for name in (*self.form.names, *(("leakage",) if self.gap_map == "leakage" else ())):
             if name in self.fixed:
                 continue
-            if name in differing:
-                listed.extend((name, gap) for gap in range(self.records.gap_count))
+            if name in gap_dependent:
+                entries.extend((name, gap) for gap in range(self.records.gap_count))
             else:
-                listed.append((name, None))
-        return tuple(listed)
+                entries.append((name, None))
+        return tuple(entries)
 
     def to_coordinate(self, name: str, value: float) -> float:
-        """Return the coordinate of a parameter, SI."""
+        """Return the coordinate of a parameter value, SI."""
         number = self.fit_parameters[name]
         if number.coordinate == "log":
             return float(np.log(value))
         return float(np.arcsinh(value)) if number.coordinate == "asinh" else value / self.unit(name)
 
     def to_parameters(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the parameters at coordinates, SI, and their derivatives by these."""
+        """Return the parameters at coordinates, SI, and their derivatives."""
         log, asinh, units = self._coordinate_kinds
         values, slopes = theta * units, units.copy()
         values[log] = slopes[log] = np.exp(theta[log])
@@ -117,34 +119,37 @@ class CoordinateSpace:
 
     @cached_property
     def _coordinate_kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Places of the logarithms and of the inverse hyperbolic sines; units of the others."""
+        """Indices of logarithms and of inverse hyperbolic sines; units of all coordinates."""
         kinds = np.array([self.fit_parameters[name].coordinate for name, _ in self.entries])
         units = np.array([self.unit(name) for name, _ in self.entries])
         return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units
 
     @cached_property
     def _coordinate_indices(self) -> NDArray[np.intp]:
-        """Place of the coordinate of each parameter at each gap; -1 of one that is held at zero."""
-        column = {entry: at for at, entry in enumerate(self.entries)}
+        """Index of the coordinate of each parameter at each gap; -1 if it is fixed at zero."""
+        column_of = {entry: index for index, entry in enumerate(self.entries)}
         return np.array(
             [
-                [column.get((name, gap), column.get((name, None), -1)) for name in self.form.names]
+                [
+                    column_of.get((name, gap), column_of.get((name, None), -1))
+                    for name in self.form.names
+                ]
                 for gap in range(self.records.gap_count)
             ]
         )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the coordinates, with the place of the gap where there is one for each."""
+        """Names of the coordinates, with the index of the gap in brackets if gap-dependent."""
         return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
 
     @property
     def file_gap_map(self) -> GapMap:
-        """Gap map of the model that a fit makes."""
+        """Gap map of the model of a fit."""
         return cast("GapMap", FILE_GAP_MAPS.get(self.gap_map, self.gap_map))
 
     def leakage(self, theta: FloatArray) -> float:
-        """Leakage under its map: what it takes of the iron's flux for each unit of omega."""
+        """Return the leakage per unit of omega, as a share of the iron's flux."""
         values, _ = self.to_parameters(theta)
         widest = self.names.index(f"omega[{self.records.gap_count - 1}]")
         return float(values[self.names.index("leakage")] / max(values[widest], _MIN_OMEGA))
@@ -156,14 +161,14 @@ class CoordinateSpace:
 
     @cached_property
     def fit_parameters(self) -> dict[str, FitParameter]:
-        """Numbers that a fit may vary, by name."""
+        """Fit parameters by name."""
         return {
             number.name: number
             for number in (*self.form.kernel.fit_parameters, *CIRCUIT_PARAMETERS, LEAKAGE_PARAMETER)
         }
 
     def unit(self, name: str) -> float:
-        """Scale of a parameter in SI: span of the input or output, or 1."""
+        """Return the unit of a parameter in SI: range of the input or output, or 1."""
         spans = {"input": self.records.input_span, "output": self.records.output_span}
         return spans.get(self.fit_parameters[name].unit_of, 1.0)
 
@@ -178,42 +183,44 @@ class CoordinateSpace:
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[ParameterSet]) -> FloatArray:
-        """Coordinates of parameters given for each gap; shared ones are taken from the first."""
+        """Return the coordinates of parameters at each gap; common ones are those of the first gap."""
         theta = []
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
             local = sets[gap or 0]
-            known = self.form.named_values(local) | {"leakage": leakage}
-            value = gain if (name, self.gap_map) == ("gain", "leakage") else known[name]
+            values = self.form.named_values(local) | {"leakage": leakage}
+            value = gain if (name, self.gap_map) == ("gain", "leakage") else values[name]
             if name == "scale" and self.gap_map in SERIES_MAPS:
                 value *= 1.0 - self.form.h * local.omega
             theta.append(self.to_coordinate(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
 
     def _gain_and_leakage(self, sets: Sequence[ParameterSet]) -> tuple[float, float]:
-        """Gain without leakage, and leakage, that come closest to the gains of all gaps."""
+        """Return gain without leakage, and leakage, that fit the gains of all gaps best."""
         omega = np.array([local.omega for local in sets])
         root = np.array([local.gain for local in sets]) ** (1.0 / self.form.power)
-        away = omega - omega.mean()
-        spread = float(away @ away)
-        slope = float(away @ root) / spread if spread > 0.0 else 0.0
-        closed = float(root.mean() - slope * omega.mean())
-        if closed <= 0.0 or slope == 0.0:
+        centred = omega - omega.mean()
+        spread = float(centred @ centred)
+        slope = float(centred @ root) / spread if spread > 0.0 else 0.0
+        closed_gap_root = float(root.mean() - slope * omega.mean())
+        if closed_gap_root <= 0.0 or slope == 0.0:
             return float(root.mean()) ** self.form.power, 0.0
-        return closed**self.form.power, -slope / closed * max(sets[-1].omega, _MIN_OMEGA)
+        return closed_gap_root**self.form.power, -slope / closed_gap_root * max(
+            sets[-1].omega, _MIN_OMEGA
+        )
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space without these gaps, and the indices of its coordinates in this one."""
-        kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
-        return replace(self, records=self.records.without_gaps(withheld)), np.array(kept)
+        """Return the space without some gaps, and the indices of its coordinates in this one."""
+        indices = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
+        return replace(self, records=self.records.without_gaps(withheld)), np.array(indices)
 
     def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space with more numbers held at zero, and the indices of its coordinates in this one."""
-        kept = [index for index, (name, _) in enumerate(self.entries) if name not in names]
-        return replace(self, fixed=self.fixed | names), np.array(kept)
+        """Return the space with more parameters fixed at zero, and its coordinates' indices here."""
+        indices = [index for index, (name, _) in enumerate(self.entries) if name not in names]
+        return replace(self, fixed=self.fixed | names), np.array(indices)
 
     def unpack(self, theta: FloatArray) -> list[tuple[ParameterSet, FloatArray]]:
-        """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
+        """Return the parameters at each gap, and their derivatives, shape (parameters, size)."""
         values, slopes = self.to_parameters(theta)
         unpacked = []
         for columns, at_gap in zip(
@@ -237,14 +244,14 @@ class CoordinateSpace:
 
     @cached_property
     def _row_indices(self) -> tuple[int, int, int]:
-        """Places of omega, scale and gain among the parameters at one gap."""
+        """Indices of omega, scale and gain among the parameters at one gap."""
         omega, scale, gain = (self.form.names.index(name) for name in ("omega", "scale", "gain"))
         return omega, scale, gain
 
     def _subtract_leakage(
         self, at_gap: list[float], jacobian: FloatArray, values: FloatArray, slopes: FloatArray
     ) -> None:
-        """Subtract the leakage from the gain; coordinates are those of all gaps."""
+        """Apply the leakage to the gain of one gap, in place."""
         omega_row, _, row = self._row_indices
         power, leakage, widest = (
             self.form.power,
@@ -253,18 +260,20 @@ class CoordinateSpace:
         )
         omega = float(values[widest])
         ratio = at_gap[omega_row] / max(omega, _MIN_OMEGA)
-        part = max(1.0 - float(values[leakage]) * ratio, MIN_GAP_FLUX_SHARE)
-        at_gap[row] *= part**power
-        jacobian[row] *= part**power
-        if part > MIN_GAP_FLUX_SHARE and omega > _MIN_OMEGA:
-            by_part = power * at_gap[row] / part
-            jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
-            jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
-            jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
+        gap_share = max(1.0 - float(values[leakage]) * ratio, MIN_GAP_FLUX_SHARE)
+        at_gap[row] *= gap_share**power
+        jacobian[row] *= gap_share**power
+        if gap_share > MIN_GAP_FLUX_SHARE and omega > _MIN_OMEGA:
+            gain_derivative = power * at_gap[row] / gap_share
+            jacobian[row] -= gain_derivative * values[leakage] / omega * jacobian[omega_row]
+            jacobian[row, widest] += (
+                gain_derivative * values[leakage] * ratio / omega * slopes[widest]
+            )
+            jacobian[row, leakage] -= gain_derivative * ratio * slopes[leakage]
 
 
 def coordinate_kind(law: str, quantity: str) -> Coordinate:
-    """Return the coordinate by which a quantity is moved; of a law that says none, the logarithm."""
+    """Return the kind of coordinate of a quantity; the logarithm if its law does not state one."""
     kernel = LAWS[law].kernel
     numbers = (*(kernel.fit_parameters if isinstance(kernel, Kernel) else ()), *CIRCUIT_PARAMETERS)
     coordinates = {number.meaning: number.coordinate for number in numbers}

@@ -1,9 +1,9 @@
-"""What the data say about each fitted number, and whether they demand an offset of a sensor.
+"""Estimate the uncertainty of fitted parameters, and decide which sensor offsets the data require.
 
-Any law misses a real iron by a little, and an offset is glad to take part of that over: it then
-stands for a force where none is. So an offset is fitted only where it pays by more than chance,
-with deviations that go together along a record, and from loop to loop, counted once, and by more
-than it is unlike a sensor's.
+Every law has a model error, and a fitted offset can hide a part of it. The offset then means a
+force that does not exist. Therefore, an offset is fitted only if it reduces the cost by more than
+chance and by more than a usual sensor offset would cost. Residuals that are correlated along a
+record or equal in all loops count once.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_MAX_RELATIVE_STD = 0.2  # relative standard deviation above which a number is called loose
+_MAX_RELATIVE_STD = (
+    0.2  # relative standard deviation above which a parameter is reported as uncertain
+)
 
 _MAX_NAMED_PARAMETERS = 6
-"""Loose numbers that are named one by one, at most: of many only all together mean something."""
+"""Maximum number of uncertain parameters that are named. Many are meaningful only together."""
 
-_MAX_SEPARABLE_CORRELATION = (
-    0.95  # correlation above which two numbers are determined only together
-)
+_MAX_SEPARABLE_CORRELATION = 0.95
+"""Correlation above which two parameters are not separable."""
 
 
 def correlation_length(deviations: FloatArray) -> float:
-    """Return the number of successive samples that count as one, as their deviations are correlated.
+    """Return the number of successive samples that count as one independent sample.
 
-    Twice the integral of the autocorrelation up to its first zero: misfit of the law runs in long
-    waves, and counting each sample as independent would promise far too much.
+    This is twice the integral of the autocorrelation up to its first zero. Model errors vary slowly
+    along a record, so that counting each sample would make the uncertainty far too small.
     """
     centred = deviations - deviations.mean()
     power = float(centred @ centred)
@@ -54,45 +55,47 @@ def correlation_length(deviations: FloatArray) -> float:
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: centred.size] / power
     negative = np.flatnonzero(correlation <= 0.0)
-    end = int(negative[0]) if negative.size else centred.size
-    return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
+    zero_lag = int(negative[0]) if negative.size else centred.size
+    return max(1.0, 2.0 * float(correlation[:zero_lag].sum()) - 1.0)
 
 
 def _split_by_record(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
-    """Return the deviations of each drive, without those of ties after them."""
-    ends = np.cumsum([record.input.size for record in space.records.loops])
-    return np.split(deviation, ends)[:-1]
+    """Split the residuals by record, without the regularisation residuals after them."""
+    record_ends = np.cumsum([record.input.size for record in space.records.loops])
+    return np.split(deviation, record_ends)[:-1]
 
 
 def _covariance(fit: FoundModel) -> FloatArray:
-    linear = Objective(fit.space).linearise(fit.theta)
-    normal, drives = linear.normal, _split_by_record(fit.space, linear.deviation)
-    freedom = max(1, linear.deviation.size - fit.theta.size)
+    linearisation = Objective(fit.space).linearise(fit.theta)
+    normal, residuals = linearisation.normal, _split_by_record(fit.space, linearisation.deviation)
+    freedom = max(1, linearisation.deviation.size - fit.theta.size)
     variance = (
-        linear.cost / freedom * float(np.mean([correlation_length(drive) for drive in drives]))
+        linearisation.cost
+        / freedom
+        * float(np.mean([correlation_length(residual) for residual in residuals]))
     )
-    # A coordinate the data do not feel at all gets a huge, finite variance.
+    # A coordinate without sensitivity gets a large, finite variance.
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
 def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
-    """Return standard deviations, correlations and plain statements for a finished fit."""
+    """Return standard deviations, correlations and statements in words for a finished fit."""
     space = fit.space
     covariance = _covariance(fit)
-    deviation = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(deviation, deviation)
+    all_stds = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(all_stds, all_stds)
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
     at_gaps = [space.form.named_values(local) for local in fit.parameter_sets]
-    for (name, gap), plain, slope, std in zip(
+    for (name, gap), coordinate_value, slope, std in zip(
         space.entries,
         *(column.tolist() for column in space.to_parameters(fit.theta)),
-        deviation,
+        all_stds,
         strict=True,
     ):
-        value = at_gaps[gap or 0].get(name, plain)
+        value = at_gaps[gap or 0].get(name, coordinate_value)
         number = space.fit_parameters[name]
         label = _label(number, units)
         if gap is not None and loopset.schedule is not None:
@@ -106,14 +109,14 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
             names.append(_label(space.fit_parameters[name], units))
             values.append(reading.offset)
             stds.append(reading.half_width)
-            sentences.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
-    whole = np.eye(len(names))
-    whole[: space.size, : space.size] = correlation
+            sentences.append(f"{names[-1]}: sensor reading at rest, not fitted")
+    full_correlation = np.eye(len(names))
+    full_correlation[: space.size, : space.size] = correlation
     return Uncertainty(
         names=tuple(names),
         values=tuple(values),
         std=tuple(stds),
-        correlation=tuple(tuple(row) for row in whole.tolist()),
+        correlation=tuple(tuple(row) for row in full_correlation.tolist()),
         statements=tuple(sentences),
     )
 
@@ -125,142 +128,159 @@ def _label(number: FitParameter, units: Mapping[str, str]) -> str:
 def describe_uncertainty(
     names: Sequence[str], values: Sequence[float], stds: Sequence[float], correlation: FloatArray
 ) -> list[str]:
-    """Say which numbers the data determine badly, and which only together."""
-    loose = [
-        (name, "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
+    """Describe which parameters are uncertain, and which are not separable."""
+    uncertain = [
+        (name, "more than its value" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
         for name, value, std in zip(names, values, stds, strict=True)
         if "offset" not in name and std > _MAX_RELATIVE_STD * abs(value)
     ]
     sentences = [
-        f"{name} is hardly determined by these loops: uncertain by {share}" for name, share in loose
+        f"{name} is barely determined by these loops: uncertain by {share}"
+        for name, share in uncertain
     ]
-    if len(loose) > _MAX_NAMED_PARAMETERS:
-        listed = ", ".join(name for name, _ in loose[:_MAX_NAMED_PARAMETERS])
+    if len(uncertain) > _MAX_NAMED_PARAMETERS:
+        listed = ", ".join(name for name, _ in uncertain[:_MAX_NAMED_PARAMETERS])
         sentences = [
-            f"{len(loose)} of {len(names)} numbers are hardly determined by these loops one by one, "
+            f"{len(uncertain)} of {len(names)} parameters are barely determined individually by these loops, "
             f"uncertain by more than {100 * _MAX_RELATIVE_STD:.0f} %: {listed}, ..."
         ]
     sentences.extend(
-        f"{', '.join(names[index] for index in group)}: determined only together (correlations above "
-        f"{_MAX_SEPARABLE_CORRELATION:g}); none of them means much by itself"
+        f"{', '.join(names[index] for index in group)}: not separable (correlations above "
+        f"{_MAX_SEPARABLE_CORRELATION:g}); single values are not meaningful"
         for group in _group_correlated(correlation)
     )
     return sentences
 
 
 def _describe_gauge(fit: FoundModel) -> list[str]:
-    """Say what was chosen, because no output depends on it."""
+    """Describe the values that were chosen because no output depends on them."""
     sentences, form, gap_map = [], fit.space.form, fit.space.file_gap_map
     if form.permeability == 0.0:
         sentences.append(
-            "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
-            f"hardly determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
-            "beyond the measured range"
+            "M_s was chosen freely (gauge), because no output depends on it; the slope of the air core is "
+            f"barely determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
+            "only beyond the measured range"
         )
     if gap_map in SERIES_MAPS:
         sentences.append(
-            f"alpha and an offset of rho act alike in the {gap_map} map: alpha is chosen so that "
-            "rho is nowhere negative down to the closed gap"
+            f"alpha and an offset of rho are not separable in the {gap_map} map: alpha is chosen so that "
+            "rho is not negative for any gap down to zero"
         )
     return sentences
 
 
 def _group_correlated(correlation: FloatArray) -> list[list[int]]:
-    """Group coordinates that are tied by strong correlations."""
+    """Group parameters that are connected by strong correlations."""
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
-        near = [
+        correlated = [
             g
             for g in groups
             if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
         ]
-        groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), index]]
+        groups = [g for g in groups if g not in correlated] + [
+            [*(o for g in correlated for o in g), index]
+        ]
     return [sorted(group) for group in groups if len(group) > 1]
 
 
 OFFSET_NAMES = frozenset({"in_0", "out_0"})
 
 USUAL_OFFSET_STD = 0.01
-"""Standard deviation of the offsets that sensors have, in parts of the range: seldom more."""
+"""Standard deviation of usual sensor offsets, as a share of the range."""
 
-MIN_REST_READING_STD = 5e-4  # least uncertainty of a reading at rest, in parts of the range
+MIN_REST_READING_STD = 5e-4
+"""Smallest standard error of a reading at rest, as a share of the range."""
 
 _MAX_OFFSET_PENALTY = 25.0
-"""What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice
-the logarithm of the odds: the highest price that still lets plain evidence overrule either."""
+"""Largest penalty of an unusual offset, and of a contradiction to a reading at rest, as twice the
+logarithm of the odds. Clear evidence in the loops can still exceed either."""
 
 _CONTRADICTION_SIGMAS = 4.0
-"""A fitted offset contradicts what the sensor read from this number of standard errors on."""
+"""Number of standard errors above which a fitted offset contradicts the sensor reading."""
 
 _MAX_REST_READING_COST_RATIO = 2.0
-"""A reading is kept unless it raises the mean square deviation by this factor: the error of a law in
-its shape, which an offset can hide, raised it by 1.4 (three gaps, 2 mA of noise)."""
+"""A reading at rest replaces a contradicting fitted offset unless it increases the mean square
+residual by more than this factor. The model error that an offset can hide raised it by 1.4 (three
+gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
-"""Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
+"""Mean square residual, relative to the largest output squared, below which fits are equal."""
 
 
 def remove_unneeded_offsets(
     fit: FoundModel, tolerance: float = COMPARISON_STOP[0], max_steps: int = COMPARISON_STOP[1]
 ) -> FoundModel:
-    """Hold the offsets at what the sensors read at rest, but for those that the data demand.
+    """Fix the offsets at the sensor readings at rest, except offsets that the data require.
 
-    Those that differ from gap to gap are none of a sensor's, and not judged as such.
+    Offsets that differ between gaps are not sensor offsets, and stay free.
     """
-    free = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
-    if not free:
-        return fit
-    linear = Objective(fit.space, fit.smoothness).linearise(fit.theta)
-    drives = _split_by_record(fit.space, linear.deviation)
-    alike = 1.0 + (len(drives) - 1) * float(
-        np.mean([_neighbour_correlation(drive) for drive in drives])
+    free_offsets = sorted(
+        name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None
     )
-    together = float(np.mean([correlation_length(drive) for drive in drives]))
-    independent = max(2.0, float(sum(drive.size for drive in drives)) / together / alike)
-    ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
-    wrong = _find_contradicted_offsets(fit)
-    ways = [names for names in ways if wrong <= names]
+    if not free_offsets:
+        return fit
+    linearisation = Objective(fit.space, fit.smoothness).linearise(fit.theta)
+    residuals = _split_by_record(fit.space, linearisation.deviation)
+    loop_correlation = 1.0 + (len(residuals) - 1) * float(
+        np.mean([_neighbour_correlation(residual) for residual in residuals])
+    )
+    samples_per_value = float(np.mean([correlation_length(residual) for residual in residuals]))
+    independent_samples = max(
+        2.0,
+        float(sum(residual.size for residual in residuals)) / samples_per_value / loop_correlation,
+    )
+    removable_sets = [
+        frozenset(names)
+        for n in range(1, len(free_offsets) + 1)
+        for names in combinations(free_offsets, n)
+    ]
+    contradicted = _find_contradicted_offsets(fit)
+    removable_sets = [names for names in removable_sets if contradicted <= names]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
-        return independent * math.log(cost + _NEGLIGIBLE_COST) + _offset_penalty(
-            space, theta, independent
+        return independent_samples * math.log(cost + _NEGLIGIBLE_COST) + _offset_penalty(
+            space, theta, independent_samples
         )
 
-    tries = {}
-    for names in ways:
-        space, kept = fit.space.with_fixed(names)
-        cost, theta = _predict_without_offsets(fit, linear, names)
-        tries[names] = score(cost, space, theta[kept]), space, theta[kept]
-    _, space, start = min(tries.values(), key=lambda attempt: attempt[0])
-    whole = score(fit.cost, fit.space, fit.theta)
-    # Whatever the offsets that stay free come out at, above this cost they are not taken.
-    stay = sum(name in OFFSET_NAMES for name, _ in space.entries)
-    goal = math.exp(whole / independent - stay * math.log(independent) / independent)
-    if wrong:
+    attempts = {}
+    for names in removable_sets:
+        space, coordinates = fit.space.with_fixed(names)
+        cost, theta = _predict_without_offsets(fit, linearisation, names)
+        attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
+    _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
+    full_score = score(fit.cost, fit.space, fit.theta)
+    # For any values of the remaining offsets, the reduced fit is rejected above this cost.
+    remaining = sum(name in OFFSET_NAMES for name, _ in space.entries)
+    goal = math.exp(
+        full_score / independent_samples
+        - remaining * math.log(independent_samples) / independent_samples
+    )
+    if contradicted:
         goal = _MAX_REST_READING_COST_RATIO * fit.cost
-    held = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal)
-    better = score(held.cost, held.space, held.theta) <= whole
-    best = held if better or (wrong and held.cost <= goal) else fit
+    reduced = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal)
+    is_better = score(reduced.cost, reduced.space, reduced.theta) <= full_score
+    best = reduced if is_better or (contradicted and reduced.cost <= goal) else fit
     try:
         Objective(best.space).outputs(best.parameter_sets)
-    except NoResponseError:  # a fit that finds no answer ends at any cost
+    except NoResponseError:  # the reduced fit may have no solution
         best = fit
-    return replace(best, evaluations=fit.evaluations + held.evaluations + 1)
+    return replace(best, evaluations=fit.evaluations + reduced.evaluations + 1)
 
 
 def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
-    """Name the free offsets of the input that contradict an offset that the sensor has read."""
+    """Return the free input offsets that contradict an offset read at rest."""
     reading, span = fit.space.records.rest.input, fit.space.records.input_span
     if reading.std is None or reading.offset == 0.0:
         return frozenset()
-    most = _CONTRADICTION_SIGMAS * max(reading.std / span, MIN_REST_READING_STD)
+    max_offset = _CONTRADICTION_SIGMAS * max(reading.std / span, MIN_REST_READING_STD)
     pairs = zip(fit.space.entries, fit.theta, strict=True)
-    names = (name for (name, gap), value in pairs if gap is None and abs(float(value)) > most)
+    names = (name for (name, gap), value in pairs if gap is None and abs(float(value)) > max_offset)
     return frozenset(names) & {"in_0"}
 
 
 def _neighbour_correlation(deviation: FloatArray) -> float:
-    """Part of the mean square that is still there a sample later."""
+    """Return the correlation of residuals with those of the next sample, 0 if it is negative."""
     centred = deviation - deviation.mean()
     power = float(centred @ centred)
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
@@ -269,143 +289,153 @@ def _neighbour_correlation(deviation: FloatArray) -> float:
 def _predict_without_offsets(
     fit: FoundModel, linear: Linearisation, names: frozenset[str]
 ) -> tuple[float, FloatArray]:
-    """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
-    out = np.array([name in names for name, _ in fit.space.entries])
-    theta = np.where(out, 0.0, fit.theta)
-    normal = linear.normal + 1e-12 * np.trace(linear.normal) * np.eye(out.size)
-    pull = normal[np.ix_(~out, out)] @ fit.theta[out]
-    theta[~out] += np.linalg.solve(normal[np.ix_(~out, ~out)], pull)
+    """Predict, to second order, cost and coordinates of the best fit with some offsets zero."""
+    is_removed = np.array([name in names for name, _ in fit.space.entries])
+    theta = np.where(is_removed, 0.0, fit.theta)
+    normal = linear.normal + 1e-12 * np.trace(linear.normal) * np.eye(is_removed.size)
+    rhs = normal[np.ix_(~is_removed, is_removed)] @ fit.theta[is_removed]
+    theta[~is_removed] += np.linalg.solve(normal[np.ix_(~is_removed, ~is_removed)], rhs)
     theta = np.clip(theta, *fit.space.bounds)
     step = theta - fit.theta
     return fit.cost + float(step @ linear.normal @ step), theta
 
 
 def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
-    """Price the free offsets of a space, in twice the logarithm of the odds."""
-    rest = space.records.rest
+    """Return the penalty of the free offsets of a space, as twice the logarithm of the odds."""
+    readings_at_rest = space.records.rest
     readings = {
-        "in_0": (rest.input, space.records.input_span),
-        "out_0": (rest.output, space.records.output_span),
+        "in_0": (readings_at_rest.input, space.records.input_span),
+        "out_0": (readings_at_rest.output, space.records.output_span),
     }
-    price = 0.0
+    penalty = 0.0
     for (name, _), value in zip(space.entries, theta.tolist(), strict=True):
         if name not in OFFSET_NAMES:
             continue
         reading, span = readings[name]
-        # Seldom is not never: a load cell that nobody tared, a gauge with a zero of its own.
-        unlikely = min((value / USUAL_OFFSET_STD) ** 2, _MAX_OFFSET_PENALTY)
+        # A large offset is possible: a load cell without tare, or a displacement sensor with
+        # another zero.
+        improbability = min((value / USUAL_OFFSET_STD) ** 2, _MAX_OFFSET_PENALTY)
         if reading.std is not None:
-            beyond = value / max(reading.std / span, MIN_REST_READING_STD)
-            unlikely = min(beyond**2, _MAX_OFFSET_PENALTY + unlikely)
-        price += math.log(independent_samples) + unlikely
-    return price
+            sigmas = value / max(reading.std / span, MIN_REST_READING_STD)
+            improbability = min(sigmas**2, _MAX_OFFSET_PENALTY + improbability)
+        penalty += math.log(independent_samples) + improbability
+    return penalty
 
 
 EQUAL_FIT_RATIO = 1.5
-"""Deviation from the loop over that of the model that was chosen, up to which a fit follows it as well."""
+"""Ratio of rms residuals up to which two fits follow a loop equally well."""
 
 _REVERSAL_POSITIONS = (0.0, 1.0, 0.3, 0.9, 0.1, 0.6, 0.4, 0.8, 0.2, 0.7, 0.0)
 _SAMPLES_PER_BRANCH = 40
 
 
 def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
-    """Return how far (rms, of the largest output) others differ from one that is driven within it."""
+    """Return the largest rms difference of models inside a loop, relative to full scale."""
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
-    ends = low + (high - low) * np.array(_REVERSAL_POSITIONS)
-    positions = np.linspace(0.0, ends.size - 1.0, _SAMPLES_PER_BRANCH * (ends.size - 1) + 1)
-    drive = np.interp(positions, np.arange(ends.size), ends)
-    before = History("conditioned", (low, high, low, high, low))
-    runs = []
+    drive_values = low + (high - low) * np.array(_REVERSAL_POSITIONS)
+    positions = np.linspace(
+        0.0, drive_values.size - 1.0, _SAMPLES_PER_BRANCH * (drive_values.size - 1) + 1
+    )
+    drive = np.interp(positions, np.arange(drive_values.size), drive_values)
+    history = History("conditioned", (low, high, low, high, low))
+    outputs = []
     for model in (chosen, *others):
-        at = loop.schedule_value if model.needs_schedule else None
+        schedule = loop.schedule_value if model.needs_schedule else None
         try:
-            runs.append(model.predict(drive, at, history=before).output)
+            outputs.append(model.predict(drive, schedule, history=history).output)
         except (InputError, NegativeResult):
             continue
-    apart = [rms(run - runs[0]) for run in runs[1:]]
-    return max(apart, default=0.0) / largest_output(loopset)
+    differences = [rms(run - outputs[0]) for run in outputs[1:]]
+    return max(differences, default=0.0) / largest_output(loopset)
 
 
 _MAX_DEVIATION_RATIO = 2.0
-"""Distance of two maps between the gaps, over what both miss at gaps left out, that these explain."""
+"""Largest allowed deviation between two maps midway between gaps, relative to the sum of their
+errors at withheld gaps."""
 _MAX_SIMPLER_ERROR_RATIO = 3.0
-"""Cross-validation error over another's up to which a simpler map says where the other bends."""
+"""Cross-validation error relative to a map, up to which a simpler map is evidence against that map.
+"""
 
 
 def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
-    """Return the mean deviation of two models midway between gaps, in parts of the largest output."""
+    """Return the largest mean deviation of two models midway between gaps, relative to full scale."""
     groups = loopset.by_schedule()
-    off = []
+    deviations = []
     for low, high in pairwise(sorted(groups)):
         loop = max(groups[low], key=lambda loop: float(np.ptp(loop.output)))
         history = replace(loop.history, schedule=())
         gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
-            first = model.predict(loop.input, gap, history=history).output
-            second = rival.predict(loop.input, gap, history=history).output
+            output = model.predict(loop.input, gap, history=history).output
+            rival_output = rival.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
-        off.append(float(np.mean(np.abs(first - second))))
-    return max(off, default=0.0) / largest_output(loopset)
+        deviations.append(float(np.mean(np.abs(output - rival_output))))
+    return max(deviations, default=0.0) / largest_output(loopset)
 
 
 def is_overfitted_between_gaps(
     model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops
 ) -> bool:
-    """Whether a model parts from all simpler maps by more than it and they miss at gaps left out.
+    """Whether a model deviates between gaps from all simpler maps by more than their errors.
 
-    One that holds at the measured gaps alone says nothing between them.
+    Models for fixed gaps only have no behaviour between gaps and are never overfitted there.
     """
     if model.needs_fixed_gap:
         return False
-    known = [
-        (other, missed) for other, missed in simpler if missed <= _MAX_SIMPLER_ERROR_RATIO * error
+    comparable = [
+        (other, other_error)
+        for other, other_error in simpler
+        if other_error <= _MAX_SIMPLER_ERROR_RATIO * error
     ]
-    return bool(known) and all(
-        deviation_between_gaps(model, other, loops) > _MAX_DEVIATION_RATIO * (error + missed)
-        for other, missed in known
+    return bool(comparable) and all(
+        deviation_between_gaps(model, other, loops) > _MAX_DEVIATION_RATIO * (error + other_error)
+        for other, other_error in comparable
     )
 
 
 MAX_INITIAL_CURVE_DISTANCE = 1.0
-"""Of the width of the loop; irons of all families stay below 0.4 where it was measured."""
+"""Largest distance of the initial magnetisation curve below the loop, in loop widths. Measured
+irons of all families stay below 0.4."""
 
 _INITIAL_CURVE_SAMPLES = 100
 
 
 def has_no_initial_curve(loopset: Loops) -> bool:
-    """Whether no loop begins demagnetised."""
+    """Whether no loop starts demagnetised, so that the initial magnetisation curve is not measured."""
     return all(loop.history.kind != "demagnetised" for loop in loopset.loops)
 
 
 def initial_curve_distance(model: Model, loopset: Loops) -> float:
-    """Return how far a model puts the first rise below the loop that follows."""
+    """Return the largest distance of a model's initial curve below its loop, in loop widths."""
     if not is_actuator(loopset):
         return 0.0
-    top = max(float(loop.input.max()) for loop in loopset.loops)
-    if top <= 0.0:
+    largest = max(float(loop.input.max()) for loop in loopset.loops)
+    if largest <= 0.0:
         return 0.0
-    up = np.linspace(0.0, top, _INITIAL_CURVE_SAMPLES)
-    worst = 0.0
+    rise = np.linspace(0.0, largest, _INITIAL_CURVE_SAMPLES)
+    largest_distance = 0.0
     for value in loopset.schedule_values if model.needs_schedule else (None,):
         try:
-            first = model.predict(up, value, history="demagnetised").output
-            settled = model.predict(np.concatenate([up[::-1], up]), value, history="settled").output
+            initial_curve = model.predict(rise, value, history="demagnetised").output
+            settled = model.predict(
+                np.concatenate([rise[::-1], rise]), value, history="settled"
+            ).output
         except (InputError, NegativeResult):
             return float("inf")
-        falling, rising = (
+        descending, ascending = (
             settled[_INITIAL_CURVE_SAMPLES - 1 :: -1],
             settled[_INITIAL_CURVE_SAMPLES:],
         )
-        width = float(np.max(np.abs(falling - rising)))
-        below = float(np.max(np.abs(rising) - np.abs(first)))
-        worst = max(worst, below / width if width > 0.0 else 0.0)
-    return worst
+        width = float(np.max(np.abs(descending - ascending)))
+        distance = float(np.max(np.abs(ascending) - np.abs(initial_curve)))
+        largest_distance = max(largest_distance, distance / width if width > 0.0 else 0.0)
+    return largest_distance
 
 
 def has_plausible_initial_curve(model: Model, loopset: Loops) -> bool:
-    """Whether a model puts the first rise near the loops, where none of them shows it."""
+    """Whether the initial magnetisation curve of a model is measured, or close to its loops."""
     return (
         not has_no_initial_curve(loopset)
         or initial_curve_distance(model, loopset) <= MAX_INITIAL_CURVE_DISTANCE
@@ -413,14 +443,15 @@ def has_plausible_initial_curve(model: Model, loopset: Loops) -> bool:
 
 
 _UNRESOLVED_COST_RATIO = 1.05
-"""Mean square deviation over the least, up to which loops do not tell a pinned cell from a free one."""
+"""Ratio of mean square residuals up to which loops cannot distinguish a pinned cell from a free
+one."""
 
 
 def field_step_after_reversal(model: Model, loops: Loops) -> float:
-    """Return by how much the effective field moves to the first sample after a reversal, A/m.
+    """Return the median change of the effective field to the first sample after a reversal, A/m.
 
-    The median over all reversals; 0 where there is none. Just there the iron hardly answers, and
-    the field moves farther for a step of the drive than anywhere else.
+    The result is 0 if there are no reversals. The iron barely responds directly after a reversal,
+    so the field changes more per step of the drive than elsewhere.
     """
     steps = []
     for loop in loops.loops:
@@ -428,53 +459,59 @@ def field_step_after_reversal(model: Model, loops: Loops) -> float:
         predicted = model.predict(loop.input, schedule, loop.time, loop.history)
         alpha = model.parameters_at(loop.schedule_value if model.needs_schedule else None)["alpha"]
         magnetisation = predicted.flux_density / MU_0 - predicted.field
-        moved = np.diff(predicted.field + alpha * magnetisation)
-        steps.append(np.abs(moved[1:][moved[1:] * moved[:-1] < 0.0]))
-    turned = np.concatenate(steps)
-    return float(np.median(turned)) if turned.size else 0.0
+        field_steps = np.diff(predicted.field + alpha * magnetisation)
+        steps.append(np.abs(field_steps[1:][field_steps[1:] * field_steps[:-1] < 0.0]))
+    reversal_steps = np.concatenate(steps)
+    return float(np.median(reversal_steps)) if reversal_steps.size else 0.0
 
 
 def free_unresolved_cells(model: Model, loops: Loops) -> Model:
-    """Count cells as free that no sample shows to be pinned, the finest first."""
+    """Treat pinned cells as free if no sample resolves them, smallest threshold first."""
     law = model.operator_law
     if law.cells is None:
         return model
     cells = law.cells(model.parameters_at(model.first_node))
-    fine = (cells.thresholds > 0.0) & (
+    is_unresolved = (cells.thresholds > 0.0) & (
         2.0 * cells.thresholds < field_step_after_reversal(model, loops)
     )
-    hidden = int(np.count_nonzero(fine))
-    if not cells.weights[fine].any() or not cells.weights[1 + hidden :].any():
+    unresolved_count = int(np.count_nonzero(is_unresolved))
+    if not cells.weights[is_unresolved].any() or not cells.weights[1 + unresolved_count :].any():
         return model
-    most = _UNRESOLVED_COST_RATIO * _mean_square_error(model, loops)
-    refined, known, beyond = model, 0, hidden + 1
-    while beyond - known > 1:
-        middle = hidden if refined is model and beyond > hidden else (known + beyond) // 2
-        other = _free_first_cells(model, cells, middle)
-        if _mean_square_error(other, loops) <= most:
-            refined, known = other, middle
+    max_cost = _UNRESOLVED_COST_RATIO * _mean_square_error(model, loops)
+    best_model, accepted, rejected = model, 0, unresolved_count + 1
+    while rejected - accepted > 1:
+        middle = (
+            unresolved_count
+            if best_model is model and rejected > unresolved_count
+            else (accepted + rejected) // 2
+        )
+        freed = _free_first_cells(model, cells, middle)
+        if _mean_square_error(freed, loops) <= max_cost:
+            best_model, accepted = freed, middle
         else:
-            beyond = middle
-    return refined
+            rejected = middle
+    return best_model
 
 
 def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
-    """Move the weights of the first cells with a threshold to the cell without one."""
+    """Move the weights of the first pinned cells to the free cell."""
     weights = np.delete(cells.weights, np.s_[1 : 1 + count], axis=0)
     weights[0] += cells.weights[1 : 1 + count].sum(axis=0)
-    other = replace(
+    remaining_cells = replace(
         cells, thresholds=np.delete(cells.thresholds, np.s_[1 : 1 + count]), weights=weights
     )
-    gone = {spec.name for spec in model.operator_law.parameters}
-    gone -= {spec.name for spec in get_law(model.law, other).parameters}
-    kept = {name: value for name, value in model.parameters.items() if name not in gone}
-    return replace(model, cells=other, parameters=kept)
+    removed = {spec.name for spec in model.operator_law.parameters}
+    removed -= {spec.name for spec in get_law(model.law, remaining_cells).parameters}
+    remaining_parameters = {
+        name: value for name, value in model.parameters.items() if name not in removed
+    }
+    return replace(model, cells=remaining_cells, parameters=remaining_parameters)
 
 
 def _mean_square_error(model: Model, loops: Loops) -> float:
-    """Return the mean square deviation over all samples; infinite if the model has no answer."""
+    """Return the mean square residual over all samples; infinite if the model has no solution."""
     try:
-        every = np.concatenate([model.predict_loop(loop) - loop.output for loop in loops.loops])
+        residual = np.concatenate([model.predict_loop(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
         return float("inf")
-    return float(every @ every) / every.size
+    return float(residual @ residual) / residual.size

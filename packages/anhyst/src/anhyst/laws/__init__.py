@@ -1,4 +1,4 @@
-"""The hysteresis laws by name; an installed package adds one as an entry point."""
+"""Register the hysteresis laws by name; an installed package can add one as an entry point."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ _OWN_LAWS = (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEV
 
 
 def _find_fault(law: object, name: str) -> str:
-    """Say what keeps a law of another package from being used; empty where nothing does."""
+    """Return the fault that makes a law of another package unusable; empty if there is none."""
     if not isinstance(law, Law):
-        return "and it is no Law"
-    names, taken = [spec.name for spec in law.parameters], []
-    with suppress(TypeError, ValueError):  # of some functions in C nothing is known
-        taken = list(inspect.signature(law.iron).parameters)
-    if taken != names and sorted(taken) == sorted(names):
+        return "and it is not a Law"
+    names, argument_names = [spec.name for spec in law.parameters], []
+    with suppress(TypeError, ValueError):  # some C functions have no signature
+        argument_names = list(inspect.signature(law.iron).parameters)
+    if argument_names != names and sorted(argument_names) == sorted(names):
         return "and its iron takes the parameters in another order"
     return "" if law.name == name else "and its law has another name"
 
 
 LAWS: Registry[Law] = Registry("anhyst.laws", {law.name: law for law in _OWN_LAWS}, _find_fault)
-"""By name: those of anhyst, and of the entry points ``anhyst.laws`` of installed packages."""
+"""Laws by name: those of anhyst, and of the entry points ``anhyst.laws`` of installed packages."""
 
 
 def get_law(name: str, cells: CellWeights | None = None) -> Law:
-    """Return a law, with its cells if they are given."""
+    """Return a law by name, with its cells if they are given."""
     law = LAWS[name]
     if cells is None:
         return law

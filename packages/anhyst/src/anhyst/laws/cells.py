@@ -1,7 +1,7 @@
-"""Play cells as weights: what every computation with the law `play-cells` starts from.
+"""Define play cells by their weights, and the discretisation of populations into cells.
 
-Cell ``i`` follows the effective field at a distance of its threshold, and the magnetisation is a
-sum of curves at the places of the cells::
+Cell ``i`` (a play operator) follows the effective field at a distance of its threshold ``r_i``, and
+the magnetisation is a sum of curves at the positions of the cells::
 
     p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi_j(p_i)
     phi_j(p) = (phi((p - b_j) / a_j) + phi((p + b_j) / a_j)) / 2
@@ -26,21 +26,22 @@ Shape = Literal["tanh", "langevin"]
 
 SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
 
-PINNED_CELLS = 12  # cells with a threshold that populations are cut into
+PINNED_CELLS = 12  # number of pinned cells of discretised populations
 
-MIN_THRESHOLD_RATIO, MAX_THRESHOLD_RATIO = 0.2, 2.0
-"""First and last threshold, in parts of the smallest and of the largest pinning scale."""
+MIN_THRESHOLD_RATIO = 0.2
+MAX_THRESHOLD_RATIO = 2.0
+"""First threshold relative to the smallest pinning scale, and last relative to the largest."""
 
-MAX_CELLS = 64  # as many as the core takes, the one without threshold included
+MAX_CELLS = 64  # largest number of cells in the core, including the one without a threshold
 
 
 class Population(NamedTuple):
-    """Cells whose thresholds are spread as ``1 - exp(-(r/scale)**spread)``."""
+    """Cells with the threshold distribution ``1 - exp(-(r/scale)**spread)``."""
 
-    magnetisation: float  # share of the saturation, A/m
-    width: float  # of the curve that its cells follow, A/m
-    scale: float  # pinning scale ``k`` of the thresholds, A/m
-    spread: float  # exponent ``s``: the larger, the more alike the thresholds
+    magnetisation: float  # saturation magnetisation of the population, A/m
+    width: float  # width of the curve of its cells, A/m
+    scale: float  # scale ``k`` of the thresholds, A/m
+    spread: float  # exponent ``s``; thresholds scatter less if it is larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,16 +49,18 @@ class CellWeights:
     """Thresholds, widths and weights of play cells."""
 
     thresholds: FloatArray  # ascending from 0, A/m; shape (n + 1,)
-    widths: FloatArray  # of the curves, above 0, A/m; shape (J,)
-    # share of each cell and curve in the saturation, 0 or above, A/m; shape (n + 1, J)
+    widths: FloatArray  # widths of the curves, above 0, A/m; shape (J,)
+    # contribution of each cell and curve to the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
-    shape: Shape = "tanh"  # the curve, ``"tanh"`` or ``"langevin"``
-    centres: FloatArray | None = None  # of the curves, 0 or above, A/m; shape (J,); None: all 0
+    shape: Shape = "tanh"  # curve, ``"tanh"`` or ``"langevin"``
+    centres: FloatArray | None = (
+        None  # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
+    )
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights", "centres"):
-            if (given := getattr(self, name)) is not None:
-                values = np.ascontiguousarray(given, dtype=np.float64).copy()
+            if (values_given := getattr(self, name)) is not None:
+                values = np.ascontiguousarray(values_given, dtype=np.float64).copy()
                 values.flags.writeable = False
                 object.__setattr__(self, name, values)
         problem = self._find_shape_problem() or self._find_range_problem()
@@ -91,7 +94,7 @@ class CellWeights:
             return "centres must be finite and not negative"
         if not np.isfinite(weights).all() or (weights < 0.0).any():
             return "weights must be finite and not negative"
-        return None if weights.any() else "weights are all 0; one at least must be above"
+        return None if weights.any() else "weights are all 0; at least one must be above 0"
 
     def __eq__(self, other: object) -> bool:
         """Compare by value."""
@@ -107,7 +110,7 @@ class CellWeights:
         return hash((self.shape, self._as_bytes))
 
     def __str__(self) -> str:
-        """Say what there is, and a few digits that differ where anything does."""
+        """Return the number of cells and weights, and a short hash for comparison."""
         digest = sha256(self.shape.encode() + self._as_bytes).hexdigest()[:8]
         count = int(np.count_nonzero(self.weights))
         return f"{self.thresholds.size} cells, {count} weights above 0 ({digest})"
@@ -119,7 +122,7 @@ class CellWeights:
 
     @property
     def _as_bytes(self) -> bytes:
-        """All numbers, as bytes."""
+        """All values as bytes."""
         arrays = [self.thresholds, self.widths, self.weights]
         arrays += [self.curve_centres] if self.curve_centres.any() else []
         return b"".join(array.tobytes() for array in arrays)
@@ -127,14 +130,17 @@ class CellWeights:
     def curves(
         self, positions: FloatArray, function: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
-        """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
-        places, middles, widths = (
+        """Return a function of (p -+ b)/a for each cell and curve; shape (n + 1, J, m).
+
+        `function` gives the curve itself, or its derivative by the normalised position.
+        """
+        fields, middles, widths = (
             positions[:, None, :],
             self.curve_centres[:, None],
             self.widths[:, None],
         )
-        sides = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
-        halves = [function(self.shape, (places + side * middles) / widths) for side in sides]
+        signs = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
+        halves = [function(self.shape, (fields + side * middles) / widths) for side in signs]
         return np.asarray(sum(halves) / len(halves))
 
     @property
@@ -144,115 +150,130 @@ class CellWeights:
 
 
 class _Discretisation(NamedTuple):
-    """Populations cut into cells: what their weights and the derivatives of these are made from.
+    """Populations discretised into cells, for the weights and their derivatives.
 
-    A cell stands for what lies between the geometric middles to its neighbours; the first for all
-    below, the last for all above.
+    A cell represents the thresholds between the geometric means with its neighbours. The first cell
+    represents all smaller ones, the last all larger ones.
     """
 
-    thresholds: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
-    # logarithms of the middles between those above 0, over the pinning scale; shape (J, n - 1)
+    thresholds: FloatArray  # 0, then geometrically spaced, A/m; shape (n + 1,)
+    # logarithms of the limits between cells above 0, relative to the pinning scale; shape (J, n -
+    # 1)
     log_ratios: FloatArray
-    shares: FloatArray  # of each population at each threshold above 0; shape (J, n)
-    # derivative of what of each lies above each middle, by the logarithm of
-    # ``u = (middle/scale)**spread``; shape (J, n - 1)
+    shares: FloatArray  # share of each population at each threshold above 0; shape (J, n)
+    # derivative of the share above each limit by the logarithm of ``u = (limit/scale)**spread``;
+    # shape (J, n - 1)
     log_derivatives: FloatArray
 
 
-@lru_cache(maxsize=4)  # weights and their derivatives are made one after the other
+@lru_cache(maxsize=4)  # weights and their derivatives are computed one after the other
 def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
-    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace takes as long as all the rest
-    start, end = np.log10(low), np.log10(high)
-    levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((end - start) / (PINNED_CELLS - 1)) + start)
+    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as the rest
+    log_low, log_high = np.log10(low), np.log10(high)
+    levels[1:] = 10.0 ** (
+        np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low
+    )
     levels[1], levels[-1] = low, high
     logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
-    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # beyond exp(-700) nothing is left
-    left = np.zeros((len(pinned), PINNED_CELLS + 1))
-    left[:, 0], left[:, 1:-1] = 1.0, np.exp(-u)
-    return _Discretisation(levels, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
+    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # exp(-u) is zero beyond 700
+    remaining = np.zeros((len(pinned), PINNED_CELLS + 1))
+    remaining[:, 0], remaining[:, 1:-1] = 1.0, np.exp(-u)
+    return _Discretisation(
+        levels, logs, remaining[:, :-1] - remaining[:, 1:], -u * remaining[:, 1:-1]
+    )
 
 
 def discretise_populations(
     reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
 ) -> CellWeights:
-    """Cut populations into cells."""
-    counting = [cell for cell in pinned if cell.magnetisation != 0.0]
-    if not counting:
-        raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
-    for population in counting:
+    """Discretise populations into cells."""
+    populations = [cell for cell in pinned if cell.magnetisation != 0.0]
+    if not populations:
+        raise ValueError(
+            "no population has a magnetisation above 0; give one to at least one population"
+        )
+    for population in populations:
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    cut = _discretise(tuple(counting))
-    weights = np.zeros((cut.thresholds.size, 1 + len(counting)))
+    discretisation = _discretise(tuple(populations))
+    weights = np.zeros((discretisation.thresholds.size, 1 + len(populations)))
     weights[0, 0], width = reversible
-    weights[1:, 1:] = (np.array([cell.magnetisation for cell in counting])[:, None] * cut.shares).T
-    widths = np.array([width, *(cell.width for cell in counting)])
-    return CellWeights(cut.thresholds, widths, weights, shape)
+    weights[1:, 1:] = (
+        np.array([cell.magnetisation for cell in populations])[:, None] * discretisation.shares
+    ).T
+    widths = np.array([width, *(cell.width for cell in populations)])
+    return CellWeights(discretisation.thresholds, widths, weights, shape)
 
 
 class Tangents(NamedTuple):
-    """How weights, widths and thresholds change with the numbers of populations."""
+    """Derivatives of weights, widths and thresholds by the parameters of populations."""
 
     # by magnetisation and width of the reversible part, then by magnetisation, width, scale and
     # spread of each population; shape (n + 1, J, d)
     weights: FloatArray
-    widths: FloatArray  # the same of the widths; shape (J, d)
-    thresholds: FloatArray  # the same of the thresholds; shape (n + 1, d)
+    widths: FloatArray  # derivatives of the widths; shape (J, d)
+    thresholds: FloatArray  # derivatives of the thresholds; shape (n + 1, d)
 
 
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
-    """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers."""
+    """Return the derivatives of :func:`discretise_populations` by its ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, logs, shares, by_log = _discretise(tuple(pinned))
+    levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
-    log_places = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms
-    up = np.linspace(0.0, 1.0, PINNED_CELLS)
-    for part, at in ((1.0 - up, scales.argmin()), (up, scales.argmax())):
-        log_places[:, 4 * at + 4] += part / scales[at]
-    every, own = np.arange(count), 4 * np.arange(count) + 2
-    left = np.zeros((count, PINNED_CELLS + 1, directions))  # of what lies above each middle
-    inner = left[:, 1:-1]
-    inner[:] = 0.5 * (log_places[:-1] + log_places[1:])
-    inner[every, :, own + 2] -= 1.0 / scales[:, None]
-    inner *= (spreads[:, None] * by_log)[:, :, None]
-    inner[every, :, own + 3] = by_log * logs
+    log_thresholds = np.zeros(
+        (PINNED_CELLS, directions)
+    )  # derivatives of the logarithms of the thresholds
+    position = np.linspace(0.0, 1.0, PINNED_CELLS)
+    for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
+        log_thresholds[:, 4 * population + 4] += weight / scales[population]
+    index, column = np.arange(count), 4 * np.arange(count) + 2
+    remaining = np.zeros(
+        (count, PINNED_CELLS + 1, directions)
+    )  # derivatives of the share above each limit
+    inner_remaining = remaining[:, 1:-1]
+    inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
+    inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
+    inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
+    inner_remaining[index, :, column + 3] = log_derivatives * logs
     weights = np.zeros((levels.size, 1 + count, directions))
-    weights[1:, 1:] = (magnetisation[:, None, None] * (left[:, :-1] - left[:, 1:])).swapaxes(0, 1)
-    weights[1:, 1 + every, own] = shares.T
+    weights[1:, 1:] = (
+        magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])
+    ).swapaxes(0, 1)
+    weights[1:, 1 + index, column] = shares.T
     widths = np.zeros((1 + count, directions))
-    weights[0, 0, 0] = widths[0, 1] = widths[1 + every, own + 1] = 1.0
+    weights[0, 0, 0] = widths[0, 1] = widths[1 + index, column + 1] = 1.0
     thresholds = np.zeros((levels.size, directions))
-    thresholds[1:] = levels[1:, None] * log_places
+    thresholds[1:] = levels[1:, None] * log_thresholds
     return Tangents(weights, widths, thresholds)
 
 
-FIELD_SAMPLES = 2001  # fields at which the steepest path is looked for
+FIELD_SAMPLES = 2001  # number of fields at which the largest slope is searched
 
 
-def curve_value(shape: Shape, part: FloatArray) -> FloatArray:
+def curve_value(shape: Shape, position: FloatArray) -> FloatArray:
     """Return the curve ``phi``."""
     if shape == "tanh":
-        return np.asarray(np.tanh(part))
+        return np.asarray(np.tanh(position))
     from anhyst._core import langevin
 
-    return np.asarray(langevin(part.ravel())[0].reshape(part.shape))
+    return np.asarray(langevin(position.ravel())[0].reshape(position.shape))
 
 
-def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
+def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
     """Return the slope of the curve ``phi``."""
     if shape == "tanh":
-        return np.asarray(1.0 / np.cosh(np.minimum(np.abs(part), 300.0)) ** 2)
+        return np.asarray(1.0 / np.cosh(np.minimum(np.abs(position), 300.0)) ** 2)
     from anhyst._core import langevin
 
-    return np.asarray(langevin(part.ravel())[1].reshape(part.shape))
+    return np.asarray(langevin(position.ravel())[1].reshape(position.shape))
 
 
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
-    """Return the largest slope of the magnetisation over the effective field, of any path."""
+    """Return the largest slope of the magnetisation over the effective field, on any path."""
     reach = float((cells.curve_centres + 3.0 * cells.widths).max())
     plays = (
         np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]

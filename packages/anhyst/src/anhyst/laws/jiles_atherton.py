@@ -1,7 +1,7 @@
-"""The two laws on the Langevin curve: `effective-field` and `jiles-atherton-1986`.
+"""Define the two laws with the Langevin curve: `effective-field` and `jiles-atherton-1986`.
 
-The numbers of a fit are ``kappa = k/a`` and ``c``; ``M_s`` and ``a`` are scales of output and
-input, and ``alpha`` acts through the interaction ``omega`` (docs/theory.md).
+The fit parameters are ``kappa = k/a`` and ``c``. ``M_s`` and ``a`` are scales of output and input,
+and ``alpha`` acts through the interaction ``omega`` (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ FIT_PARAMETERS = (
     FitParameter("kappa", "k/a", 2e-3, 5e2, "log"),
     FitParameter("c", "c", 0.0, 0.999),
 )
-"""What a fit moves of the law itself."""
+"""Fit parameters of the law itself."""
 
 
 MAX_STEEPEST_FIELD = 20.0
-"""Field over the shape field up to which the steepest place of a branch is looked for."""
+"""Largest field, relative to the shape field ``a``, at which the largest slope is searched."""
 
 
 def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
-    """Return the irreversible part after a rise from far below, in units of the law."""
+    """Return the irreversible part after a rise from a large negative field, in units of the law."""
     import numpy as np
 
     from anhyst._core import Operator, langevin
@@ -71,10 +71,10 @@ def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
 
 
 def steepest_slope(kappa: float, c: float) -> float:
-    """Return the largest slope that a law ever has, in units of the law; at most 1/3.
+    """Return the largest slope of a law on any path, in units of the law; at most 1/3.
 
-    A lag that has forgotten less of its past has risen less, and a play takes the two parts of the
-    slope further apart: no path is steeper than the ascending branch without a play.
+    Any other history has a smaller irreversible slope, and a play separates the two parts of the
+    slope. Therefore, no path is steeper than the ascending branch without a play.
     """
     import numpy as np
 
@@ -87,7 +87,7 @@ def steepest_slope(kappa: float, c: float) -> float:
 
 
 def least_slope(iron: Mapping[str, float], rho: FloatArray) -> FloatArray:
-    """Return ``1 + w*S`` of the effective-field law; see :mod:`anhyst.model.actuator`."""
+    """Return ``1 + w*S`` of the effective-field law; see :func:`anhyst.model.actuator.least_slope`."""
     steepest = steepest_slope(iron["k"] / iron["a"], iron["c"]) * iron["M_s"] / iron["a"]
     slopes: FloatArray = 1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest
     return slopes
@@ -111,7 +111,7 @@ def _operator_of_1986(kappa: float, c: float, play: float, omega: float) -> Oper
     return Operator(kappa, c, play, -omega * c, "jiles-atherton-1986")
 
 
-# A first-order lag of the anhysteretic curve, in distance travelled by the field.
+# A first-order lag of the anhysteretic curve, by distance travelled in the effective field.
 EFFECTIVE_FIELD = Law(
     name="effective-field",
     title="effective-field Jiles-Atherton law",
@@ -123,7 +123,7 @@ EFFECTIVE_FIELD = Law(
     least_slope=least_slope,
 )
 
-# The lag in the field that the irreversible part itself makes.
+# The same lag in the field that includes the irreversible part only.
 JILES_ATHERTON_1986 = Law(
     name="jiles-atherton-1986",
     title="Jiles-Atherton law of 1986",

@@ -1,4 +1,9 @@
-"""What the rest of anhyst knows of a hysteresis law: its parameters, and how to run and to fit it."""
+"""Define the interface of a hysteresis law: its parameters, its simulation and its fit.
+
+A :class:`Law` describes its parameters and builds an iron, which simulates whole records. A law
+with a :class:`Kernel` has a fast fit in gauge-free parameters; others are fitted through their
+iron.
+"""
 
 from __future__ import annotations
 
@@ -13,31 +18,31 @@ if TYPE_CHECKING:
     from anhyst.support.numeric import FloatArray
 
 Coordinate = Literal["reciprocal", "log", "plain"]
-"""In what a parameter is nearest to straight over a gap, and a search moves it."""
+"""Coordinate in which a parameter is interpolated over the gap and varied in a search."""
 
 Role = Literal["saturation", "pinning", "reversible", "dead band", ""]
-"""What a parameter is for whoever does not know its law: what drifts, what a rig may widen."""
+"""Physical role of a parameter in any law: used for drift, and for widening a dead band."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
     """One parameter of a model."""
 
-    name: str  # as in a model file, without its unit
-    meaning: str  # in a few words
+    name: str  # name in a model file, without its unit
+    meaning: str  # meaning in a few words
     unit: str = "1"  # SI; "1" for a pure number
-    low: float = -math.inf  # Range. ``closed`` says whether the ends belong to it.
+    low: float = -math.inf  # range; ``closed`` states whether it includes its ends
     high: float = math.inf
     closed: bool = False
-    default: float | None = None  # what it is where it is left out; None: it must be given
-    coordinate: Coordinate = "plain"  # of the curve over the scheduling variable
-    # range of a search without a kernel in the core, of ``A/m`` in parts of the largest field that
-    # is applied; None: held at its default
+    default: float | None = None  # value if it is missing; None: it is required
+    coordinate: Coordinate = "plain"  # coordinate of the curve over the scheduling variable
+    # search range for laws without a kernel, in ``A/m`` relative to the largest applied field;
+    # None: fixed at its default
     search: tuple[float, float] | None = None
-    role: Role = ""  # what it is for whoever does not know the law
+    role: Role = ""  # role in any law
 
     def find_problem(self, value: float) -> str | None:
-        """Return what is wrong with a value, if anything is."""
+        """Return what is wrong with a value; None if it is valid."""
         if not math.isfinite(value):
             return "is not a finite number"
         inside = self.low <= value <= self.high if self.closed else self.low < value < self.high
@@ -53,22 +58,22 @@ class ParameterSpec:
 
 
 class IronOperator(Protocol):
-    """The iron of a model over whole records; `anhyst._core.Iron` is one.
+    """The iron of a model for whole records; `anhyst._core.Iron` is one.
 
     ``rho`` is the reluctance ratio of the gap and ``eddy`` the rate ``gamma/dt`` of each sample.
-    Status 0 is success, other codes those of the core; ``index`` is the first sample without a
-    result.
+    Status 0 is success, other values are the codes of the core; ``index`` is the first sample
+    without a result.
     """
 
     def forward(
         self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, /
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """From the drive, A/m: return flux density (T), field (A/m), state after, status, index."""
+        """From the drive, A/m: return flux density (T), field (A/m), final state, status, index."""
 
     def inverse(
         self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, /
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """From the flux density, T: return drive (A/m), field (A/m), state after, status, index."""
+        """From the flux density, T: return drive (A/m), field (A/m), final state, status, index."""
 
     def settle(
         self,
@@ -81,83 +86,86 @@ class IronOperator(Protocol):
         tol: float = 1e-12,
         /,
     ) -> tuple[FloatArray, int, int]:
-        """Repeat a cycle till it closes; return state, cycles, status."""
+        """Repeat a cycle until it closes; return state, cycles, status."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitParameter:
-    """One number that a fit moves."""
+    """One parameter of a fit."""
 
-    name: str  # of the number; the meaning in the symbols of a model file, or in words
+    name: str  # name; the meaning is in the symbols of a model file, or in words
     meaning: str
-    low: float  # bounds of a search, in units of ``of``
+    low: float  # bounds of a search, in the unit of ``unit_of``
     high: float
-    # in which it is moved: its logarithm, its inverse hyperbolic sine, or itself over its unit
+    # coordinate: logarithm, inverse hyperbolic sine, or value relative to its unit
     coordinate: Literal["log", "asinh", "plain"] = "plain"
-    # its unit is the span of the measured input or output; nothing for a pure number
+    # unit: range of the measured input or output; empty for a pure number
     unit_of: Literal["input", "output", ""] = ""
-    # what it is to be expected at, where loops leave it open; None: nothing is expected
+    # prior mean, if loops do not determine the value; None: no prior
     prior_mean: float | None = None
-    prior_std: float = 1.5  # standard deviation of the coordinate around that
+    prior_std: float = 1.5  # prior standard deviation of the coordinate
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """How the core follows a law of Jiles and Atherton where ``M_s = a = 1``, for the fast fit."""
+    """Functions of the core for a Jiles-Atherton law with ``M_s = a = 1``, for the fast fit."""
 
-    # builds it from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``
+    # builds the law from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``
     make_operator: Callable[[float, float, float, float], Operator]
     fit_parameters: tuple[
         FitParameter, ...
-    ]  # what a fit moves of the law itself: ``kappa`` and ``c``
-    has_derivatives: bool  # whether the core gives its derivatives; else differences stand for them
-    # whether the interaction enters the law itself: then a reluctance in series with the iron is
-    # not the same as less interaction
+    ]  # fit parameters of the law itself: ``kappa`` and ``c``
+    has_derivatives: (
+        bool  # whether the core computes derivatives; otherwise, finite differences are used
+    )
+    # whether the interaction enters the law itself; a series reluctance is then not equivalent to
+    # less interaction
     is_coupled: bool
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
-        """Return the parameters of an iron, from its scales and what was fitted."""
+        """Return the physical parameters of the iron, from its scales and the fitted parameters."""
         kappa, c = law
         return {"M_s": saturation, "a": width, "k": kappa * width, "c": c, "alpha": alpha}
 
-    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
-        """Take the field inside an iron without interaction to a part of itself, by interaction."""
-        iron["alpha"] = 1.0 - part
-        iron["a"] *= part
-        iron["k"] *= part
+    def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
+        """Scale the field inside an iron without interaction by a factor, by adding interaction."""
+        iron["alpha"] = 1.0 - factor
+        iron["a"] *= factor
+        iron["k"] *= factor
 
-    def dead_band_parameter(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
-        """Return the parameter of a dead band that is a part of the pinning."""
-        return {"r_d": part * iron["k"]}
+    def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
+        """Return the parameter of a dead band whose half-width is a share of the pinning."""
+        return {"r_d": ratio * iron["k"]}
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
     """A hysteresis law."""
 
-    name: str  # as in model files and on the command line
-    title: str  # for a reader
-    parameters: tuple[ParameterSpec, ...]  # of the iron, in the order of the file
-    # builds the iron from its parameters, in that order; ValueError where they are refused
+    name: str  # name in model files and on the command line
+    title: str  # name in reports
+    parameters: tuple[ParameterSpec, ...]  # parameters of the iron, in the order of the file
+    # builds the iron from its parameters, in that order; raises ValueError if they are invalid
     iron: Callable[..., IronOperator]
-    states: int = 3  # Numbers that the iron remembers; all are zero where it is demagnetised
-    # for the fast fit; without one, any law is fitted through its iron, by differences
+    states: int = 3  # number of states; all are zero in the demagnetised state
+    # for the fast fit; other laws are fitted through their iron, with finite differences
     kernel: Kernel | None = None
-    # From the parameters of the iron and the reluctance ratios of the gap: the least slope of the
-    # drive over the field, in that without iron. Without it there is no compensator.
+    # smallest slope of the drive over the field, relative to that without iron, from the parameters
+    # of the iron and the reluctance ratios of the gap; None: the law has no compensator
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
-    # why there is none, to complete the sentence "cannot be compiled: ..."
+    # reason for this, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
-    # The same law with its cells given, in place of the parameters that describe them; None for a
-    # law without cells. ValueError where they are none of its own.
+    # returns the law with given cells instead of the parameters that describe them, or raises
+    # ValueError if they do not fit the law; None for a law without cells
     of_cells: Callable[[CellWeights], Law] | None = None
-    # the cells of an iron by its parameters; None for a law without cells
+    # returns the cells for given parameters; None for a law without cells
     cells: Callable[[Mapping[str, float]], CellWeights] | None = None
-    # whether a cycle, however often it is run, leaves in memory what was larger than it
+    # whether large reversals remain in memory after any number of smaller cycles (return-point
+    # memory)
     remembers: bool = False
 
     def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
-        """Return the parameters that play a role."""
+        """Return the parameters with a role."""
         return tuple(spec for spec in self.parameters if spec.role == role)

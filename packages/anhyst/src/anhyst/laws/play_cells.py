@@ -1,7 +1,8 @@
-"""The laws `play-cells`: cells that follow the effective field at a distance (docs/theory.md).
+"""Define the laws `play-cells` and `play-cells-langevin`: play operators of the effective field.
 
-A reversible part and up to three populations of pinned cells; one without magnetisation is left
-out. What computes is imported where it is run: the command line shows the laws without it.
+The parameters describe a reversible part and up to three populations of pinned cells; a population
+without magnetisation is ignored (docs/theory.md). Numerical modules are imported only when needed,
+so that the command line can list the laws quickly.
 """
 
 from __future__ import annotations
@@ -21,26 +22,25 @@ if TYPE_CHECKING:
 
 MAX_POPULATIONS = 3
 
-STATE_COUNT = (
-    13  # numbers of the state: the effective field and the places of the pinned cells, A/m
-)
+STATE_COUNT = 13
+"""Number of states: the effective field and the positions of the pinned cells, A/m."""
 
 
 _POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], Role], ...] = (
     ("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5), "saturation"),
     ("a", "width of its curve", "A/m", 1.0, (0.02, 5.0), ""),
     ("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0), "pinning"),
-    ("s", "spread of the pinning, the larger the more alike", "1", 2.0, (0.5, 5.0), ""),
+    ("s", "exponent of the pinning, the larger the narrower", "1", 2.0, (0.5, 5.0), ""),
 )
-"""Symbol, meaning, unit, default, range of a search and role."""
+"""Symbol, meaning, unit, default, search range and role."""
 
 
 def _population_specs(number: int) -> Iterator[ParameterSpec]:
-    """Return what describes a population; all but the first may be left out."""
-    first = number == 1
+    """Yield the parameters of a population; all except those of the first are optional."""
+    is_first = number == 1
     ordinal = ("first", "second", "third")[number - 1]
     for symbol, meaning, unit, default, search, role in _POPULATION_PARAMETERS:
-        may_vanish = symbol == "M" and not first
+        may_vanish = symbol == "M" and not is_first
         yield ParameterSpec(
             f"{symbol}_{number}",
             f"{ordinal} population: {meaning}",
@@ -48,8 +48,8 @@ def _population_specs(number: int) -> Iterator[ParameterSpec]:
             low=0.0,
             closed=may_vanish,
             coordinate="plain" if may_vanish else "log",
-            default=None if first else default,
-            search=search if first else None,
+            default=None if is_first else default,
+            search=search if is_first else None,
             role=role,
         )
 
@@ -82,15 +82,15 @@ PARAMETERS = (
 
 
 def make_cells(shape: Shape, *numbers: float) -> CellWeights:
-    """Return the cells of the parameters but ``alpha``, in the order of the file."""
+    """Return the cells for all parameters except ``alpha``, in the order of the file."""
     from anhyst.laws.cells import Population, discretise_populations
 
-    pinned = [Population(*numbers[at : at + 4]) for at in range(2, len(numbers), 4)]
+    pinned = [Population(*numbers[index : index + 4]) for index in range(2, len(numbers), 4)]
     return discretise_populations((numbers[0], numbers[1]), pinned, shape)
 
 
 def make_iron(cells: CellWeights, alpha: float) -> CellIron:
-    """Return the iron of the core."""
+    """Return the iron of the core for given cells."""
     from anhyst._core import CellIron
 
     return CellIron(
@@ -119,8 +119,10 @@ def _iron(shape: Shape, *numbers: float) -> CellIron:
 def _with_cells(name: str, cells: CellWeights) -> Law:
     shape = _SHAPES[name]
     if cells.shape != shape:
-        other = next(known for known, curve in _SHAPES.items() if curve == cells.shape)
-        raise ValueError(f"shape is {cells.shape!r}, that of law {other!r}; {name!r} has {shape!r}")
+        other_law = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
+        raise ValueError(
+            f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}"
+        )
 
     def given(_: Mapping[str, float]) -> CellWeights:
         return cells

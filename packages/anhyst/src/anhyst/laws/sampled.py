@@ -1,8 +1,8 @@
-"""Iron for a law written in Python: the law gives one step, and this the whole records around it.
+"""Simulate whole records for a hysteresis law written in Python that computes single steps.
 
-What surrounds the iron is one equation, ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with
-``B = mu0*(H + M)`` and ``e = mu0*gamma/dt``. As the magnetisation never falls while the field
-rises, the root lies no farther from the start than the equation is off there.
+The circuit around the iron gives ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with ``B = mu0*(H
++ M)`` and ``e = mu0*gamma/dt``. The magnetisation never falls as the field rises, so the distance
+of the root from the start is at most the mismatch of the equation there.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ from scipy.optimize import brentq
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-_OK, _NOT_SETTLED = 0, -6
+_OK = 0
+_NOT_SETTLED = -6
 _ROUNDING = 1e-12
 
 State = tuple[float, ...]
 
 
 class SampledIron(ABC):
-    """A law that answers sample by sample; an `anhyst.laws.law.IronOperator`."""
+    """Base class of laws that compute single samples; an `anhyst.laws.law.IronOperator`."""
 
     @abstractmethod
     def step(self, state: State, field: float) -> tuple[float, State]:
-        """Return magnetisation (A/m) and state after the field (A/m) moved straight to a value.
+        """Return magnetisation (A/m) and state after a straight change to a field (A/m).
 
         The magnetisation must not fall as the field rises.
         """
@@ -38,15 +39,15 @@ class SampledIron(ABC):
     def forward(
         self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """Follow a drive; see `anhyst.laws.law.IronOperator`."""
+        """Simulate a drive; see `anhyst.laws.law.IronOperator`."""
         return *self._follow(drive, rho, eddy, state, inverse=False), _OK, drive.size
 
     def inverse(
         self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """Follow a flux density; see `anhyst.laws.law.IronOperator`."""
-        found = self._follow(flux_density, rho, eddy, state, inverse=True)
-        return *found, _OK, flux_density.size
+        """Simulate a flux density; see `anhyst.laws.law.IronOperator`."""
+        results = self._follow(flux_density, rho, eddy, state, inverse=True)
+        return *results, _OK, flux_density.size
 
     def settle(
         self,
@@ -58,11 +59,11 @@ class SampledIron(ABC):
         max_cycles: int = 10000,
         tol: float = 1e-12,
     ) -> tuple[FloatArray, int, int]:
-        """Repeat a cycle till its state returns, to a part of its size."""
+        """Repeat a cycle until its state returns within a relative tolerance."""
         for cycle in range(1, max_cycles + 1):
-            before = state
+            previous_state = state
             *_, state = self._follow(inputs, rho, eddy, state, inverse=inverse)
-            if np.all(np.abs(state - before) <= tol * np.maximum(1.0, np.abs(state))):
+            if np.all(np.abs(state - previous_state) <= tol * np.maximum(1.0, np.abs(state))):
                 return state, cycle, _OK
         return state, max_cycles, _NOT_SETTLED
 
@@ -76,34 +77,36 @@ class SampledIron(ABC):
         inverse: bool,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         outputs, fields = np.empty(inputs.size), np.empty(inputs.size)
-        now: State = tuple(state.tolist())
-        before = self._flux(now, self.field_of(now))
+        current_state: State = tuple(state.tolist())
+        previous_flux = self._flux(current_state, self.field_of(current_state))
         rows = zip(inputs.tolist(), rho.tolist(), (eddy * MU_0).tolist(), strict=True)
         for index, (value, gap, rate) in enumerate(rows):
-            weight, start = gap + rate, now
+            weight, start = gap + rate, current_state
             if inverse:
                 field = self._root(start, 0.0, 1.0, value / MU_0)
             else:
-                field = self._root(start, 1.0, weight, value + rate * before)
-            _, now = self.step(start, field)
+                field = self._root(start, 1.0, weight, value + rate * previous_flux)
+            _, current_state = self.step(start, field)
             flux = self._flux(start, field)
-            outputs[index] = field + weight * flux - rate * before if inverse else MU_0 * flux
-            fields[index], before = field, flux
-        return outputs, fields, np.array(now)
+            outputs[index] = (
+                field + weight * flux - rate * previous_flux if inverse else MU_0 * flux
+            )
+            fields[index], previous_flux = field, flux
+        return outputs, fields, np.array(current_state)
 
     def _flux(self, state: State, field: float) -> float:
-        """Return ``B/mu0`` at a field, from a state."""
+        """Return ``B/mu0`` at a field, from a state, A/m."""
         return field + self.step(state, field)[0]
 
-    def _root(self, state: State, of_field: float, of_flux: float, total: float) -> float:
-        """Return the field that with its ``B/mu0`` adds up to what is wanted; the sum rises at least as it."""
+    def _root(self, state: State, field_factor: float, flux_factor: float, total: float) -> float:
+        """Solve ``of_field*H + of_flux*B/mu0 = total`` for the field H, A/m."""
 
-        def missing(field: float) -> float:
-            return of_field * field + of_flux * self._flux(state, field) - total
+        def mismatch_at(field: float) -> float:
+            return field_factor * field + flux_factor * self._flux(state, field) - total
 
         start = self.field_of(state)
-        mismatch = missing(start)
+        mismatch = mismatch_at(start)
         if mismatch == 0.0:
             return start
-        beyond = start - mismatch - np.copysign(_ROUNDING * (abs(start) + abs(total)), mismatch)
-        return float(brentq(missing, start, beyond, xtol=1e-12, rtol=1e-14))
+        other_end = start - mismatch - np.copysign(_ROUNDING * (abs(start) + abs(total)), mismatch)
+        return float(brentq(mismatch_at, start, other_end, xtol=1e-12, rtol=1e-14))

@@ -1,1 +1,1 @@
-"""The model of an actuator: parameters over the gap, its file, prediction, acceptance."""
+"""The model of an actuator: parameters over the gap, model file, prediction, acceptance test."""

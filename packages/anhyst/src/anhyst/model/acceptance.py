@@ -1,7 +1,7 @@
-"""The acceptance test: the force rises as the gap closes, and as the current rises from rest.
+"""Test the plausibility of a model: the force rises with a closing gap and with a rising current.
 
-The first is the paper's (II.C), at any fixed current; the second holds at any fixed gap, from the
-demagnetised state and from remanence.
+The first test is the paper's (II.C), at any fixed current. The second test applies at any fixed
+gap, from the demagnetised state and from remanence.
 """
 
 from __future__ import annotations
@@ -21,98 +21,97 @@ GAPS_PER_INTERVAL = 20
 DRIVES_PER_BRANCH = 100
 
 MAX_FALL = 1e-4
-"""Fall of the output, in parts of the largest, that still counts as none: a tenth of what the
-best force sensors resolve, and far above rounding where all gaps share one remanence."""
+"""Largest fall of the output, relative to the largest output, that counts as none. It is a tenth of
+the resolution of the best force sensors, and far above rounding errors."""
 
 MAX_SENSOR_OFFSET = 0.02
-"""Offset, in parts of the range, that a sensor may have; a force that falls beyond it is a fault of
-the model, however it is called. As much may offsets differ from gap to gap: they are no property of
-the magnet."""
+"""Largest plausible offset of a sensor, relative to the range. Differences of the offsets between
+gaps up to this size are not a property of the magnet; beyond it, they are a fault of the model."""
 
 
 @dataclass(frozen=True, eq=False)
 class GapCheck:
-    """Outcome of the acceptance test over the gap."""
+    """Result of the acceptance test over the gap."""
 
-    gaps: FloatArray  # the dense grid of gaps, ascending, m; shape (g,)
-    # settled cycle: the rising branch, then the falling one, in units of the input, as the sensor
-    # reads it at the gap with the largest offset; shape (n,)
+    gaps: FloatArray  # dense grid of gaps, ascending, m; shape (g,)
+    # steady-state cycle, ascending then descending branch, in units of the input, as read by the
+    # sensor of the gap with the largest offset; shape (n,)
     drive: FloatArray
-    # output over that cycle at each gap, with the offset of its sensor; NaN where the model could
-    # not be computed; shape (g, n)
+    # output over that cycle at each gap, with the sensor offset; NaN if the model could not be
+    # computed; shape (g, n)
     output: FloatArray
-    # By how much the offset of its sensor lies above the least one. It is taken off the output
-    # before that is judged, as far as sensors have such offsets (:data:`OFFSET`); shape (g,)
+    # offset of the output minus the smallest offset of all gaps, which is subtracted before the
+    # test, up to :data:`MAX_SENSOR_OFFSET`; shape (g,)
     offset: FloatArray
-    fall: float  # largest fall of the output towards a smaller gap, in parts of the largest output
-    gap: float  # gap at which the output has fallen most, m
-    at_drive: float  # drive at which it has, in units of the input
+    fall: float  # largest fall of the output towards a smaller gap, relative to the largest output
+    gap: float  # gap with the largest fall, m
+    at_drive: float  # drive at the largest fall, in units of the input
     branch: str  # ``"rising"`` or ``"falling"``
-    # 1 where a rise is one upward; -1 where output is negative and rises in magnitude
+    # 1 if the output must rise; -1 if it is negative and must rise in magnitude
     sign: float = 1.0
-    failure: str = ""  # why a gap could not be computed; empty if all could
+    failure: str = ""  # reason why a gap could not be computed; empty if all could
 
     @property
     def failing(self) -> tuple[float, ...]:
-        """Gaps where the output has fallen, or could not be computed, m."""
+        """Gaps where the output falls or could not be computed, m."""
         falls = _falls_as_gap_closes(self.sign * self.output, self.sign * self.offset)
-        fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > MAX_FALL
-        return tuple(self.gaps[fallen | np.isnan(self.output).any(axis=1)].tolist())
+        has_fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > MAX_FALL
+        return tuple(self.gaps[has_fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
     def passed(self) -> bool:
-        """Whether the output rises throughout as the gap closes."""
+        """Whether the output rises everywhere as the gap closes."""
         return not self.failure and self.fall <= MAX_FALL
 
     def text(self, unit: str) -> str:
-        """One sentence for a person; ``unit`` is that of the drive."""
-        at = f"{1e3 * self.gap:.4g} mm"
+        """Return the result as a sentence; ``unit`` is the unit of the drive."""
+        gap_text = f"{1e3 * self.gap:.4g} mm"
         if self.failure:
-            return f"the model cannot be computed at a gap of {at}: {self.failure}"
+            return f"the model cannot be computed at a gap of {gap_text}: {self.failure}"
         if self.passed:
             span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
             return f"at every drive the output rises as the gap closes ({span}, both branches)"
         return (
             f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
-            f"{at} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
-            "no electromagnet with a plain gap does that, do not use the model there"
+            f"{gap_text} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
+            "no electromagnet with a simple gap does that; do not use the model there"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class DriveCheck:
-    """Outcome of the acceptance test over the drive."""
+    """Result of the acceptance test over the drive."""
 
-    # largest fall of the output as the drive rises from rest, in parts of the largest output
+    # largest fall of the output as the drive rises from rest, relative to the largest output
     fall: float
-    at_drive: float  # drive at which it has fallen most, in units of the input
-    where: str  # gap, and state at the start, for a person
-    failure: str = ""  # why it could not be computed; empty if it could
+    at_drive: float  # drive at the largest fall, in units of the input
+    where: str  # gap and initial state, in words
+    failure: str = ""  # reason why it could not be computed; empty if it could
 
     @property
     def passed(self) -> bool:
-        """Whether the output nowhere falls as the drive rises."""
+        """Whether the output never falls as the drive rises."""
         return not self.failure and self.fall <= MAX_FALL
 
     def text(self, unit: str) -> str:
-        """One sentence for a person; ``unit`` is that of the drive."""
+        """Return the result as a sentence; ``unit`` is the unit of the drive."""
         if self.failure:
             return f"the model cannot be computed {self.where}: {self.failure}"
         if self.passed:
-            return "the output nowhere falls as the drive rises from rest"
+            return "the output never falls as the drive rises from rest"
         return (
             f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest, at "
-            f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that, do not use the "
+            f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that; do not use the "
             "model there"
         )
 
 
 def check_over_drive(model: ModelData) -> DriveCheck | None:
-    """Test that at any fixed gap the force never falls as the drive rises from rest.
+    """Test that the force never falls as the drive rises from rest, at any fixed gap.
 
-    From the demagnetised state, and from what remains after the largest drive, at 100 drives up to
-    the largest measured one, at each node and half-way between. Rest is where a sensor whose offset
-    is no larger than sensors have (:data:`OFFSET`) shows that nothing flows.
+    The test starts from the demagnetised state and from remanence after the largest drive, and uses
+    100 drives up to the largest measured one, at each node and half-way between nodes. Rest is the
+    drive that the sensor reads at zero, if its offset is at most :data:`MAX_SENSOR_OFFSET`.
     """
     if not output_map(model.output).is_even or model.valid is None:
         return None
@@ -123,33 +122,33 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
         "demagnetised": "from the demagnetised state",
         f"conditioned:{start!r},{largest!r},{start!r}": "from remanence",
     }
-    worst = DriveCheck(0.0, start, "")
-    most = max(map(abs, model.valid.output))
-    places: list[float | None] = [None]
+    worst_check = DriveCheck(0.0, start, "")
+    largest_output = max(map(abs, model.valid.output))
+    gaps: list[float | None] = [None]
     if model.needs_schedule:
         nodes = np.array(model.nodes)
-        places = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
-    for gap in places:
-        for history, words in states.items():
-            where = words
+        gaps = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
+    for gap in gaps:
+        for history, start_text in states.items():
+            where = start_text
             if gap is not None and model.schedule is not None:
-                where = f"at {model.schedule.show(gap)} {words}"
+                where = f"at {model.schedule.show(gap)} {start_text}"
             try:
                 time = slow_times(rise.size)
                 output = run_record(model, "drive", rise, gap, time, history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
-            at = int(np.argmax(falls))
-            fall = float(falls[at]) / max(most, np.finfo(np.float64).tiny)
-            if fall > worst.fall:
-                worst = DriveCheck(fall, float(rise[at]), where)
-    return worst
+            row = int(np.argmax(falls))
+            fall = float(falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
+            if fall > worst_check.fall:
+                worst_check = DriveCheck(fall, float(rise[row]), where)
+    return worst_check
 
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Outcome of both tests; None where one does not apply."""
+    """Results of both tests; None if a test does not apply."""
 
     over_gap: GapCheck | None
     over_drive: DriveCheck | None
@@ -159,47 +158,46 @@ class Acceptance:
 
     @property
     def passed(self) -> bool | None:
-        """Whether all that apply have passed; None if none applies."""
+        """Whether all applicable tests have passed; None if none applies."""
         checks = self._checks()
         return all(check.passed for check in checks) if checks else None
 
     def text(self, unit: str) -> str:
-        """Say what failed, or else what has passed; ``unit`` is that of the drive."""
+        """Return the failed tests or, if there are none, the passed ones; ``unit`` is the drive's."""
         checks = self._checks()
         failed = [check for check in checks if not check.passed]
         return "; ".join(check.text(unit) for check in failed or checks)
 
 
 def check_acceptance(model: ModelData) -> Acceptance:
-    """Run both tests."""
+    """Run both acceptance tests."""
     return Acceptance(check_over_gap(model), check_over_drive(model))
 
 
 def check_over_gap(
     model: ModelData, at: Callable[[float], ModelData] | None = None
 ) -> GapCheck | None:
-    """Test that at any fixed drive the output rises as the gap closes.
+    """Test that the output rises as the gap closes, at any fixed drive.
 
-    The settled cycle between zero (less the offset of the input: below it, what remains in the iron
-    is demagnetised, most at the smallest gap) and the largest measured drive is computed on a dense
-    grid of gaps over and between all nodes, at 100 drives on each branch. Compared is the magnet
-    itself: by how much offsets of its sensors differ from gap to gap does not count, as far as
-    sensors have such offsets (:data:`OFFSET`).
+    The steady-state cycle between rest and the largest measured drive is computed on a dense grid
+    of gaps between all nodes, with 100 drives on each branch. Rest is the offset of the input: a
+    smaller drive would demagnetise the iron, most at the smallest gap. Differences of the sensor
+    offsets between gaps are removed first, up to :data:`MAX_SENSOR_OFFSET`.
     """
     if model.schedule is None or model.schedule.name != "gap" or not model.varying:
         return None
     if len(model.nodes) < 2 or model.valid is None or model.output.name == "thrust":
-        return None  # what pushes too has no gap that closes
+        return None  # a thrust has no closing gap
     nodes = np.array(model.nodes)
-    parts = np.arange(GAPS_PER_INTERVAL) / GAPS_PER_INTERVAL
-    gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
-    half = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
-    drive = np.concatenate([half, half[-2::-1]])
-    # "rises" means: in magnitude
-    towards = -1.0 if not output_map(model.output).is_even and half[-1] < 0.0 else 1.0
+    fractions = np.arange(GAPS_PER_INTERVAL) / GAPS_PER_INTERVAL
+    gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * fractions).ravel(), nodes[-1])
+    ascending = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
+    drive = np.concatenate([ascending, ascending[-2::-1]])
+    # the output must rise in magnitude
+    sign = -1.0 if not output_map(model.output).is_even and ascending[-1] < 0.0 else 1.0
     output = np.full((gaps.size, drive.size), np.nan)
     offset = np.zeros(gaps.size)
-    troubles: list[tuple[float, str]] = []
+    failures: list[tuple[float, str]] = []
     for index, gap in enumerate(gaps.tolist()):
         try:
             fixed, schedule = (model, gap) if at is None else (at(gap), None)
@@ -209,30 +207,30 @@ def check_over_gap(
             largest = _largest_drive(model)
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
             share = fixed.interpolate_parameter("in_0", gap)[0] / largest
-            seen = drive - largest * float(np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET))
+            applied = drive - largest * float(np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET))
             time = slow_times(drive.size)
-            output[index] = run_record(fixed, "drive", seen, schedule, time, "settled").output
+            output[index] = run_record(fixed, "drive", applied, schedule, time, "settled").output
         except (InputError, NegativeResult) as error:
-            troubles.append((gap, str(error)))
-    if troubles:
-        gap, trouble = troubles[0]
-        return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", towards, trouble)
-    fall = _falls_as_gap_closes(towards * output, towards * offset)
-    place, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
-    worst = float(fall[place, sample]), float(gaps[place]), float(drive[sample])
+            failures.append((gap, str(error)))
+    if failures:
+        gap, failure = failures[0]
+        return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", sign, failure)
+    fall = _falls_as_gap_closes(sign * output, sign * offset)
+    gap_index, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
+    worst_place = float(fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
     branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
-    return GapCheck(gaps, drive, output, offset, *worst, branch, towards)
+    return GapCheck(gaps, drive, output, offset, *worst_place, branch, sign)
 
 
 _NEGATIVE_END_RATIO = 1.05
-"""By what factor the negative end must be further out for drives to rise towards it."""
+"""Factor by which the negative end must be further from zero to be the largest drive."""
 
 
 def _largest_drive(model: ModelData) -> float:
-    """Return the end of the valid range that is further from where nothing magnetises.
+    """Return the end of the valid input range that is further from zero magnetisation.
 
-    That is zero, or where an actuator has a bias, the offset of the input. Of ends that are as far,
-    the positive one: noise of the sensors does not decide.
+    This is zero drive or, with a bias, the offset of the input. If both ends are about equally far,
+    the positive end is returned, so that sensor noise does not decide.
     """
     low, high = model.valid_range.input
     bias = float(np.mean(model.parameters["in_0"]))
@@ -240,17 +238,17 @@ def _largest_drive(model: ModelData) -> float:
 
 
 def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
-    """Return the drive from which on none is negative: above zero by a part of the largest."""
+    """Return the smallest drive that is not negative at any gap, at most a share of the largest."""
     largest = _largest_drive(model)
     shares = np.atleast_1d(model.parameters["in_0"]) / largest
     return largest * float(np.clip(shares.max(), 0.0, max_share))
 
 
 def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
-    """How far the output lies below that of any wider gap, in parts of the largest output."""
+    """Return how far the output is below that of any wider gap, relative to the largest output."""
     tiny = np.finfo(np.float64).tiny
     largest = float(np.fmax.reduce(np.abs(output), axis=None, initial=tiny))
-    reach = MAX_SENSOR_OFFSET * largest
-    closing = (output - np.clip(offset, -reach, reach)[:, None])[::-1]
-    best = np.fmax.accumulate(closing, axis=0)
-    return (best - closing)[::-1] / largest
+    max_offset = MAX_SENSOR_OFFSET * largest
+    closing = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
+    running_maximum = np.fmax.accumulate(closing, axis=0)
+    return (running_maximum - closing)[::-1] / largest

@@ -1,9 +1,9 @@
-"""A model in use: read from its file, whole records, sample by sample, and the acceptance test.
+"""Use a model: read it from its file, predict and invert records, test it, and run it in steps.
 
-The file is a versioned TOML that a person reads, edits and compares. Everything is SI and the unit
-stands in the key, so ``k_A_per_m`` is ``k`` in A/m. Numbers are written so that every bit comes
-back, and there is no time stamp: the same model gives the same file. What is wrong with a file is
-reported with its line and key, all of it at once.
+The model file is a versioned TOML file for reading, editing and comparing. All values are SI with
+the unit in the key: ``k_A_per_m`` is ``k`` in A/m. Numbers are written with full precision and
+without a time stamp, so that the same model gives the same file. All errors of a file are reported
+together, with line and key.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DRAWN_SAMPLES = 400
-"""Samples of a branch that is drawn."""
+"""Number of samples of a plotted branch."""
 
 CYCLE_S = 1.0
-"""Length of the cycle of a model whose loops depend on the rate."""
+"""Length of the cycle of a rate-dependent model, s."""
 
 
 @dataclass(frozen=True, repr=False)
 class Model(Result, ModelData):
-    """A record of an actuator, and what can be done with it.
+    """A model of an actuator, with prediction, inversion and tests.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class Model(Result, ModelData):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> FloatArray:
-        """Return the output that a drive gives, shape (n,); see :meth:`predict`."""
+        """Return the output for a drive, shape (n,); see :meth:`predict`."""
         return self.predict(drive, schedule, time, history).output
 
     def inverse(
@@ -77,7 +77,7 @@ class Model(Result, ModelData):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> FloatArray:
-        """Return the drive that a demanded output needs, shape (n,); see :meth:`invert`."""
+        """Return the drive for a demanded output, shape (n,); see :meth:`invert`."""
         return self.invert(demand, schedule, time, history).drive
 
     def predict(
@@ -87,7 +87,7 @@ class Model(Result, ModelData):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> Prediction:
-        """Compute the output that a drive gives."""
+        """Compute the output for a drive."""
         return self._run("drive", drive, schedule, time, history)
 
     def invert(
@@ -97,9 +97,9 @@ class Model(Result, ModelData):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> Prediction:
-        """Compute the drive that a demanded output needs.
+        """Compute the drive for a demanded output.
 
-        The drive for a force is unipolar; a sample without an answer is flagged
+        The drive for a force is unipolar. A sample without a solution is flagged
         (:meth:`.Circuit.flux_density`).
         """
         return self._run("demand", demand, schedule, time, history)
@@ -112,40 +112,40 @@ class Model(Result, ModelData):
         time: ArrayLike | None,
         history: HistoryLike | None,
     ) -> Prediction:
-        found = run_record(self, kind, values, schedule, time, history)
+        result = run_record(self, kind, values, schedule, time, history)
         quantity = self.input if kind == "drive" else self.output
         warn_if_far(self, quantity, as_samples(values, kind), schedule)
-        return found
+        return result
 
     def predict_loop(self, loop: Loop) -> FloatArray:
-        """Return the output that the model gives for the drive of a measured loop, shape (n,)."""
+        """Return the modelled output for the drive of a measured loop, shape (n,)."""
         return self.predict(loop.input, loop.schedule, loop.time, loop.history).output
 
     def stepper(self, schedule: float | None = None, history: HistoryLike | None = None) -> Stepper:
-        """Start the model for use sample by sample; see :class:`anhyst.model.stepper.Stepper`."""
+        """Return a stepper for use sample by sample; see :class:`anhyst.model.stepper.Stepper`."""
         return Stepper(self, schedule, history)
 
     def check_over_gap(self) -> GapCheck | None:
-        """Run the acceptance test over the gap; see :func:`anhyst.model.acceptance.check_over_gap`."""
+        """Test the model over the gap; see :func:`anhyst.model.acceptance.check_over_gap`."""
         return check_over_gap(self)
 
     def acceptance(self) -> Acceptance:
-        """Run the whole acceptance test; see :func:`anhyst.model.acceptance.check_acceptance`."""
+        """Run both acceptance tests; see :func:`anhyst.model.acceptance.check_acceptance`."""
         return check_acceptance(self)
 
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
-        """Return drive and output of the settled loop where the model holds: up, then down.
+        """Return drive and output of the steady-state loop over the valid range, ascending first.
 
-        Each branch has this number of samples. A model whose loops depend on the rate is cycled in
-        :data:`CYCLE_S`. It is an `InputError` if the model does not say where it holds.
+        Each branch has `samples` samples. A rate-dependent model is cycled in :data:`CYCLE_S`. A
+        model without a valid range raises `InputError`.
         """
-        up = np.linspace(*self.valid_range.input, samples)
-        drive = np.concatenate([up, up[::-1]])
+        ascending = np.linspace(*self.valid_range.input, samples)
+        drive = np.concatenate([ascending, ascending[::-1]])
         time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None
         return drive, self(drive, schedule, time, "settled")
 
     def facts(self) -> dict[str, str]:
-        """Return law, gap map, where the model holds and how well it fits."""
+        """Return law, gap map, valid ranges and accuracy."""
         facts = {"name": self.name, "law": self.law, "gap map": self.gap_map}
         if (valid := self.valid) is not None:
             facts[self.input.name] = range_text(*valid.input, self.input.unit)
@@ -158,29 +158,29 @@ class Model(Result, ModelData):
         return facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the parameters, SI: one row each, and one for each node where they vary."""
+        """Return the parameters, SI, one row each; gap-dependent ones have one row per node."""
         rows = []
         for name, value in self.parameters.items():
             values = value if isinstance(value, tuple) else (value,)
             nodes = self.nodes if len(values) > 1 else (float("nan"),)
             rows += [(self.file_keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
-        at = self.schedule.column if self.schedule is not None else "node"
+        node_column = self.schedule.column if self.schedule is not None else "node"
         names, positions, numbers = zip(*rows, strict=True)
-        return {"parameter": list(names), at: list(positions), "value": list(numbers)}
+        return {"parameter": list(names), node_column: list(positions), "value": list(numbers)}
 
     def draw(self, ax: Axes) -> None:
         """Draw :meth:`settled_loop` at each node."""
         scale, label = length_scale(self.output)
         for node, colour in schedule_colours(self.nodes or (0.0,)).items():
-            at = node if self.nodes else None
-            drive, output = self.settled_loop(at, DRAWN_SAMPLES)
-            name = group_label(self.schedule, at)
+            gap = node if self.nodes else None
+            drive, output = self.settled_loop(gap, DRAWN_SAMPLES)
+            name = group_label(self.schedule, gap)
             ax.plot(drive, scale * output, color=colour, lw=1.1, label=name)
         ax.set_xlabel(self.input.label)
         ax.set_ylabel(label)
 
     def with_read_options(self, options: ReadOptions) -> Self:
-        """Return the model with a note in its provenance of how its measurements were read."""
+        """Return the model with the options for reading its measurements in its provenance."""
         origin = self.provenance
         settings = dict(origin.settings) | options.as_settings()
         return replace(self, provenance=replace(origin, settings=settings))
@@ -197,17 +197,17 @@ def read_model(path: PathLike) -> Model:
     Parameters
     ----------
     path : path-like
-        A file that :func:`~anhyst.model.writer.write_model` wrote, perhaps edited since.
+        A file of :func:`~anhyst.model.writer.write_model`, possibly edited.
 
     Returns
     -------
     Model
-        Ready for use: the core has accepted its parameters.
+        The checked model; the core has accepted its parameters.
 
     Raises
     ------
     InputError
-        The file cannot be read or is no TOML.
+        The file cannot be read or is not TOML.
     TomlFileError
         Another format or version, keys that are unknown, missing, without their unit or out of
         range; with line and key.
@@ -217,7 +217,7 @@ def read_model(path: PathLike) -> Model:
 
 
 def resolve_model(model: Model | PathLike, verb: str, argument: str = "model") -> Model:
-    """Return the model that a verb was given, read from its file if need be."""
+    """Return the model that a command was given, read from its file if necessary."""
     if isinstance(model, Model):
         return model
     check_path(model, f"{verb}: {argument}", MODEL_SOURCES)
@@ -225,25 +225,25 @@ def resolve_model(model: Model | PathLike, verb: str, argument: str = "model") -
 
 
 MODEL_SOURCES = "a Model or the path of a model file"
-"""What a verb accepts where it needs a model."""
+"""What a command accepts as a model, for messages."""
 
 
 def read_sources(model: Model, folder: PathLike = ".") -> Loops:
-    """Read the measurements of a model again, exactly as for its identification."""
+    """Read the measurements of a model again, with the options of its identification."""
     sources = model.provenance.sources
     if not sources:
-        text = "the model does not say which measurements it came from: [provenance]"
+        text = "the model does not list its measurements; identify again, or add [provenance]"
         raise InputError(text, code="no-provenance", key="provenance")
-    kept = {
+    texts = {
         name.removeprefix(SETTING_PREFIX): str(value)
         for name, value in model.provenance.settings.items()
         if name.startswith(SETTING_PREFIX)
     }
-    unknown = set(kept) - {item.name for item in fields(ReadOptions)}
+    unknown = set(texts) - {item.name for item in fields(ReadOptions)}
     if unknown:
         key = f"provenance.settings.{SETTING_PREFIX}{min(unknown)}"
         raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
-    options = ReadOptions.from_text(**kept)
+    options = ReadOptions.from_text(**texts)
     return options.read(
         [_find_source(source.path, source.sha256, Path(folder)) for source in sources]
     )
@@ -257,37 +257,37 @@ def _find_source(path: str, sha256: str, folder: Path) -> Path:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
                 return candidate
     if present:
-        text = f"{present[0]}: has changed since the model was identified; identify again"
+        text = f"{present[0]}: file changed after the identification; identify again"
         raise InputError(text, code="source-changed")
     raise InputError(
-        f"{path}: no such file; put the measurements back or identify again", code="no-such-file"
+        f"{path}: no such file; restore the measurements or identify again", code="no-such-file"
     )
 
 
 GAP_SAMPLES = 65
-"""Places over the gap at which a model is looked at, beside its nodes."""
+"""Number of gaps at which a model is checked, in addition to its nodes."""
 
 
 def find_compile_obstacle(model: Model) -> str | None:
-    """Say why a model cannot be compiled, and what helps."""
+    """Return why a model cannot be compiled, and the remedy; None if it can be compiled."""
     law = model.operator_law
     if law.least_slope is None:
-        others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
-        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
+        alternatives = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
+        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {alternatives}"
     if model.needs_fixed_gap:
-        over = model.schedule.name if model.schedule else "gap"
-        others = "scaling or reluctance" if over == "gap" else "scaling"
+        schedule_name = model.schedule.name if model.schedule else "gap"
+        alternatives = "scaling or reluctance" if schedule_name == "gap" else "scaling"
         return (
-            f"gap map 'free' cannot be compiled: the iron itself would change with the {over}; "
-            f"identify with --gap-map {others}"
+            f"gap map 'free' cannot be compiled: the iron itself would change with the {schedule_name}; "
+            f"identify with --gap-map {alternatives}"
         )
     if model.has_eddy_currents and not (model.has_layers or model.has_lag):
-        return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
+        return "gamma: these eddy currents cannot be compiled; use the model at rest (at_rest)"
     return _find_jump(model)
 
 
 def require_core(model: Model, at: float) -> None:
-    """Refuse a model whose law runs in Python alone."""
+    """Raise an error for a model whose law is not in the core."""
     if not isinstance(model.iron_at(at), AnyIron):
         raise InputError(
             f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
@@ -296,35 +296,35 @@ def require_core(model: Model, at: float) -> None:
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
-    """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron."""
-    least = model.operator_law.least_slope
-    assert least is not None
-    return least(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
+    """Return ``1 + w*S``: the smallest slope of drive over field, relative to that without iron."""
+    slope_function = model.operator_law.least_slope
+    assert slope_function is not None
+    return slope_function(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
 
 
 def _find_jump(model: Model) -> str | None:
-    at = _gaps_to_check(model)
-    jumps = least_slope(model, at) < MIN_SLOPE
+    gaps = _gaps_to_check(model)
+    jumps = least_slope(model, gaps) < MIN_SLOPE
     if not jumps.any():
         return None
     text = (
-        "alpha: the output jumps at some currents, and no current holds it in between "
-        "(the coupling of the iron outweighs the gap), so that the model cannot be compiled: "
+        "alpha: the output jumps at some currents, and no current gives the values between "
+        "(the coupling of the iron exceeds the effect of the gap), so the model cannot be compiled: "
     )
     if jumps.all():
-        other = "scaling" if "rho" in model.varying else "reluctance"
-        switch = f"identify with --gap-map {other}, or " if len(model.nodes) > 1 else ""
+        other_map = "scaling" if "rho" in model.varying else "reluctance"
+        switch = f"identify with --gap-map {other_map}, or " if len(model.nodes) > 1 else ""
         return f"{text}{switch}measure with a wider gap; predict and invert follow the jumps"
     name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
-    low, high = at[jumps].min(), at[jumps].max()
+    low, high = gaps[jumps].min(), gaps[jumps].max()
     return (
-        f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: leave out the loops there, "
-        f"or narrow the {name} in the model's [valid] to what lies beyond"
+        f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: remove the loops there, "
+        f"or limit the {name} in the model's [valid] to values without jumps"
     )
 
 
 def _gaps_to_check(model: Model) -> FloatArray:
-    """Return where to look: evenly over the range of the gap, and at the nodes inside it."""
+    """Return gaps evenly over the valid range, and the nodes inside it."""
     nodes = np.array(model.nodes)
     valid = None if model.valid is None else model.valid.schedule
     low, high = valid or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))

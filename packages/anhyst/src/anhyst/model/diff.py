@@ -1,4 +1,4 @@
-"""What two models have different, and how far apart that puts what they predict."""
+"""Compare two models: different settings and parameters, and the difference of their loops."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class LoopDifference:
-    """How far the settled loops are apart at one value of the scheduling variable."""
+    """Difference of the steady-state loops at one value of the scheduling variable."""
 
     schedule: float | None  # scheduling variable, SI
     # largest absolute output of the first model there, in units of the output
     largest_output: float
     mean: float  # mean and largest absolute difference of the outputs
     worst: float
-    at_drive: float  # drive at which it is largest, in units of the input
+    at_drive: float  # drive at the largest difference, in units of the input
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -58,14 +58,14 @@ class ModelDiff(Result):
     parameters : tuple of Change
         Parameters that differ.
     drive : tuple of two floats or None
-        Range of the settled cycle that was compared, in units of the input: where both models are
-        valid. None if there is no such range.
+        Range of the compared steady-state cycle, in units of the input, within both valid ranges.
+        None if there is no such range.
     loops : tuple of LoopDifference
-        At every node of either model and half-way between, where both are valid.
+        At every node of either model and half-way between nodes, within both valid ranges.
     mean, worst : float or None
         Over all those loops, in units of the output.
     note : str
-        Why nothing could be compared, or empty.
+        Reason why no loops were compared, or empty.
     """
 
     settings: tuple[Change, ...]
@@ -78,18 +78,18 @@ class ModelDiff(Result):
 
     @property
     def same(self) -> bool:
-        """Whether the models compute the same (names and records of origin aside)."""
+        """Whether the models compute the same, except for names and records of origin."""
         return not self.settings and not self.parameters
 
     def facts(self) -> dict[str, str]:
-        """Return what differs, and how far apart the loops are."""
+        """Return the differences, and the distance of the loops."""
         facts = {"different": ", ".join(item.name for item in (*self.settings, *self.parameters))}
         if self.mean is not None and self.worst is not None:
-            facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
+            facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} (SI)"}
         return {"same": "yes"} if self.same else facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return how far the settled loops are apart at each scheduling value, SI."""
+        """Return the differences of the steady-state loops at each scheduling value, SI."""
         return rows_to_columns([asdict(loop) for loop in self.loops])
 
     def as_dict(self) -> dict[str, Any]:
@@ -97,10 +97,12 @@ class ModelDiff(Result):
         return {"same": self.same, **asdict(self)}
 
     def draw(self, ax: Axes) -> None:
-        """Draw mean and largest difference of the settled loops over the scheduling variable."""
-        at = [0.0 if loop.schedule is None else loop.schedule for loop in self.loops]
-        ax.plot(at, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference")
-        ax.plot(at, [loop.mean for loop in self.loops], "o-", lw=1.1, label="mean")
+        """Draw mean and largest difference of the steady-state loops over the scheduling variable."""
+        schedules = [0.0 if loop.schedule is None else loop.schedule for loop in self.loops]
+        ax.plot(
+            schedules, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference"
+        )
+        ax.plot(schedules, [loop.mean for loop in self.loops], "o-", lw=1.1, label="mean")
         ax.set_xlabel("scheduling variable, SI")
         ax.set_ylabel("difference of the outputs, SI")
 
@@ -109,11 +111,11 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     """Compare two models of the same kind: `anhyst.diff`."""
     first, second = resolve_model(first, "diff", "first"), resolve_model(second, "diff", "second")
     for role in ("input", "output"):
-        mine, other = getattr(first, role), getattr(second, role)
-        if mine != other:
+        first_quantity, second_quantity = getattr(first, role), getattr(second, role)
+        if first_quantity != second_quantity:
             raise InputError(
-                f"the models cannot be compared: the {role} of one is {mine.column}, of the other "
-                f"{other.column}",
+                f"the models cannot be compared: the {role} of one is {first_quantity.column}, of the other "
+                f"{second_quantity.column}",
                 code="quantities-differ",
             )
     settings = _find_changes(_settings(first), _settings(second))
@@ -161,10 +163,10 @@ def _common_range(ranges: list[Range]) -> Range:
 
 
 def _common_schedule(first: Model, second: Model) -> list[float | None]:
-    """Nodes of both models and the places between, where both are valid; [None] without any."""
+    """Return the nodes of both models and the middles between them, within both valid ranges."""
     if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
         raise InputError(
-            "the models run over different quantities: no loops compared", code="quantities-differ"
+            "the scheduling variables differ: no loops compared", code="quantities-differ"
         )
     nodes = np.unique([*first.nodes, *second.nodes])
     if not nodes.size:
@@ -172,18 +174,27 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     ranges = [m.valid.schedule for m in (first, second) if m.valid and m.valid.schedule]
     spans = ranges or [(m.nodes[0], m.nodes[-1]) for m in (first, second) if m.nodes]
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
-    within = nodes[(nodes >= low) & (nodes <= high)]
-    if not within.size:
+    common_nodes = nodes[(nodes >= low) & (nodes <= high)]
+    if not common_nodes.size:
         text = "the valid ranges of the schedule do not overlap: no loops compared"
         raise InputError(text, code="ranges-apart")
-    return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
+    return sorted(
+        [*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()]
+    )
 
 
 def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
-    half = np.linspace(*drive, DRIVES_PER_BRANCH)
-    cycle = np.concatenate([half, half[-2::-1]])
-    slow = slow_times(cycle.size)
-    output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
-    apart = np.abs(output - other)
-    largest, at = full_scale(first.output, (output,)), float(cycle[int(np.argmax(apart))])
-    return LoopDifference(gap, largest, float(apart.mean()), float(apart.max()), at)
+    ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
+    cycle = np.concatenate([ascending, ascending[-2::-1]])
+    times = slow_times(cycle.size)
+    output, other = (
+        model.predict(cycle, gap, times, "settled").output for model in (first, second)
+    )
+    differences = np.abs(output - other)
+    largest, worst_drive = (
+        full_scale(first.output, (output,)),
+        float(cycle[int(np.argmax(differences))]),
+    )
+    return LoopDifference(
+        gap, largest, float(differences.mean()), float(differences.max()), worst_drive
+    )

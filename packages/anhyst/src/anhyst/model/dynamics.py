@@ -1,22 +1,22 @@
-"""What comes late in an actuator: a lag, creep, and solid iron.
+"""Model the dynamics of an actuator: lag, creep, and layers of solid iron.
 
-The effective field follows the drive of a moment ago, and to the flux density ``B`` of the iron
-(of a piezo: its polarisation, in the same place) slow parts of itself are added::
+The effective field follows the delayed drive. Slow parts of the flux density ``B`` of the iron (for
+a piezo, of its polarisation) are added to it::
 
     output(t) = c_out * (B + sum_j w_j s_j)**power + out_0,    T_j ds_j/dt = B - s_j
 
-A sample counts until the next one: each ``s_j`` is that of what was before. So the inverse knows
-them when it needs them: take them off the demand, solve for ``B``, then let them follow it.
+A sample is held until the next one, so each ``s_j`` depends on earlier samples only. Therefore, the
+inverse can subtract the slow parts from the demand, solve for ``B``, and then update them.
 
-Solid iron is late in itself: layers of its law between which the field diffuses. Layer ``j`` of
-``N``, the surface first, has a share ``phi_j`` of the section and a field ``H_j`` of its own; ``S_j``
-is the flux density in it and deeper, over the whole section::
+Solid iron consists of ``N`` layers between which the field diffuses. Layer ``j``, counted from the
+surface, has a share ``phi_j`` of the section and its own field ``H_j``; ``S_j`` is the flux density
+in layer ``j`` and all deeper layers, over the whole section::
 
     H_(j-1) = H_j + gamma/(N - 1) * dS_j/dt,                j = 2..N
     c_H(gap) * (input - in_0) = l*H_l + (1 - l)*H_1 + rho(gap)*B/mu0,      B = S_1
 
-where sheets, a share ``l`` of the path, take the field ``H_l`` that the whole flux asks for. At
-rest all fields are alike, and the model is that of one layer (docs/rate.md).
+Sheets, a share ``l`` of the path, need the field ``H_l`` for the whole flux. At rest, all fields
+are equal, and the model is that of one layer (docs/rate.md).
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 GAMMA_NAME = "gamma (A s/(m T))"
-"""What it is called among the fitted quantities."""
+"""Name of gamma among the fitted quantities."""
 
 MAX_RATE_RATIO = 1.5
-"""A run that much faster than what a model was seen to hold for is flagged."""
+"""Ratio of the rate of a run to the highest validated rate above which the run is flagged."""
 
 
 @dataclass(frozen=True)
 class Dynamics:
     """Lag and creep of an actuator."""
 
-    lag: float = 0.0  # from the drive to the answer, s, 0 or above
+    lag: float = 0.0  # delay from the drive to the output, s, 0 or above
     times: tuple[float, ...] = ()  # time constants of the creep, s, above 0, ascending
-    # what each adds in the end, in parts of what the actuator does at once; 0 or above
+    # final contribution of each slow part, relative to the immediate output; 0 or above
     shares: tuple[float, ...] = ()
-    # rate of cycles up to which the model was seen to hold, Hz; 0 where that is not known
+    # highest cycle rate at which the model was validated, Hz; 0: unknown
     fastest: float = 0.0
 
     def __post_init__(self) -> None:
@@ -64,63 +64,66 @@ class Dynamics:
 
     @property
     def needs_time(self) -> bool:
-        """Whether a run has to say when its samples were taken."""
+        """Whether a run needs the times of its samples."""
         return self.lag > 0.0 or bool(self.times)
 
-    def advance(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
-        """Return the slow parts after a flux density has held for a time, s."""
-        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow - flux))
+    def advance(self, flux: float, slow_parts: FloatArray, step: float) -> FloatArray:
+        """Return the slow parts after a flux density was constant for a time, s."""
+        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow_parts - flux))
 
     def apply_creep(
-        self, inputs: FloatArray, time: FloatArray, slow: FloatArray, *, is_flux_known: bool
+        self, inputs: FloatArray, time: FloatArray, slow_parts: FloatArray, *, is_flux_known: bool
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Add creep to a known flux density, or take it off one that has it.
+        """Add creep to a known flux density, or subtract it from one that includes it.
 
-        Return the record without or with its creep, the slow parts at its last sample, and the
-        flux density there.
+        Return the resulting record, the slow parts at its last sample, and the flux density without
+        creep there.
         """
-        kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
+        decay = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         if is_flux_known:
-            parts = np.stack(
-                [_follow_known_flux(inputs, *one) for one in zip(kept.T, slow, strict=True)]
+            slow_rows = np.stack(
+                [
+                    _follow_known_flux(inputs, *pair)
+                    for pair in zip(decay.T, slow_parts, strict=True)
+                ]
             )
-            return inputs + shares @ parts, parts[:, -1], float(inputs[-1])
+            return inputs + shares @ slow_rows, slow_rows[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
-        before = 0.0
+        flux_before = 0.0
         for i, value in enumerate(inputs.tolist()):
-            slow = before + kept[i] * (slow - before) if i else slow
-            creep[i] = before = value - float(shares @ slow)
-        return creep, slow, before
+            slow_parts = flux_before + decay[i] * (slow_parts - flux_before) if i else slow_parts
+            creep[i] = flux_before = value - float(shares @ slow_parts)
+        return creep, slow_parts, flux_before
 
     def settled_slow_parts(
         self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool
     ) -> FloatArray:
-        """Return the slow parts with which a cycle begins that has been repeated for ever."""
+        """Return the slow parts at the start of a cycle in its steady state."""
         step = float(np.median(np.diff(time)))
 
-        def around(slow: FloatArray) -> FloatArray:
+        def run_cycle(slow: FloatArray) -> FloatArray:
             _, end, last = self.apply_creep(inputs, time, slow, is_flux_known=is_flux_known)
             return self.advance(last, end, step)
 
-        rest = around(np.zeros(len(self.times)))
-        linear = np.stack([around(unit) - rest for unit in np.eye(len(self.times))], axis=1)
-        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - linear, rest))
+        offset = run_cycle(np.zeros(len(self.times)))
+        matrix = np.stack([run_cycle(unit) - offset for unit in np.eye(len(self.times))], axis=1)
+        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - matrix, offset))
 
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
-        """Return a record delayed by the lag, its first value held before its start."""
+        """Return a record delayed by the lag, with its first value before its start."""
         return np.interp(time - self.lag, time, values)
 
 
-def _follow_known_flux(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
-    """Return what follows a known input with one time constant, from a start; of floats, for speed."""
-    slow, before = float(start), 0.0
-    found: list[float] = []
-    for part, value in zip(kept.tolist(), inputs.tolist(), strict=True):
-        slow = before + part * (slow - before) if found else slow
-        found.append(slow)
-        before = value
-    return np.array(found)
+def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> FloatArray:
+    """Return one slow part for a known input; Python floats are faster than arrays here."""
+    slow_part, flux_before = float(start), 0.0
+    slow_values: list[float] = []
+    for factor, value in zip(decay.tolist(), inputs.tolist(), strict=True):
+        slow_part = flux_before + factor * (slow_part - flux_before) if slow_values else slow_part
+        slow_values.append(slow_part)
+        flux_before = value
+    return np.array(slow_values)
 
 
 MAX_LAYERS = 16
@@ -128,29 +131,29 @@ MAX_LAYERS = 16
 
 @dataclass(frozen=True)
 class Layers:
-    """How an iron is cut into layers; ``gamma`` of the model says how late the middle is."""
+    """Layers of solid iron; ``gamma`` of the model determines the delay of the inner layers."""
 
-    count: int  # 2 to 16
-    surface: float  # share of the first layer in the section, above 0 and below 1
+    count: int  # number of layers, 2 to 16
+    surface: float  # share of the section in the first layer, above 0 and below 1
     laminated: float = 0.0  # share of the path in sheets, 0 or above and below 1
 
     def __post_init__(self) -> None:
-        for key, wrong, wanted in (
+        for key, is_wrong, allowed in (
             ("count", not 2 <= self.count <= MAX_LAYERS, f"from 2 to {MAX_LAYERS}"),
             ("surface", not 0.0 < self.surface < 1.0, "above 0 and below 1"),
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
-            if wrong:
-                text = f"model layers: {key} is {getattr(self, key):g}; give a number {wanted}"
+            if is_wrong:
+                text = f"model layers: {key} is {getattr(self, key):g}; give a number {allowed}"
                 raise InputError(text, code="out-of-range", key=key)
 
     @property
     def state_copies(self) -> int:
-        """Number of states of the law that the iron consists of: layers, and the sheets."""
+        """Number of copies of the law's state: the layers, and the sheets."""
         return self.count + 1
 
     def __str__(self) -> str:
-        """Say how the iron is cut."""
+        """Return the layers in words."""
         return (
             f"{self.count}, {100.0 * self.surface:.3g} % of the section at the surface, "
             f"{100.0 * self.laminated:.3g} % of the path laminated"
@@ -158,11 +161,11 @@ class Layers:
 
 
 def describe_too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:
-    """Return a sentence where a run is faster than what the model was seen to hold for."""
+    """Return a warning if a run is much faster than the highest validated rate."""
     rate = cycle_rate(drive, time)
     if dynamics.fastest == 0.0 or rate <= MAX_RATE_RATIO * dynamics.fastest:
         return ()
     return (
-        f"the record runs at {rate:.3g} Hz, the model was seen to hold up to "
-        f"{dynamics.fastest:.3g} Hz: a loop widens with its rate; measure and identify at this one",
+        f"the record runs at {rate:.3g} Hz, but the model was validated only up to "
+        f"{dynamics.fastest:.3g} Hz: loops widen with their rate; measure and identify at this rate",
     )

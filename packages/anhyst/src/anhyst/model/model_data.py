@@ -1,13 +1,12 @@
-"""The model of an actuator: what identification gives, and what every use of it starts from.
+"""Data of a model: law, parameters over the gap, circuit, history, valid range and origin.
 
-Around the iron, whose law lives in the core, a model knows how drive and output reach it
-(docs/theory.md)::
+The circuit connects the iron, whose law is in the core, to drive and output (docs/theory.md)::
 
     c_H(gap) * (input - in_0) = H + rho(gap) * B / mu0 + gamma * dB/dt
     output                    = c_out(gap) * B**power + out_0
 
-with ``power`` 2 for a force and 1 for everything else. A parameter is a number, or one number for
-each node of the scheduling variable (:mod:`anhyst.model.parameters` says what runs between the nodes).
+with ``power`` 2 for a force and magnetostriction, else 1. A parameter is a number, or one number
+for each node of the scheduling variable (interpolation: :mod:`anhyst.model.parameters`).
 """
 
 from __future__ import annotations
@@ -41,14 +40,16 @@ from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
-MAX_CACHED_SAMPLES, MAX_CACHED_ROWS = 1 << 13, 32
-"""Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
+MAX_CACHED_SAMPLES = 1 << 13
+MAX_CACHED_ROWS = 32
+"""Largest number of samples of a cached look-up over the scheduling variable, and number of cached
+ones."""
 
 MAX_COMPILED_LAYERS = 4
-"""That a compensator has room for."""
+"""Largest number of layers of a compensator."""
 MIN_SLOPE = 1e-3
-"""Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word distinguishes the one
-from the other."""
+"""Smallest slope of the drive over the field, relative to that without iron. No measured loop and
+no 16-bit word can distinguish smaller values from a jump."""
 
 
 @lru_cache(maxsize=256)
@@ -59,7 +60,7 @@ def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
         iron = law.iron(*parameters)
         if layers is not None:
             if not isinstance(iron, AnyIron):
-                raise ValueError(f"the core does not have law {law.name}, and layers run there")
+                raise ValueError(f"layers need a law of the core, not {law.name}")
             iron.make_solid(layers.count, layers.surface, layers.laminated)
         return iron
     except ValueError as error:
@@ -79,30 +80,30 @@ class ModelData:
     law : str
         Name of the law, one of :data:`anhyst.laws.LAWS`.
     input, output : Quantity
-        What drives the actuator and what it answers with.
+        Quantities of the drive and of the output.
     parameters : mapping of str to float or tuple of float
         SI; a tuple has one value for each node. Those of the law, and ``rho``, a pure number,
         ``c_H`` in A/m per unit of the input, ``gamma`` in A s/(m T), ``c_out`` in units of the
-        output per T (per T^2 for a force), ``in_0, out_0`` in units of input and output. Those
-        with a default may be left out.
+        output per T (per T^2 for a force), ``in_0, out_0`` in units of input and output.
+        Parameters with a default may be missing.
     gap_map : str
         ``"none"``, ``"scaling"``, ``"reluctance"``, ``"circuit"`` or ``"free"``.
     schedule : Quantity or None
         The scheduling variable.
     nodes : tuple of float
-        Its values at which parameters were found, ascending, SI.
+        Scheduling values at which parameters were found, ascending, SI.
     history : History
-        What happened before the first sample, unless a call says otherwise.
+        Default history before the first sample.
     valid : ValidRange or None
-        Where the model was seen to hold.
+        Measured ranges.
     fit, uncertainty, reduction, provenance
         Records of the identification; see :mod:`anhyst.model.schema`.
     cells : CellWeights or None
-        The cells of a law that has some, in place of the parameters that describe them.
+        Cells of a law with cells, instead of the parameters that describe them.
     dynamics : Dynamics or None
-        Lag and creep; None for what answers at once.
+        Lag and creep; None for an actuator without them.
     layers : Layers or None
-        How solid iron is cut into layers; None where the field is the same throughout.
+        Layers of solid iron; None if the field is the same throughout.
 
     Raises
     ------
@@ -151,7 +152,7 @@ class ModelData:
             raise InputError(text, code=problems[0].code, key=problems[0].key)
         if nodes and self.schedule is None:
             raise wrong_key(
-                "model", "there are nodes but no scheduling variable; name it", code="no-schedule"
+                "model", "there are nodes but no scheduling variable; add it", code="no-schedule"
             )
         complete = {
             name: parameters.get(name, 0.0 if spec.default is None else spec.default)
@@ -160,7 +161,7 @@ class ModelData:
         object.__setattr__(self, "parameters", MappingProxyType(complete))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by value: caches and the read-only view of the parameters are not picklable."""
+        """Pickle by value: caches and the read-only view of the parameters cannot be pickled."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return partial(type(self), **values | {"parameters": dict(self.parameters)}), ()
 
@@ -171,17 +172,17 @@ class ModelData:
 
     @cached_property
     def operator_law(self) -> Law:
-        """The law, with its cells if the model gives them."""
+        """The law, with the cells of the model if there are any."""
         return get_law(self.law, self.cells)
 
     @property
     def states(self) -> int:
-        """Numbers that the iron remembers; all are zero where it is demagnetised."""
+        """Number of states of the iron; all are zero in the demagnetised state."""
         return self.operator_law.states * (self.layers.state_copies if self.layers else 1)
 
     @cached_property
     def file_keys(self) -> schema.Names:
-        """Names of the parameters in a file, bare and with their unit."""
+        """Keys of the parameters in a file, without and with their unit."""
         return schema.parameter_names(self.operator_law, self.input, self.output)
 
     @property
@@ -191,7 +192,7 @@ class ModelData:
 
     @cached_property
     def varying(self) -> tuple[str, ...]:
-        """Names of the parameters that really differ between nodes."""
+        """Names of the parameters whose values differ between nodes."""
         return tuple(
             name
             for name, value in self.parameters.items()
@@ -200,36 +201,36 @@ class ModelData:
 
     @cached_property
     def needs_fixed_gap(self) -> bool:
-        """Whether the scheduling variable must hold its value during a run (a ``free`` gap map)."""
-        own = {spec.name for spec in self.operator_law.parameters}
-        return not own.isdisjoint(self.varying)
+        """Whether the scheduling variable must be constant in a run (gap map ``free``)."""
+        law_names = {spec.name for spec in self.operator_law.parameters}
+        return not law_names.isdisjoint(self.varying)
 
     @property
     def needs_schedule(self) -> bool:
-        """Whether a run has to say where the scheduling variable was."""
+        """Whether a run needs the values of the scheduling variable."""
         return bool(self.varying)
 
     @property
     def needs_time(self) -> bool:
-        """Whether a run has to say when its samples were taken."""
-        late = self.dynamics is not None and self.dynamics.needs_time
-        return late or self.has_eddy_currents
+        """Whether a run needs the times of its samples."""
+        has_dynamics = self.dynamics is not None and self.dynamics.needs_time
+        return has_dynamics or self.has_eddy_currents
 
     @cached_property
     def has_eddy_currents(self) -> bool:
-        """Whether the iron itself answers late."""
+        """Whether the iron has eddy currents."""
         return bool(np.any(self.parameters["gamma"]))
 
     @property
     def has_lag(self) -> bool:
-        """Whether solid iron answers late by a single lag, which a compensator of every kind follows."""
+        """Whether eddy currents are a single lag, which every kind of compensator supports."""
         return self.has_eddy_currents and self.layers is None
 
     @property
     def has_layers(self) -> bool:
-        """Whether a compensator can follow the layers of its iron.
+        """Whether a compensator supports the layers of the iron.
 
-        Between layers there is no gap: an iron that would jump without one has no tangents there.
+        There is no gap between layers, so iron that would jump without a gap is not supported.
         """
         law = self.operator_law
         if self.layers is None or law.cells is None or law.least_slope is None:
@@ -245,21 +246,24 @@ class ModelData:
     @property
     def jumps_without_gap(self) -> bool:
         """Whether the iron would jump without a gap."""
-        least = self.operator_law.least_slope
+        slope_function = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)
-        return least is not None and float(least(iron, np.zeros(1)).min()) < MIN_SLOPE
+        return (
+            slope_function is not None
+            and float(slope_function(iron, np.zeros(1)).min()) < MIN_SLOPE
+        )
 
     @property
     def valid_range(self) -> schema.ValidRange:
-        """Where it holds, which what is asked for needs to know."""
+        """The valid range; a model without one raises `InputError`."""
         if self.valid is None:
-            text = "the model does not say where it holds ([valid]); identify it from loops"
+            text = "the model has no valid range ([valid]); identify it from loops"
             raise InputError(text, code="no-valid-range", key="valid")
         return self.valid
 
     @property
     def first_node(self) -> float | None:
-        """Where to look at what is the same everywhere; None where there are no nodes."""
+        """Scheduling value for evaluating constant parameters; None without nodes."""
         return self.nodes[0] if self.nodes else None
 
     @property
@@ -267,12 +271,12 @@ class ModelData:
         """The quasi-static model: without lag, creep and eddy currents."""
         if self.dynamics is None and not self.has_eddy_currents:
             return self
-        still = dict(self.parameters) | {"gamma": 0.0}
-        return replace(self, parameters=still, layers=None, dynamics=None)
+        parameters = dict(self.parameters) | {"gamma": 0.0}
+        return replace(self, parameters=parameters, layers=None, dynamics=None)
 
     @cached_property
     def curves(self) -> Mapping[str, Curve]:
-        """Every varying parameter as a curve over the scheduling variable."""
+        """Curves over the scheduling variable of all varying parameters."""
         nodes = np.array(self.nodes)
         return {
             name: Curve(name, nodes, np.array(self.parameters[name]), self.specs[name].coordinate)
@@ -280,9 +284,9 @@ class ModelData:
         }
 
     def interpolate_parameter(self, name: str, at: ArrayLike) -> FloatArray:
-        """Return one of :attr:`specs` at values of the scheduling variable; all in SI, shape (n,).
+        """Return a parameter of :attr:`specs` at scheduling values; all in SI, shape (n,).
 
-        It is an `InputError` to go so far outside the nodes that the parameter leaves its range.
+        If the parameter leaves its range too far beyond the nodes, `InputError` is raised.
         """
         query = np.atleast_1d(np.asarray(at, dtype=np.float64))
         if name in self.curves and query.size:
@@ -290,8 +294,8 @@ class ModelData:
             for extreme in (values.min(), values.max()):
                 if problem := self.specs[name].find_problem(float(extreme)):
                     raise InputError(
-                        f"{name} {problem}, in the straight line beyond the nodes "
-                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them",
+                        f"{name} {problem}, in the extrapolation beyond the nodes "
+                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay closer to them",
                         code="too-far-beyond-nodes",
                         key=name,
                     )
@@ -302,19 +306,19 @@ class ModelData:
     def parameters_at(self, schedule: float | None = None) -> dict[str, float]:
         """Return all parameters at one value of the scheduling variable, SI.
 
-        It may be left out where nothing varies, and is an `InputError` to leave out elsewhere.
+        The value may be omitted if no parameter varies; otherwise, `InputError` is raised.
         """
-        at = np.array([self.schedule_or_default(schedule)])
-        return {name: float(self.interpolate_parameter(name, at)[0]) for name in self.specs}
+        gap = np.array([self.schedule_or_default(schedule)])
+        return {name: float(self.interpolate_parameter(name, gap)[0]) for name in self.specs}
 
     def schedule_or_default(self, schedule: float | None) -> float:
-        """Return the scheduling variable, or any where it does not matter; refuse a missing one that does."""
+        """Return the scheduling value; raise `InputError` if it is missing but needed."""
         if schedule is not None:
             return float(schedule)
         if self.needs_schedule:
             assert self.schedule is not None
             raise InputError(
-                f"the model runs over {self.schedule.name}: give it, in a file as column "
+                f"the model depends on {self.schedule.name}: give its values, in a file as column "
                 f"{self.schedule.column}",
                 code="schedule-missing",
                 key=self.schedule.column,
@@ -322,7 +326,7 @@ class ModelData:
         return self.nodes[0] if self.nodes else 0.0
 
     def iron_at(self, schedule: float | None = None) -> IronOperator:
-        """Return the iron at a value of the scheduling variable (SI); it keeps no state and may be shared."""
+        """Return the iron at a scheduling value (SI); it has no state and may be shared."""
         if self.needs_fixed_gap:
             return self._iron(self.schedule_or_default(schedule))
         return self._iron_everywhere
@@ -332,30 +336,30 @@ class ModelData:
         return self._iron(0.0)
 
     def _iron(self, schedule: float) -> IronOperator:
-        at, law = np.array([schedule]), self.operator_law
-        values = (float(self.interpolate_parameter(spec.name, at)[0]) for spec in law.parameters)
+        gap, law = np.array([schedule]), self.operator_law
+        values = (float(self.interpolate_parameter(spec.name, gap)[0]) for spec in law.parameters)
         return _iron(law, self.layers, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
-        """Return what surrounds the iron at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
-        at = schedule
-        if at is None:
-            at = np.full(eddy_rate.shape, self.schedule_or_default(None))
-        # A search asks for the same short rows again.
-        key, kept = at.tobytes() if at.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
-        rows = kept.get(key) or tuple(
-            self.interpolate_parameter(spec.name, at) for spec in CIRCUIT_SPECS
+        """Return the circuit at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
+        gaps = schedule
+        if gaps is None:
+            gaps = np.full(eddy_rate.shape, self.schedule_or_default(None))
+        # Searches need the same short rows repeatedly.
+        key, cache = gaps.tobytes() if gaps.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
+        rows = cache.get(key) or tuple(
+            self.interpolate_parameter(spec.name, gaps) for spec in CIRCUIT_SPECS
         )
-        if key and key not in kept:
+        if key and key not in cache:
             for values in rows:
                 values.flags.writeable = False
-            if len(kept) >= MAX_CACHED_ROWS:
-                kept.clear()
-            kept[key] = rows
+            if len(cache) >= MAX_CACHED_ROWS:
+                cache.clear()
+            cache[key] = rows
         c_h, rho, gamma, c_out, in_0, out_0 = rows
         return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 
     @cached_property
     def _cached_rows(self) -> dict[bytes, tuple[FloatArray, ...]]:
-        """Cached parameters by rows of the scheduling variable."""
+        """Cached circuit parameters by rows of the scheduling variable."""
         return {}

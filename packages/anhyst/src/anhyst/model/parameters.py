@@ -1,4 +1,9 @@
-"""The parameters of a model, of its law and of what surrounds the iron, and how they run over the gap."""
+"""Define the parameters of a model, check them, and interpolate them over the gap.
+
+The parameters belong to the law of the iron or to the circuit around it. Each is a number, or one
+number for each node of the scheduling variable. :class:`Curve` interpolates between the nodes
+without overshoot, and extrapolates linearly beyond them.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +28,16 @@ GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
 GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "free")
 
 CIRCUIT_SPECS = (
-    ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
-    ParameterSpec("rho", "reluctance of the gap over that of an air-filled iron path", low=0.0,
+    ParameterSpec("c_H", "drive of the iron per unit of input", low=0.0, coordinate="reciprocal"),
+    ParameterSpec("rho", "reluctance of the gap, relative to that of an air-filled iron path", low=0.0,
                   closed=True, default=0.0),
     ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
-    ParameterSpec("c_out", "output for a unit of flux density (squared for a force)", low=0.0,
+    ParameterSpec("c_out", "output per unit of flux density (squared for a force)", low=0.0,
                   coordinate="log"),
     ParameterSpec("in_0", "offset of the input", default=0.0),
     ParameterSpec("out_0", "offset of the output", default=0.0),
 )  # fmt: skip
-"""What surrounds the iron, the same whatever the law; units depend on input and output."""
+"""Parameters of the circuit around the iron, for any law; units depend on input and output."""
 
 _ALWAYS_VARYING = frozenset({"c_out", "in_0", "out_0", "gamma"})
 
@@ -44,7 +49,7 @@ MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
         "circuit": _ALWAYS_VARYING | {"rho"},
     }
 )
-"""What each gap map but ``free`` allows to run over the scheduling variable; ``free`` allows all."""
+"""Gap-dependent parameters that each gap map allows; ``free`` allows all parameters."""
 
 
 def parameter_specs(law: Law) -> dict[str, ParameterSpec]:
@@ -54,7 +59,7 @@ def parameter_specs(law: Law) -> dict[str, ParameterSpec]:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing wrong with a set of parameters."""
+    """One error in a set of parameters."""
 
     key: str
     text: str
@@ -64,7 +69,7 @@ class Problem:
 def find_problems(
     law: Law, parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
 ) -> list[Problem]:
-    """Find everything that is wrong with a set of parameters."""
+    """Find all errors in a set of parameters."""
     problems = []
     if gap_map not in GAP_MAPS:
         text = f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}"
@@ -88,9 +93,9 @@ def find_problems(
             if gap_map != "free" and name not in MAY_VARY[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text, code="may-not-vary"))
-        wrong = next(filter(None, (spec.find_problem(single) for single in values)), None)
-        if wrong is not None:
-            problems.append(Problem(name, wrong, code="out-of-range"))
+        fault = next(filter(None, (spec.find_problem(single) for single in values)), None)
+        if fault is not None:
+            problems.append(Problem(name, fault, code="out-of-range"))
     unknown = [name for name in parameters if name not in specs]
     problems.extend(Problem(name, "is unknown", code="extra-forbidden") for name in unknown)
     return problems
@@ -98,7 +103,7 @@ def find_problems(
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """What surrounds the iron, one value a sample (scheduling variable already looked up)."""
+    """Parameters of the circuit around the iron, one value per sample."""
 
     turns: FloatArray  # c_H, A/m per unit of the input
     rho: FloatArray
@@ -109,24 +114,26 @@ class Circuit:
     output_map: OutputMap
 
     def magnetomotive(self, drive: FloatArray) -> FloatArray:
-        """Drive in units of the input -> drive of the core, A/m."""
-        with np.errstate(over="ignore"):  # the core refuses what is not finite, and says where
+        """Convert the drive from units of the input to the drive of the core, A/m."""
+        with np.errstate(
+            over="ignore"
+        ):  # the core rejects values that are not finite, and reports the sample
             product: FloatArray = self.turns * (drive - self.in_0)
         return product
 
     def drive(self, magnetomotive: FloatArray) -> FloatArray:
-        """Drive of the core, A/m -> drive in units of the input."""
+        """Convert the drive of the core, A/m, to units of the input."""
         return magnetomotive / self.turns + self.in_0
 
     def output(self, flux_density: FloatArray) -> FloatArray:
-        """Flux density, T -> output in its own unit."""
+        """Convert flux density, T, to the output in its unit."""
         return self.c_out * self.output_map.shape(flux_density) + self.out_0
 
     def flux_density(self, demand: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Demanded output -> flux density, T, and whether the demand can be reached.
+        """Convert a demanded output to flux density, T; also return whether it is reachable.
 
-        An even output has two answers; the positive one is taken. Below ``out_0`` it has none: the
-        flux density is then zero and the flag False.
+        An even output has two solutions; the positive one is used. Below ``out_0``, it has none:
+        the flux density is then zero and the flag False.
         """
         shaped = (demand - self.out_0) / self.c_out
         if not self.output_map.is_even:
@@ -139,18 +146,18 @@ MAX_LOGARITHM = 700.0  # exp overflows at 709.8
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One parameter over the scheduling variable.
+    """One parameter as a function of the scheduling variable.
 
     >>> curve = Curve("c_H", np.array([0.3e-3, 0.6e-3]), np.array([200.0, 100.0]), "reciprocal")
     >>> curve(np.array([0.45e-3])).round(6)  # the reciprocal is straight
     array([133.333333])
     """
 
-    name: str  # the parameter, for messages
+    name: str  # name of the parameter, for messages
     nodes: FloatArray  # values of the scheduling variable, strictly ascending, SI; shape (g,)
-    # The parameter at the nodes, SI. Positive unless the coordinate is ``"plain"``; shape (g,)
+    # parameter at the nodes, SI, positive unless the coordinate is ``"plain"``; shape (g,)
     values: FloatArray
-    coordinate: Coordinate = "plain"  # in which it is interpolated
+    coordinate: Coordinate = "plain"  # coordinate of the interpolation
 
     def __post_init__(self) -> None:
         for field in ("nodes", "values"):
@@ -179,25 +186,27 @@ class Curve:
         query = np.asarray(at, dtype=np.float64)
         if self.nodes.size == 1:
             return np.full(query.shape, self.values[0])
-        if query.size and (query == query.flat[0]).all():  # a fixed gap: one evaluation
+        if (
+            query.size and (query == query.flat[0]).all()
+        ):  # at a fixed gap, one evaluation is enough
             return np.full(query.shape, self._evaluate(query.reshape(-1)[:1])[0])
         return self._evaluate(query)
 
     def _evaluate(self, query: FloatArray) -> FloatArray:
-        inside, slopes = self._interpolant
+        interpolant, slopes = self._interpolant
         low, high = self.nodes[0], self.nodes[-1]
-        straight = inside(np.minimum(np.maximum(query, low), high))
-        with np.errstate(over="ignore"):  # a parameter that is not finite is refused by name
+        straight = interpolant(np.minimum(np.maximum(query, low), high))
+        with np.errstate(over="ignore"):  # a parameter that is not finite is rejected by name
             straight += slopes[0] * np.minimum(query - low, 0.0)
             straight += slopes[-1] * np.maximum(query - high, 0.0)
         result = self._from_straight(straight)
-        # Through a logarithm and back costs the last digit; at a node the value is known.
+        # The logarithm and its inverse lose the last digit, but the value at a node is known.
         segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
         return np.where(self.nodes[segment] == query, self.values[segment], result)
 
     @cached_property
     def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
-        """Interpolant in the straight coordinate, and its slopes at the nodes."""
+        """Interpolant in the linear coordinate, and its slopes at the nodes."""
         heights = self._to_straight(self.values)
         if self.nodes.size == 2:
             slope = float(np.diff(heights)[0] / np.diff(self.nodes)[0])
@@ -206,7 +215,7 @@ class Curve:
         return _cubic(self.nodes, heights, slopes), slopes
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
-        """Return the nodes' values in the coordinate, and the slopes of the curve there."""
+        """Return the values at the nodes in the linear coordinate, and the slopes there."""
         return self._to_straight(self.values), self._interpolant[1]
 
     def _to_straight(self, values: FloatArray) -> FloatArray:
@@ -221,34 +230,44 @@ class Curve:
         if (np.abs(straight) > MAX_LOGARITHM if is_log else straight <= 0.0).any():
             raise wrong_key(
                 self.name,
-                f"the straight line beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
-                "left the range of the parameter; stay nearer to the nodes",
+                f"the extrapolation beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
+                "left the range of the parameter; stay closer to the nodes",
                 code="too-far-beyond-nodes",
             )
         return exp(straight) if is_log else 1.0 / straight
 
 
 def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:
-    """Slopes at three nodes or more with which a cubic overshoots nowhere (PCHIP).
+    """Return the slopes at three or more nodes for a cubic without overshoot (PCHIP).
 
-    As SciPy's, whose import takes longer than most predictions: inside the weighted harmonic mean
-    of the neighbouring secants (Fritsch and Butland 1984), zero at a turn; at the ends the parabola
-    through three nodes, cut back where it would overshoot.
+    The method is that of SciPy, whose import takes longer than most predictions. Inner slopes are
+    the weighted harmonic mean of the neighbouring secants (Fritsch and Butland 1984), or zero at an
+    extremum. The end slopes belong to the parabola through three nodes, limited to prevent
+    overshoot.
     """
     width = np.diff(nodes)
     secant = np.diff(heights) / width
     slopes = np.zeros(nodes.size)
-    same = secant[:-1] * secant[1:] > 0.0
-    left, right = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
-    left_secant, right_secant = np.where(same, secant[:-1], 1.0), np.where(same, secant[1:], 1.0)
-    slopes[1:-1] = np.where(same, (left + right) / (left / left_secant + right / right_secant), 0.0)
+    has_same_sign = secant[:-1] * secant[1:] > 0.0
+    left_weight, right_weight = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
+    left_secant, right_secant = (
+        np.where(has_same_sign, secant[:-1], 1.0),
+        np.where(has_same_sign, secant[1:], 1.0),
+    )
+    slopes[1:-1] = np.where(
+        has_same_sign,
+        (left_weight + right_weight) / (left_weight / left_secant + right_weight / right_secant),
+        0.0,
+    )
     slopes[0] = _end_slope(width[0], width[1], secant[0], secant[1])
     slopes[-1] = _end_slope(width[-1], width[-2], secant[-1], secant[-2])
     return slopes
 
 
-def _end_slope(near: float, far: float, secant: float, next_secant: float) -> float:
-    slope = ((2.0 * near + far) * secant - near * next_secant) / (near + far)
+def _end_slope(near_width: float, far_width: float, secant: float, next_secant: float) -> float:
+    slope = ((2.0 * near_width + far_width) * secant - near_width * next_secant) / (
+        near_width + far_width
+    )
     if slope * secant <= 0.0:
         return 0.0
     if secant * next_secant <= 0.0 and abs(slope) > 3.0 * abs(secant):
@@ -259,17 +278,17 @@ def _end_slope(near: float, far: float, secant: float, next_secant: float) -> fl
 def _cubic(
     nodes: FloatArray, heights: FloatArray, slopes: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
-    """Return the cubic Hermite curve within the nodes."""
+    """Return the cubic Hermite curve between the nodes."""
     width = np.diff(nodes)
     secant = np.diff(heights) / width
-    bend = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
-    twist = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
-    inner = nodes[1:-1]
+    second = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
+    third = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
+    inner_nodes = nodes[1:-1]
 
     def at(query: FloatArray) -> FloatArray:
-        segment = inner.searchsorted(query, side="right")
+        segment = inner_nodes.searchsorted(query, side="right")
         offset = query - nodes[segment]
-        turn = slopes[segment] + offset * (bend[segment] + offset * twist[segment])
-        return np.asarray(heights[segment] + offset * turn)
+        slope = slopes[segment] + offset * (second[segment] + offset * third[segment])
+        return np.asarray(heights[segment] + offset * slope)
 
     return at

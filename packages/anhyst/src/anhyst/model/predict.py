@@ -1,4 +1,4 @@
-"""A model over a whole record: drive to output, and output to drive."""
+"""Predict the output of a whole record from its drive, or compute the drive for an output."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 OK = 0
-NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
+NOT_CONVERGED = -5
+NOT_SETTLED = -6  # the computation ended without a solution
 
 MIN_RUN_SAMPLES = 8
-"""A scheduling variable that rests for fewer samples than this is moving, not stepping."""
+"""Number of samples below which a constant scheduling value counts as moving."""
 
 _Step = Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray],
@@ -32,15 +33,15 @@ _Step = Callable[
 ]
 
 PIECE_SAMPLES = 1 << 16
-"""Samples that go through the core at once."""
+"""Number of samples per call of the core."""
 
 MAX_CYCLES = 10_000
 CYCLE_TOLERANCE = 1e-12
-"""A cycle is closed when the state returns this well (in units of a and M_s)."""
+"""A cycle is closed if its state returns within this tolerance, relative to a and M_s."""
 
 
 class SampleError(InputError):
-    """A sample that the core refuses."""
+    """A sample that the core rejects."""
 
     def __init__(self, name: str, sample: int, what: str) -> None:
         super().__init__(f"{name}: sample {sample} {what}", code="sample-refused", key=name)
@@ -50,7 +51,7 @@ class SampleError(InputError):
 
 @dataclass(eq=False)
 class _RecordRun:
-    """A record on its way through the core: what is given, and room for what is found."""
+    """Inputs of a record, and arrays for its results."""
 
     model: ModelData
     kind: InputKind
@@ -64,13 +65,13 @@ class _RecordRun:
         self.reachable: BoolArray = np.ones(size, dtype=np.bool_)
 
     def circuit(self, run: slice) -> Circuit:
-        """Return what surrounds the iron during a run."""
+        """Return the circuit around the iron for a part of the record."""
         size = self.inputs[run].size
         rate = np.zeros(size) if self.rate is None else self.rate[run]
         return self.model.circuit(None if self.schedule is None else self.schedule[run], rate)
 
     def core_input(self, run: slice, circuit: Circuit) -> FloatArray:
-        """Return what the core is given in a run: its drive, A/m, or the flux density, T."""
+        """Return the input of the core for a part of the record: drive, A/m, or flux density, T."""
         if self.kind == "drive":
             return circuit.magnetomotive(self.inputs[run])
         flux_density, self.reachable[run] = circuit.flux_density(self.inputs[run])
@@ -85,7 +86,7 @@ def run_record(
     time: ArrayLike | None,
     history: HistoryLike | None,
 ) -> Prediction:
-    """Compute the output that a drive gives, or the drive that a demanded output needs."""
+    """Compute the output for a drive, or the drive for a demanded output."""
     inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
         clock = _require_times(time, inputs.size, "a lag or creep ([dynamics])")
@@ -102,30 +103,32 @@ def _run_without_dynamics(
     history: HistoryLike | None,
 ) -> Prediction:
     """Compute a record of an actuator without lag and creep."""
-    at = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
-    if at is None:
+    schedule_values = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
+    if schedule_values is None:
         model.schedule_or_default(None)
-    past = as_history(history, model)
-    record = _RecordRun(model, kind, inputs, at, eddy_rate(model, time, inputs.size))
-    runs = list(_split_runs(model, at, inputs.size))
-    ends = [_run_stretch(record, run, past) for run in runs]
+    history_before = as_history(history, model)
+    record = _RecordRun(model, kind, inputs, schedule_values, eddy_rate(model, time, inputs.size))
+    runs = list(_split_runs(model, schedule_values, inputs.size))
+    results = [_run_stretch(record, run, history_before) for run in runs]
     drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
-    valid, flags = flag_samples(model, kind, drive, output, at, record.reachable)
+    valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
     if not record.reachable.all():
-        rest = model.circuit(at, np.zeros(inputs.size)).output(np.zeros(inputs.size))
-        output = np.where(record.reachable, inputs, rest)
+        zero_flux_output = model.circuit(schedule_values, np.zeros(inputs.size)).output(
+            np.zeros(inputs.size)
+        )
+        output = np.where(record.reachable, inputs, zero_flux_output)
     notes = []
     if len(runs) > 1:
         notes.append(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
-            f"so each stretch starts again ({past})"
+            f"so each part starts with the history again ({history_before})"
         )
     if model.dynamics is not None and time is not None:
         notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
-    cycles = [inputs[run] for run in runs] if past.kind == "settled" else []
+    cycles = [inputs[run] for run in runs] if history_before.kind == "settled" else []
     if any(
-        each.size > 2 and abs(each[-1] - each[0]) > 2.0 * np.abs(np.diff(each)).max()
-        for each in cycles
+        cycle.size > 2 and abs(cycle[-1] - cycle[0]) > 2.0 * np.abs(np.diff(cycle)).max()
+        for cycle in cycles
     ):
         notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
@@ -136,9 +139,9 @@ def _run_without_dynamics(
         flux_density=record.flux_density,
         field=record.field,
         valid=valid,
-        state=ends[-1][0],
-        cycles=max(cycles for _, cycles in ends),
-        history=past,
+        state=results[-1][0],
+        cycles=max(cycles for _, cycles in results),
+        history=history_before,
         reachable=record.reachable,
         flags=flags,
         notes=tuple(notes),
@@ -154,51 +157,53 @@ def _run_with_dynamics(
     time: FloatArray,
     past: History,
 ) -> Prediction:
-    """Compute a record of an actuator that lags and creeps; a drive is one lag ahead of its demand."""
-    late, at = model.dynamics, None
-    assert late is not None
+    """Compute a record with lag and creep; the drive is advanced by the lag before its demand."""
+    dynamics, at = model.dynamics, None
+    assert dynamics is not None
     if schedule is not None:
         at = as_samples(schedule, "schedule", inputs.size)
 
-    def creeping(flux: FloatArray) -> FloatArray:
+    def convert_creep(flux: FloatArray) -> FloatArray:
         """Return the output with creep for a drive, without it for a demand."""
         if past.kind == "settled":
-            slow = late.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
-        else:  # after a long rest
-            slow = np.full(len(late.times), _flux_at_rest(model, at, past))
-        creep, _, _ = late.apply_creep(flux, time, slow, is_flux_known=kind == "drive")
+            slow = dynamics.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
+        else:  # after a long time at rest
+            slow = np.full(len(dynamics.times), _flux_at_rest(model, at, past))
+        creep, _, _ = dynamics.apply_creep(flux, time, slow, is_flux_known=kind == "drive")
         return model.circuit(at, np.zeros(inputs.size)).output(creep)
 
-    at_once, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
+    fast_inputs, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
     if kind == "drive":
-        at_once = late.delayed(inputs, time)
-    elif late.times:
+        fast_inputs = dynamics.delayed(inputs, time)
+    elif dynamics.times:
         flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
-        at_once = creeping(flux)
-    run = _run_without_dynamics(model, kind, at_once, schedule, time, past)
+        fast_inputs = convert_creep(flux)
+    run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, past)
     drive, output = inputs, run.output
     if kind == "demand":
-        # One lag ahead; the last value is held after the end.
-        drive, output = np.interp(time + late.lag, time, run.drive), inputs
-    elif late.times:
-        output = creeping(run.flux_density)
+        # advanced by the lag; the last value is held after the end
+        drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
+    elif dynamics.times:
+        output = convert_creep(run.flux_density)
     valid, flags = flag_samples(model, kind, drive, output, at, reachable & run.reachable)
     return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
 def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) -> float:
-    """Return the flux density, T, at the last turning point before the first sample."""
+    """Return the flux density, T, at the last reversal before the first sample."""
     if not past.turning_points:
         return 0.0
-    at = None if schedule is None else schedule[:1]
-    last = as_samples(past.turning_points[-1:], "turning point")
-    return float(_run_without_dynamics(model, "drive", last, at, [0.0], past).flux_density[0])
+    first_gap = None if schedule is None else schedule[:1]
+    last_drive = as_samples(past.turning_points[-1:], "turning point")
+    return float(
+        _run_without_dynamics(model, "drive", last_drive, first_gap, [0.0], past).flux_density[0]
+    )
 
 
 def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
-    """Return the times of samples, s; `why` says what of a model needs them."""
+    """Return the times of samples, s; `reason` is the part of the model that needs them."""
     if time is None:
-        text = f"the model has {reason}: give the time, in a file as column t_s"
+        text = f"the model has {reason}; give the time, in a file as column t_s"
         raise InputError(text, code="time-missing", key="t_s")
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
@@ -208,17 +213,17 @@ def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray
 
 
 def slow_times(size: int) -> FloatArray:
-    """Return times of samples, s, so far apart that eddy currents do not count."""
+    """Return times of samples, s, with such long steps that eddy currents are negligible."""
     return 1e9 * np.arange(size, dtype=np.float64)
 
 
 def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[FloatArray, int]:
-    """Take one uninterrupted run through the core; return the state after it and the cycles."""
+    """Compute one uninterrupted part; return the final state and the number of cycles."""
     start = None if record.schedule is None else float(record.schedule[run.start])
     iron = record.model.iron_at(start)
     if record.rate is not None:
-        # A settled cycle comes back to its start at its own pace; before any other first sample
-        # nothing is known, so its flux density is taken to be approached slowly.
+        # A steady-state cycle returns to its start at its own rate. Before any other first sample,
+        # the rate is unknown and taken as zero.
         later = record.rate[run][1:]
         settled = history.kind == "settled" and later.size
         record.rate[run.start] = np.median(later) if settled else 0.0
@@ -227,15 +232,15 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
         state, cycles = _settle(iron, record, run, state)
     forward = record.kind == "drive"
     step = _step(iron, record.kind)
-    # Piece by piece: what surrounds the iron need not be held for a whole long record.
-    for first in range(run.start, run.stop, PIECE_SAMPLES):
-        piece = slice(first, min(first + PIECE_SAMPLES, run.stop))
+    # The circuit of a long record is computed in pieces to save memory.
+    for piece_start in range(run.start, run.stop, PIECE_SAMPLES):
+        piece = slice(piece_start, min(piece_start + PIECE_SAMPLES, run.stop))
         circuit = record.circuit(piece)
         core = record.core_input(piece, circuit)
-        other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-        check_status(status, record.kind, first + index, record.inputs)
-        record.results[piece] = circuit.output(other) if forward else circuit.drive(other)
-        record.flux_density[piece] = other if forward else core
+        result, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
+        check_status(status, record.kind, piece_start + index, record.inputs)
+        record.results[piece] = circuit.output(result) if forward else circuit.drive(result)
+        record.flux_density[piece] = result if forward else core
         record.field[piece] = field
     return state, cycles
 
@@ -248,14 +253,14 @@ def initial_state(
     remembered = history.kind == "conditioned" or model.operator_law.remembers
     if not history.turning_points or not remembered:
         return state
-    # The exact step does not care how a path is cut: turning points say all.
+    # The exact step does not depend on the sampling, so reversals are enough.
     points = np.array(history.turning_points)
-    at = (
+    gaps = (
         None
         if schedule is None
         else np.array(history.schedule_at_points(schedule), dtype=np.float64)
     )
-    circuit = model.circuit(at, np.zeros(points.shape))
+    circuit = model.circuit(gaps, np.zeros(points.shape))
     drive = circuit.magnetomotive(points)
     conditioned: FloatArray
     _, _, conditioned, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)
@@ -271,26 +276,26 @@ def _step(iron: IronOperator, kind: InputKind) -> _Step:
 def _settle(
     iron: IronOperator, record: _RecordRun, run: slice, start: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Repeat a cycle until the state returns."""
+    """Repeat a cycle until the state returns; also return the number of cycles."""
     kind, circuit = record.kind, record.circuit(run)
-    around = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
+    core_inputs = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
     state, cycles, status = iron.settle(
-        *around, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE
+        *core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE
     )
     if status == NOT_SETTLED:
         raise NegativeResult(
-            f"the {kind} was repeated {cycles} times and the cycle still does not close: "
-            "it is too small against the pinning of the model; use another history",
+            f"the {kind} was repeated {cycles} times, but the cycle does not close: "
+            "it is too small relative to the pinning of the model; use another history",
             code="cycle-does-not-close",
         )
-    if status != OK:  # once more, to see where
-        *_, again, index = _step(iron, kind)(*around, start)
-        check_status(again or status, kind, run.start + index, record.inputs)
+    if status != OK:  # once more, to find the sample
+        *_, second_status, index = _step(iron, kind)(*core_inputs, start)
+        check_status(second_status or status, kind, run.start + index, record.inputs)
     return state, cycles
 
 
 def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatArray:
-    """Return values as a clean array of samples."""
+    """Return values as a finite array of samples; a scalar is repeated if `size` is given."""
     array = np.ascontiguousarray(values, dtype=np.float64)
     if size is not None and np.ndim(values) == 0:
         array = np.full(size, float(array.reshape(-1)[0]))
@@ -303,18 +308,18 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
         raise wrong_key(name, text, code="length-differs")
     finite = np.isfinite(array)
     if not finite.all():
-        text = f"sample {int(np.argmin(finite))} is not a finite number; mend it"
+        text = f"sample {int(np.argmin(finite))} is not a finite number; correct it"
         raise wrong_key(name, text, code="not-finite")
     return array
 
 
 def as_history(history: HistoryLike | None, model: ModelData) -> History:
-    """Return the history that a call asks for, or that of the model."""
+    """Return the given history, or that of the model."""
     return model.history if history is None else History.of(history)
 
 
 def eddy_rate(model: ModelData, time: ArrayLike | None, size: int) -> FloatArray | None:
-    """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents."""
+    """Return 1/dt of each sample, 1/s (0 for the first); None without eddy currents."""
     if not model.has_eddy_currents:
         return None
     steps = np.diff(_require_times(time, size, "eddy currents (gamma)"))
@@ -322,7 +327,7 @@ def eddy_rate(model: ModelData, time: ArrayLike | None, size: int) -> FloatArray
 
 
 def check_status(status: int, name: str, index: int, values: FloatArray) -> None:
-    """Turn a return code of the core into an error that names the sample."""
+    """Raise an error with the sample for a status code of the core."""
     if status == OK:
         return
     error = SampleError(name, index, f"({values[index]:g}) {status_text(status)}")
@@ -332,7 +337,7 @@ def check_status(status: int, name: str, index: int, values: FloatArray) -> None
 
 
 def _split_runs(model: ModelData, schedule: FloatArray | None, size: int) -> Iterator[slice]:
-    """Cut a record where it cannot be run through: only where the iron itself would change."""
+    """Split a record where the iron itself changes, as with the gap map ``free``."""
     if schedule is None or not model.needs_fixed_gap:
         yield slice(0, size)
         return
@@ -341,7 +346,7 @@ def _split_runs(model: ModelData, schedule: FloatArray | None, size: int) -> Ite
     if len(lengths) > 1 and lengths.min() < MIN_RUN_SAMPLES:
         raise InputError(
             f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
-            f"iron itself varies with it ({', '.join(model.varying)}): run each value by itself, "
+            f"iron itself varies with it ({', '.join(model.varying)}): run each value separately, "
             "or identify with the gap map scaling or reluctance",
             code="schedule-moves",
         )

@@ -1,4 +1,4 @@
-"""A model over a file: read a drive or a demand, compute, write the answer beside it."""
+"""Predict or invert a whole file: read a drive or a demand, compute, and write the result."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
 INPUT_KINDS: Mapping[Direction, InputKind] = {"predict": "drive", "invert": "demand"}
-"""What the two verbs are given, as their argument is called."""
+"""Input of the two commands, as their argument is named."""
 _SOURCE_KINDS = "a file, Loops, a data frame or a dict of arrays"
 
 
@@ -48,30 +48,30 @@ class Deviation:
     mean_abs: float
     rms: float
     worst: float
-    largest: float  # full scale, to which relative deviations refer, as in the fit of a model
-    of: str  # the same in words: ``the largest force (24 N)``
+    largest: float  # full scale of relative deviations, as in the fit of a model
+    of: str  # full scale in words: ``the largest force (24 N)``
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class RunSummary(Result):
-    """A prediction or inversion over a file or a data frame.
+    """Result of a prediction or inversion of a file or a data frame.
 
     Parameters
     ----------
     out : str or None
-        The file written, if any.
+        The written file, if any.
     column, unit : str
         Header of the computed column and its unit.
     rows, runs : int
-        Samples, and runs that each start from the history.
+        Number of samples, and of runs that each start from the history.
     history : str
-        What was assumed to have happened before each run.
+        Assumed history before each run.
     low, high : float
         Range of the computed quantity.
     outside : int
-        Samples outside the valid range of the model (``valid`` is 0).
+        Number of samples outside the valid range of the model (``valid`` is 0).
     deviation : Deviation or None
-        Against a column of the same quantity in the file, if it holds one.
+        From a column of the same quantity in the file, if there is one.
     warnings : tuple of str
         One sentence each.
     columns : mapping
@@ -92,7 +92,7 @@ class RunSummary(Result):
     columns: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def facts(self) -> dict[str, str]:
-        """Return the number of rows, the range of the computed quantity and what is outside."""
+        """Return the number of rows, the range of the computed quantity and the samples outside."""
         return {
             "rows": str(self.rows),
             "history": self.history,
@@ -115,12 +115,12 @@ class RunSummary(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, without the columns."""
-        plain = asdict(replace(self, columns={}))
-        del plain["columns"]
-        return plain
+        fields_ = asdict(replace(self, columns={}))
+        del fields_["columns"]
+        return fields_
 
     def save(self, path: PathLike) -> Path:
-        """Write the columns to a CSV file, whole or not at all."""
+        """Write the columns to a CSV file, completely or not at all."""
         write_csv(path, self.columns)
         return Path(path)
 
@@ -138,11 +138,11 @@ def run_file(
 ) -> RunSummary:
     """Predict or invert a whole file or data frame: `anhyst.predict` and `anhyst.invert`.
 
-    The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
-    inside the valid range of the model, 0 outside) are added. Each loop that the column ``loop``
-    names is a run of its own, at each value of the scheduling variable. A file without that column
-    is one run; only where the history is ``settled``, each stretch at one value is a cycle. Cycles
-    that clock and measured output show to have been run one after the other remember those before.
+    The columns of the file are copied; the computed quantity and ``valid`` (1 inside the valid
+    range of the model, 0 outside) are added. Each loop of the column ``loop`` is a separate run, at
+    each value of the scheduling variable. A file without that column is one run, except with the
+    history ``settled``: then each part at one scheduling value is a cycle. If times and measured
+    output show that cycles were run one after the other, each keeps the history of those before.
     """
     if isinstance(source, Loops):
         source = source.to_columns()
@@ -180,7 +180,7 @@ def run_file(
 def _compute_runs(
     model: Model, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
-    """Compute all runs of a table: the answers, where they are valid, the runs, the warnings."""
+    """Compute all runs of a table: results, their validity, the runs, and the warnings."""
     forward, kind = direction == "predict", INPUT_KINDS[direction]
     quantity = model.input if forward else model.output
     values = table.require(_column_name(table, quantity), quantity.column)
@@ -194,25 +194,25 @@ def _compute_runs(
                 code=error.code,
                 key=error.key,
             ) from None
-    # A column of time that nothing needs may be as it likes.
+    # an unused time column may be invalid
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
-    pasts = _find_histories(model, direction, table, runs, values, schedule, history)
+    histories = _find_histories(model, direction, table, runs, values, schedule, history)
     answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
-    for rows, past in zip(runs, pasts, strict=True):
-        at, clock = (None if c is None else c[rows] for c in (schedule, time))
+    for rows, history_before in zip(runs, histories, strict=True):
+        run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
         try:
-            result = run_record(model, kind, values[rows], at, clock, past)
+            result = run_record(model, kind, values[rows], run_schedule, clock, history_before)
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
-                f"{error.what}; stay nearer to the valid range of the model",
+                f"{error.what}; stay closer to the valid range of the model",
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
-            where = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
-            raise error.with_location(f"{table.path}{where}") from error
+            location = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
+            raise error.with_location(f"{table.path}{location}") from error
         answers[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
@@ -220,7 +220,11 @@ def _compute_runs(
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    lines += [NESTED_LOOPS_NOTE] if any(past != pasts[0] for past in pasts) else []
+    lines += (
+        [NESTED_LOOPS_NOTE]
+        if any(history_before != histories[0] for history_before in histories)
+        else []
+    )
     return answers, valid, runs, (*flags, *lines)
 
 
@@ -233,54 +237,58 @@ def _find_histories(
     schedule: FloatArray | None,
     history: str,
 ) -> list[History]:
-    """Say what was before each run: settled ones that the file shows to lie one within the other."""
-    past = History.parse(history)
+    """Return the history of each run.
+
+    If times and measured output show that steady-state runs followed one another, each includes the
+    earlier runs.
+    """
+    history_before = History.parse(history)
     measured, time = (
         _read_measured(table, _column_name(table, model.output)),
         _read_measured(table, "time"),
     )
-    if past != SETTLED or direction == "invert" or measured is None or time is None:
-        return [past] * len(runs)
+    if history_before != SETTLED or direction == "invert" or measured is None or time is None:
+        return [history_before] * len(runs)
     loops = []
     try:
         for index, rows in enumerate(runs):
-            at = None if schedule is None else schedule[rows]
-            loops.append(Loop(str(index), values[rows], measured[rows], at, time[rows]))
-    except InputError:  # a run that is no loop
-        return [past] * len(runs)
+            run_schedule = None if schedule is None else schedule[rows]
+            loops.append(Loop(str(index), values[rows], measured[rows], run_schedule, time[rows]))
+    except InputError:  # a run that is not a loop
+        return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
     return [loop.history for loop in add_earlier_loops(loops, across_gaps=is_gap)]
 
 
 def _column_name(table: DataTable, quantity: Quantity) -> str:
-    """Name of a quantity in a table, where what is magnetised has another one than what is not."""
+    """Return the name of a quantity in a table; magnetised materials may use another name."""
     names = {quantity.name} | {
         name for name, kind in OUTPUT_MAPS.items() if kind.magnetised_name == quantity.name
     }
-    held = {header.quantity.name for header in table.headers if header.quantity is not None}
-    return next((name for name in sorted(names) if name in held), quantity.name)
+    present = {header.quantity.name for header in table.headers if header.quantity is not None}
+    return next((name for name in sorted(names) if name in present), quantity.name)
 
 
 def _read_measured(table: DataTable, name: str) -> FloatArray | None:
     try:
         return table.get(name)
-    except InputError:  # a column that nobody asked for may be as it likes
+    except InputError:  # an unused column may be invalid
         return None
 
 
 def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
-    """Rows of each run, in their order."""
+    """Return the rows of each run, in their order."""
     for header, column in zip(table.headers, table.columns, strict=True):
         if header.is_label and isinstance(column, Texts):
             return [
                 run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)
             ]
-    everything = np.arange(len(table))
-    return _split_by_schedule(schedule, everything) if settled else [everything]
+    all_rows = np.arange(len(table))
+    return _split_by_schedule(schedule, all_rows) if settled else [all_rows]
 
 
 def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
-    """Cut rows where the scheduling variable steps; one that moves stays whole."""
+    """Split rows at steps of the scheduling variable; if it moves, they stay together."""
     if schedule is None:
         return [rows]
     steps = np.flatnonzero(np.diff(schedule[rows])) + 1
@@ -292,17 +300,17 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 def _add_computed_columns(
     table: DataTable, quantity: Quantity, answer: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
-    """Return the header of the computed column, and the columns of the table with those computed."""
+    """Return the header of the computed column, and all columns with the computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
     name, flag = quantity.column, "valid"
-    if name in columns:  # a measurement: keep it, so that the two can be compared
+    if name in columns:  # keep the measured column for comparison
         name = f"{quantity.symbol}_model{quantity.column.removeprefix(quantity.symbol)}"
     if flag in columns:
         flag = "valid_model"
     if name in columns or flag in columns:
-        taken = name if name in columns else flag
-        text = f"{table.path}: has a column '{taken}' already; rename it in the file"
-        raise InputError(text, code="exists-already", key=taken)
+        duplicate = name if name in columns else flag
+        text = f"{table.path}: already has a column '{duplicate}'; rename it in the file"
+        raise InputError(text, code="exists-already", key=duplicate)
     return name, columns | {name: answer, flag: valid}
 
 
@@ -312,8 +320,8 @@ def _deviation(
     measured = _read_measured(table, _column_name(table, quantity))
     if measured is None:
         return None
-    apart = np.abs(predicted - measured)
+    differences = np.abs(predicted - measured)
     largest = full_scale(quantity, (measured[rows] for rows in runs))
-    mean, rms = float(apart.mean()), float(np.sqrt(np.square(apart).mean()))
+    mean, rms = float(differences.mean()), float(np.sqrt(np.square(differences).mean()))
     of = name_full_scale(quantity, largest)
-    return Deviation(mean, rms, float(apart.max()), largest, of)
+    return Deviation(mean, rms, float(differences.max()), largest, of)

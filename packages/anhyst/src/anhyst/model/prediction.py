@@ -1,4 +1,4 @@
-"""What a model computed over a record, and where it was seen to hold."""
+"""Result of a computation over a record, and flags for samples outside the valid range."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ InputKind = Literal["drive", "demand"]
 
 GIVEN_MARGIN = 1e-9
 COMPUTED_MARGIN = 0.02
-"""What a value may exceed the valid range by, in parts of the range, and count as inside. A
-computed one gets more: the model of the largest measured loop does not end on its largest sample.
-"""
+"""Margins beyond the valid range within which given and computed values count as inside, relative
+to the range. The model of the largest measured loop does not end exactly at its largest sample."""
 UNIT_ERROR_RATIO = 20.0
-"""Times the largest value a model knows from which the unit is likely wrong."""
+"""Ratio to the largest value of a model above which a value probably has a wrong unit."""
 
 
 def flag_samples(
@@ -42,74 +41,78 @@ def flag_samples(
     reachable: BoolArray,
     rows: bool = False,
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """Flag samples outside the valid range, and say so."""
+    """Flag samples outside the valid range; also return warnings in words."""
     valid, flags = reachable.copy(), []
     if not reachable.all():
         flags.append(_describe_samples(reachable, output, model.output.unit, rows, _UNREACHABLE))
     if model.valid is None:
-        flags.append("the model does not say where it holds (no [valid]): nothing could be checked")
+        flags.append("the model has no valid range (no [valid]), so samples were not checked")
         return valid, tuple(flags)
-    computed = {"drive": model.output, "demand": model.input}[kind]
+    computed_quantity = {"drive": model.output, "demand": model.input}[kind]
     ranges = (
         (model.input, drive, model.valid.input),
         (model.output, output, model.valid.output),
         (model.schedule, schedule, model.valid.schedule),
     )
-    far = {
+    far_texts = {
         quantity: describe_far_value(quantity, values, limits)
         for quantity, values, limits in ranges
-        if quantity is not computed
+        if quantity is not computed_quantity
     }
     for quantity, values, limits in ranges:
         if quantity is None or values is None or limits is None:
             continue
-        margin = COMPUTED_MARGIN if quantity is computed else GIVEN_MARGIN
+        margin = COMPUTED_MARGIN if quantity is computed_quantity else GIVEN_MARGIN
         low, high = limits
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
-        inside = (values >= low - allowance) & (values <= high + allowance)
-        valid &= inside
-        # Far outside, a computed value would only follow from that.
-        if not inside.all() and not (quantity is computed and any(far.values())):
-            what = (
+        is_inside = (values >= low - allowance) & (values <= high + allowance)
+        valid &= is_inside
+        # If given values are far outside, computed ones are outside as a consequence.
+        if not is_inside.all() and not (quantity is computed_quantity and any(far_texts.values())):
+            description = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
                 f"{high:g} {quantity.unit}"
             )
-            text = _describe_samples(inside, values, quantity.unit, rows, what)
-            flags.append(": ".join(filter(None, (text, far.get(quantity)))))
+            text = _describe_samples(is_inside, values, quantity.unit, rows, description)
+            flags.append(": ".join(filter(None, (text, far_texts.get(quantity)))))
     return valid, tuple(flags)
 
 
 def describe_far_value(
     quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
 ) -> str:
-    """Say how far values lie outside a range, if that is more than anybody would want."""
+    """Describe how far values are outside a range; empty if the distance is plausible."""
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
     largest = max(map(abs, limits))
-    most = float(values[np.argmax(np.abs(values))])
-    if abs(most) > UNIT_ERROR_RATIO * largest > 0.0:
-        times = abs(most) / largest
-        text = f"{name} {most:g} {unit} is {times:.3g} times the largest {name} the model knows"
-        near = likely_unit(quantity, times)
-        return f"{text}; given in {near}?" if near else text
-    least = float(np.abs(values).min())
-    # Only a gap is never near zero by intention.
-    if quantity.name == "gap" and 0.0 < UNIT_ERROR_RATIO * least < min(limits):
-        times = min(limits) / least
+    largest_value = float(values[np.argmax(np.abs(values))])
+    if abs(largest_value) > UNIT_ERROR_RATIO * largest > 0.0:
+        factor = abs(largest_value) / largest
+        text = (
+            f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} of the model"
+        )
+        unit_guess = likely_unit(quantity, factor)
+        return f"{text}; given in {unit_guess}?" if unit_guess else text
+    smallest_value = float(np.abs(values).min())
+    # Only a gap is never close to zero on purpose.
+    if quantity.name == "gap" and 0.0 < UNIT_ERROR_RATIO * smallest_value < min(limits):
+        factor = min(limits) / smallest_value
         return (
-            f"{name} {least:g} {unit} is {times:.3g} times less than the smallest {name} the model "
-            f"knows; metres taken for {likely_unit(quantity, times) or 'another unit'}?"
+            f"{name} {smallest_value:g} {unit} is {factor:.3g} times less than the smallest {name} of the "
+            f"model; metres instead of {likely_unit(quantity, factor) or 'another unit'}?"
         )
     return ""
 
 
 def likely_unit(quantity: Quantity, times: float) -> str:
-    """Name the thousandth or millionth of the SI unit that fits a factor; empty if none does."""
+    """Return the unit, a thousandth or millionth of SI, that explains a factor; else empty."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
-    parts = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
+    small_units = (
+        unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02
+    )
     nearest = min(
-        (unit for unit in parts if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
+        (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )
@@ -121,61 +124,63 @@ def likely_unit(quantity: Quantity, times: float) -> str:
 def warn_if_far(
     model: ModelData, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None
 ) -> None:
-    """Warn a caller in Python, once a call, of values whose unit is likely wrong."""
+    """Warn a Python caller once per call about values whose unit is probably wrong."""
     if model.valid is None:
         return
     limits = model.valid.input if quantity is model.input else model.valid.output
-    at = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
-    far = (
-        describe_far_value(model.schedule, at, model.valid.schedule),
+    gaps = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
+    texts = (
+        describe_far_value(model.schedule, gaps, model.valid.schedule),
         describe_far_value(quantity, values, limits),
     )
-    text = "; ".join(filter(None, far))
+    text = "; ".join(filter(None, texts))
     if text:
-        warnings.warn(text, ImplausibleWarning, stacklevel=4)  # who called the model's method
+        warnings.warn(text, ImplausibleWarning, stacklevel=4)  # the caller of the model's method
 
 
-_UNREACHABLE = "demand less than any drive can give"
+_UNREACHABLE = "demand an output below that of any drive"
 
 
-def _describe_samples(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:
-    first = int(np.argmin(good))
-    where = f"row {first + 1}" if rows else f"sample {first}"
+def _describe_samples(
+    is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str
+) -> str:
+    first_bad = int(np.argmin(is_good))
+    where = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
     return (
-        f"{int((~good).sum())} of {good.size} {'rows' if rows else 'samples'} {what} "
-        f"(first: {where}, {values[first]:g} {unit})"
+        f"{int((~is_good).sum())} of {is_good.size} {'rows' if rows else 'samples'} {description} "
+        f"(first: {where}, {values[first_bad]:g} {unit})"
     )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Result):
-    """What a model computed over a record; all arrays of shape (n,).
+    """Result of a prediction or inversion over a record; all arrays have the shape (n,).
 
     Parameters
     ----------
     drive : ndarray
         Input of the actuator, in units of the input.
     output : ndarray
-        Output of the actuator, in units of the output. After ``invert``, what the drive really
-        gives: the demand, except where the demand has no answer.
+        Output of the actuator, in units of the output. After ``invert``, the output for the computed
+        drive: the demand, unless the demand has no solution.
     flux_density : ndarray
         T.
     field : ndarray
         Field in the iron, A/m.
     valid : ndarray of bool
-        Whether the sample lies inside the valid range of the model.
+        Whether the sample is inside the valid range of the model.
     state : ndarray, shape (s,)
         State of the iron after the last sample (``x/a``, ``M_irr/M_s``, play ``/a``).
     cycles : int
-        Repetitions it took to settle; 0 for another history.
+        Number of repetitions until steady state; 0 for another history.
     history : History
-        What was assumed to have happened before.
+        Assumed history before the first sample.
     reachable : ndarray of bool
-        Whether the demand has an answer at all; all True after ``predict``.
+        Whether the demand has a solution; all True after ``predict``.
     flags, notes : tuple of str
-        Sentences about samples outside the valid range, and about what was assumed.
+        Sentences about samples outside the valid range, and about assumptions.
     quantities : tuple of Quantity
-        What `drive` and `output` are.
+        Quantities of `drive` and `output`.
     """
 
     drive: FloatArray
@@ -197,7 +202,7 @@ class Prediction(Result):
         return self.flags + self.notes
 
     def facts(self) -> dict[str, str]:
-        """Return ranges, what was assumed before, and what is outside the valid range."""
+        """Return ranges, assumed history, and the number of samples outside the valid range."""
         drive, answer = self.quantities
         return {
             "samples": str(self.drive.size),
@@ -223,7 +228,7 @@ class Prediction(Result):
         """Draw output over drive."""
         drive, answer = self.quantities
         scale, label = length_scale(answer)
-        every = thinning_slice(self.drive.size)
-        ax.plot(self.drive[every], scale * self.output[every], lw=1.1)
+        plotted = thinning_slice(self.drive.size)
+        ax.plot(self.drive[plotted], scale * self.output[plotted], lw=1.1)
         ax.set_xlabel(drive.label)
         ax.set_ylabel(label)

@@ -1,4 +1,4 @@
-"""Reading the model file: every key is checked, and what is wrong is reported all at once."""
+"""Read a model file, check every key, and report all errors together."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read_as(path: PathLike, kind: type[Record]) -> Record:
 
 
 class _Reader:
-    """Takes the content of a file to a model, collecting problems on the way."""
+    """Converts the content of a file to a model, and collects errors."""
 
     def __init__(self, file: TomlFile) -> None:
         self.file = file
@@ -77,14 +77,14 @@ class _Reader:
         return self._build(kind, table, drive, answer, schedule, cells)
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
-        """Read the table of cells ahead of the rest: it says which parameters are left."""
-        written = deepcopy(content.get("cells"))
-        if written is None:
+        """Read the table of cells first, because it determines the remaining parameters."""
+        table_text = deepcopy(content.get("cells"))
+        if table_text is None:
             return None
-        self._strip_units(written, ("cells",))
+        self._strip_units(table_text, ("cells",))
         self._stop_if_wrong()
         try:
-            table = schema.CellsTable.model_validate(written)
+            table = schema.CellsTable.model_validate(table_text)
         except ValidationError as error:
             self._collect(error, ("cells",))
             self._stop_if_wrong()
@@ -106,7 +106,7 @@ class _Reader:
 
     @contextmanager
     def _collecting(self, key: str) -> Iterator[None]:
-        """Collect the error of a table, without the place that it names itself."""
+        """Collect the error of a table, without the location in its text."""
         try:
             yield
         except InputError as error:
@@ -118,23 +118,25 @@ class _Reader:
             self.file.add_problem((key,), str(error), code="cells-out-of-range")
 
     def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
-        written = content.get(key)
-        if written is None and key == "schedule":
+        quantity_table = content.get(key)
+        if quantity_table is None and key == "schedule":
             return None
-        if written is None:
+        if quantity_table is None:
             self.file.add_problem((key,), "is missing; add this table", code="missing")
             return None
-        if isinstance(written, dict):
-            written = {k: v for k, v in written.items() if k in schema.QuantityTable.model_fields}
+        if isinstance(quantity_table, dict):
+            quantity_table = {
+                k: v for k, v in quantity_table.items() if k in schema.QuantityTable.model_fields
+            }
         try:
-            table = schema.QuantityTable.model_validate(written)
+            table = schema.QuantityTable.model_validate(quantity_table)
         except ValidationError as error:
             self._collect(error, (key,))
             return None
         quantity = Quantity(table.quantity, table.symbol, table.unit)
-        usual = QUANTITIES.get(quantity.name)
+        known_quantity = QUANTITIES.get(quantity.name)
         unit = find_unit(quantity.unit)
-        symbol = usual.unit if usual else unit.si if unit else None
+        symbol = known_quantity.unit if known_quantity else unit.si if unit else None
         if symbol is None:
             text = f"unknown unit {quantity.unit!r}; write an SI unit"
             self.file.add_problem((key, "unit"), text, code="unknown-unit")
@@ -144,7 +146,7 @@ class _Reader:
         return quantity
 
     def _strip_units(self, table: Any, at: KeyPath) -> None:
-        """Rename keys that carry units to fields, in place; complain about those that do not."""
+        """Rename keys with units to fields, in place; report keys without their unit."""
         if isinstance(table, list):
             for index, item in enumerate(table):
                 self._strip_units(item, (*at, index))
@@ -156,7 +158,7 @@ class _Reader:
             if key in fields:
                 table[fields[key]] = table.pop(key)
             elif field := schema.find_field(key, names):
-                text = f"its unit must stand in the key; write {names[field][1]}"
+                text = f"the key must contain its unit; write {names[field][1]}"
                 self.file.add_problem((*at, key), text, code="unit-missing")
                 table[field] = table.pop(key)
         for key, value in table.items():
@@ -168,27 +170,27 @@ class _Reader:
         )
 
     def _advice(self, path: KeyPath, finding: Any) -> Advice:
-        plain = explain_finding(finding)
-        if plain.code != "extra-forbidden":
-            return plain
-        known = [key for _, key in self._names_in(path[:-1]).values()]
-        near = difflib.get_close_matches(str(path[-1]), known, n=1)
-        if not near:
-            return plain
-        return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
+        advice = explain_finding(finding)
+        if advice.code != "extra-forbidden":
+            return advice
+        known_keys = [key for _, key in self._names_in(path[:-1]).values()]
+        close_matches = difflib.get_close_matches(str(path[-1]), known_keys, n=1)
+        if not close_matches:
+            return advice
+        return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
 
     def _names_in(self, table: KeyPath) -> schema.Names:
-        """Keys that carry units in a table; elements of an array of tables are alike."""
-        return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
+        """Return the keys with units of a table; elements of an array of tables are equal."""
+        return self.names.get(tuple(key for key in table if isinstance(key, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:
-        """Path in the file of a location in the validated tables."""
+        """Return the path in the file of a location in the validated tables."""
         *table, last = location
         names = self._names_in(tuple(table))
         return (*table, names[last][1] if last in names else last)
 
     def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
-        """Check what types cannot say; only where the types were right."""
+        """Check values that types cannot check, if all types are correct."""
         parameters = content.get("parameters")
         if self.file.problems or law is None or not isinstance(parameters, dict):
             return
@@ -206,21 +208,23 @@ class _Reader:
                 text = "the first must not exceed the second"
                 self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            text = "has a range of a scheduling variable that there is not"
+            text = (
+                "has a range of a scheduling variable, but there is no [schedule]; remove the range"
+            )
             self.file.add_problem(("valid",), text, code="no-schedule")
-        if (unsure := content.get("uncertainty")) is not None:
-            self._check_lengths(unsure)
+        if (uncertainty := content.get("uncertainty")) is not None:
+            self._check_lengths(uncertainty)
 
-    def _check_lengths(self, unsure: dict[str, Any]) -> None:
-        count = len(unsure["names"])
-        matrix = unsure.get("correlation", [])
+    def _check_lengths(self, uncertainty_table: dict[str, Any]) -> None:
+        count = len(uncertainty_table["names"])
+        matrix = uncertainty_table.get("correlation", [])
         for key, sizes in (
-            ("values", [len(unsure["values"])]),
-            ("std", [len(unsure["std"])]),
+            ("values", [len(uncertainty_table["values"])]),
+            ("std", [len(uncertainty_table["std"])]),
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:
-                text = f"must hold one entry for each of {count} names"
+                text = f"must have one entry for each of {count} names"
                 self.file.add_problem(("uncertainty", key), text, code="length-differs")
 
     def _build(
@@ -232,13 +236,13 @@ class _Reader:
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        late, layers, given = None, None, table.dynamics
+        dynamics, layers, dynamics_table = None, None, table.dynamics
         with self._collecting("history"):
             history = History.parse(table.history)
-        if given is not None:
-            times, shares = tuple(given.creep_times), tuple(given.creep_shares)
+        if dynamics_table is not None:
+            times, shares = tuple(dynamics_table.creep_times), tuple(dynamics_table.creep_shares)
             with self._collecting("dynamics"):
-                late = Dynamics(given.lag, times, shares, given.fastest)
+                dynamics = Dynamics(dynamics_table.lag, times, shares, dynamics_table.fastest)
         if table.layers is not None:
             with self._collecting("layers"):
                 layers = Layers(**dict(table.layers))
@@ -262,7 +266,7 @@ class _Reader:
             reduction=tuple(table.reduction),
             provenance=table.provenance,
             cells=cells,
-            dynamics=late,
+            dynamics=dynamics,
             layers=layers,
         )
         with self._collecting("parameters"):

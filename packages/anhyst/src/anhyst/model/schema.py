@@ -1,7 +1,8 @@
-"""What a model file may hold: its tables, their types, and keys that carry units.
+"""Define the tables of a model file, their types, and keys with units.
 
-Fit figures, uncertainty, reduction and provenance are plain records, and tables of the file at once: a
-field that is added here is read, checked and written. Identification fills them, the report shows them.
+Fit figures, uncertainty, reduction and provenance are dataclasses and tables of the file at the
+same time: an added field is read, checked and written. Identification fills them, and the report
+shows them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from anhyst.support.toml_file import TUPLE_FROM_LIST, FileRecord, Table
 from anhyst.support.units import Quantity
 
 OUTPUT_UNIT_MARK = object()
-"""Beside the type of a field that is in units of the output: its key in the file carries them."""
+"""Annotation of fields in units of the output, whose key in the file contains that unit."""
 
 FiniteNumber = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Output = Annotated[FiniteNumber, OUTPUT_UNIT_MARK]
@@ -54,39 +55,39 @@ def is_number(value: object) -> bool:
     """Whether a value of a file is a finite number."""
     if not isinstance(value, int | float) or isinstance(value, bool):
         return False
-    return abs(value) <= sys.float_info.max  # comparing, an integer may be of any size
+    return abs(value) <= sys.float_info.max  # in comparisons, integers may have any size
 
 
 def _setting(value: Any) -> Any:
     if isinstance(value, str | bool) or is_number(value):
         return value
-    raise PydanticCustomError("not_a_setting", "must be a text, a truth value or a finite number")
+    raise PydanticCustomError("not_a_setting", "must be a text, true or false, or a finite number")
 
 
 Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
 
 CHOSEN = "chosen"
-"""Note of the candidate that became the model."""
+"""Note of the selected candidate."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValidRange(FileRecord):
-    """Where the model was seen to hold; outside it computes, but every sample is flagged."""
+    """Measured ranges of the model. Outside, results are computed, but every sample is flagged."""
 
     input: Range  # smallest and largest measured value, SI
     output: Range
-    # smallest and largest value of the scheduling variable, SI; None without one
+    # smallest and largest scheduling value, SI; None without a scheduling variable
     schedule: Range | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class LoopFit(FileRecord):
-    """How far model and measurement are apart on one loop; deviations in units of the output."""
+    """Deviation of the model from one measured loop, in units of the output."""
 
     label: str  # label of the loop in its file
-    # scheduling variable of the loop, SI; files of a model without one have none
+    # scheduling value of the loop, SI; missing in files of models without a scheduling variable
     schedule: Annotated[FiniteNumber | None, Field(default=None)]
-    samples: Whole  # number of samples compared
+    samples: Whole  # number of compared samples
     largest_output: Output  # full scale of this loop alone, SI
     mean_abs: Output  # mean absolute (eq. 16), root mean square and largest absolute deviation, SI
     rms: Output
@@ -95,14 +96,16 @@ class LoopFit(FileRecord):
 
 @dataclass(frozen=True, slots=True)
 class CrossValidation(FileRecord):
-    """What to expect at a scheduling value between those measured, or at other samples of few loops."""
+    """Expected error between measured scheduling values, or at other samples of few loops."""
 
-    # mean absolute deviation in parts of the largest output, mean over values that were left out of
-    # the fit, of the choice of the map and of the decision about offsets alike
+    # mean absolute error relative to the largest output, mean over values withheld from the fit,
+    # from the selection of the map and from the decision about offsets
     error: FiniteNumber
-    interval: Range  # in it lies the deviation at another such value in about nine of ten cases
-    folds: Numbers = ()  # deviation at each value left out, ascending values
-    # ``gap``, or ``block``: blocks of samples were left out, which says nothing of other loops
+    interval: (
+        Range  # interval that contains the error at another such value in about nine of ten cases
+    )
+    folds: Numbers = ()  # error at each withheld value, ascending values
+    # ``gap``, or ``block`` for withheld blocks of samples, which is not evidence about other loops
     left_out: Literal["gap", "block"] = "gap"
 
 
@@ -110,57 +113,57 @@ class CrossValidation(FileRecord):
 class CandidateFit(FileRecord):
     """One law that was fitted and compared with others."""
 
-    law: str  # what it is; the law in words
+    law: str  # name of the law in words
     gap_map: str
-    numbers: Whole  # how many were fitted
-    # root mean square deviation from all loops, in parts of the largest output: of the one chosen
-    # that of the model, of the others that of the fits that were compared; None: there is no fit
+    numbers: Whole  # number of fitted parameters
+    # rms deviation from all loops, relative to the largest output; for the selected candidate, of
+    # the final model; for others, of the fits that were compared; None: no fit
     rms: FiniteNumber | None = None
-    # mean absolute deviation on what was left out of the fit, gaps or loops, in the same parts;
-    # None where nothing was, where the law has no answer there, or where it was passed over
+    # mean absolute error at withheld gaps, loops or blocks, relative to the largest output; None if
+    # nothing was withheld, the law has no solution there, or the candidate was passed over
     left_out: FiniteNumber | None = None
-    # ``chosen``, ``passed over``, ``dropped`` with the reason, or nothing
+    # ``chosen``, ``passed over``, ``dropped`` with the reason, or empty
     note: str = ""
 
     def text(self) -> str:
-        """Return the candidate in a line."""
+        """Return the candidate as one line."""
         note = f" ({self.note})" if self.note else ""
-        error = "" if self.left_out is None else f", left out {100.0 * self.left_out:.3g} %"
+        error = "" if self.left_out is None else f", withheld {100.0 * self.left_out:.3g} %"
         if self.rms is None:
             return f"{self.law}, {self.gap_map}{note}"
         return (
-            f"{self.law}, {self.gap_map}: {self.numbers} numbers, rms {100.0 * self.rms:.3g} %"
+            f"{self.law}, {self.gap_map}: {self.numbers} parameters, rms {100.0 * self.rms:.3g} %"
             f"{error}{note}"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class FitFigures(FileRecord):
-    """How far model and measurement are apart over all loops."""
+    """Deviation of the model from all measured loops."""
 
-    # largest absolute output of all loops (of a displacement: largest range), SI; relative figures
-    # refer to it
+    # largest absolute output of all loops (of a displacement: largest range), SI; full scale of
+    # relative figures
     largest_output: Output
     mean_abs: Output  # deviations over all samples as in :class:`LoopFit`, SI
     rms: Output
     worst: Output
-    # the same loop by loop
+    # deviations of each loop
     loops: Annotated[tuple[LoopFit, ...], TUPLE_FROM_LIST, Field(validation_alias="loop")] = ()
-    # For each gap map tried, the mean absolute deviation on schedule values that were left out of
-    # the fit, relative to the largest output. It chose the map, so it promises too much.
+    # mean absolute error at withheld scheduling values for each tried gap map, relative to the
+    # largest output; optimistic, because it was used to select the map
     left_out: Mapping[str, FiniteNumber] = field(default_factory=dict)
-    # outcome of the acceptance test over gap and drive; None where it does not apply
+    # whether the acceptance tests over gap and drive passed; None if none applies
     monotone: Truth | None = None
-    # what to expect at values between those measured; None below three of them
+    # expected error between the measured scheduling values; None below three of them
     cross_validation: CrossValidation | None = None
-    # the laws that were compared, the simplest first; empty where one was asked for
+    # compared laws, the simplest first; empty if one was requested
     candidates: Annotated[
         tuple[CandidateFit, ...], TUPLE_FROM_LIST, Field(validation_alias="candidate")
     ] = ()
-    # root mean square of what is left that is no noise of the sensors, in parts of the largest
-    # output; zero where the fit is done, None where nobody looked
+    # rms residual beyond the sensor noise, relative to the largest output; zero if the residual is
+    # noise, None if it was not analysed
     not_noise: FiniteNumber | None = None
-    # what is left, in words, and what to do about it; empty where nobody looked
+    # description of the residual and its remedy; empty if it was not analysed
     left_over: str = ""
 
 
@@ -172,14 +175,16 @@ def fit_figures(
     cross_validation: CrossValidation | None = None,
     candidates: tuple[CandidateFit, ...] = (),
 ) -> FitFigures:
-    """Compare measured and modelled loops."""
+    """Compute the deviations between measured and modelled loops."""
     rows, deviations = [], []
     for loop, output in zip(loopset.loops, fitted, strict=True):
-        off = np.abs(output - loop.output)
-        deviations.append(off)
+        deviation = np.abs(output - loop.output)
+        deviations.append(deviation)
         full = full_scale(loopset.output, (loop.output,))
-        mean, worst = float(off.mean()), float(off.max())
-        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(off), worst))
+        mean, worst = float(deviation.mean()), float(deviation.max())
+        rows.append(
+            LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst)
+        )
     pooled = np.concatenate(deviations)
     largest, pooled_rms = largest_output(loopset), rms(pooled)
     return FitFigures(
@@ -200,33 +205,33 @@ def fit_figures(
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty(FileRecord):
-    """What the data say about each fitted quantity, and what they cannot say."""
+    """Uncertainty of each fitted quantity, and statements about what the data do not determine."""
 
-    # the fitted quantities, with a node in brackets where there is one for each
+    # fitted quantities, with a node in brackets if there is one for each
     names: Texts
     values: Unbounded  # estimate and standard deviation, in the unit the name states
     std: Unbounded
     # correlation matrix, one row for each name
     correlation: Annotated[tuple[Unbounded, ...], TUPLE_FROM_LIST] = ()
-    statements: Texts = ()  # plain sentences about what the data do not determine
+    statements: Texts = ()  # sentences about parameters that the data do not determine
 
 
 @dataclass(frozen=True, slots=True)
 class ReductionStep(FileRecord):
     """One round of the reduction: a parameter replaced by its mean over the gaps (II.D)."""
 
-    frozen: str  # the parameter that was frozen
+    frozen: str  # fixed parameter
     cost_before: (
         FiniteNumber  # mean absolute deviation relative to the largest output, before and after
     )
     cost_after: FiniteNumber
-    # cost of freezing each parameter that was tried in this round
+    # cost of fixing each parameter that was tried in this round
     candidates: Mapping[str, FiniteNumber] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Provenance(FileRecord):
-    """Where a model came from."""
+    """Origin of a model."""
 
     version: str = ""  # version of anhyst that wrote the model
     seed: Whole | None = None  # seed of the search
@@ -239,7 +244,7 @@ class Provenance(FileRecord):
 
 
 def _number(value: Any) -> Any:
-    """Accept a number or a list of numbers; one finding, whatever is wrong."""
+    """Accept a number or a list of numbers; report any error as a single finding."""
     if is_number(value) or (isinstance(value, list) and value and all(map(is_number, value))):
         return value
     raise PydanticCustomError("not_a_number", "must be a finite number, or one for each node")
@@ -249,9 +254,9 @@ def _law(name: str) -> str:
     if why := LAWS.explain_unusable(name):
         raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
-        known = [repr(law) for law in LAWS]
+        law_names = [repr(law) for law in LAWS]
         raise PydanticCustomError(
-            "unknown_choice", f"Input should be {', '.join(known[:-1])} or {known[-1]}"
+            "unknown_choice", f"Input should be {', '.join(law_names[:-1])} or {law_names[-1]}"
         )
     return name
 
@@ -261,7 +266,7 @@ Number = Annotated[float | list[float], PlainValidator(_number)]
 
 
 class QuantityTable(Table):
-    """``[input]``, ``[output]``: what is measured, its symbol and its SI unit."""
+    """``[input]``, ``[output]``: measured quantity, its symbol and its SI unit."""
 
     quantity: str
     symbol: str
@@ -275,7 +280,7 @@ class ScheduleTable(QuantityTable):
 
 
 class CellsTable(Table):
-    """``[cells]``: the cells of a law that has some, a row of weights for each threshold."""
+    """``[cells]``: cells of a law with cells, with a row of weights for each threshold."""
 
     shape: Literal["tanh", "langevin"]
     thresholds: list[FiniteFloat]
@@ -294,7 +299,7 @@ class DynamicsTable(Table):
 
 
 class LayersTable(Table):
-    """``[layers]``: how solid iron is cut."""
+    """``[layers]``: layers of solid iron."""
 
     count: int
     surface: FiniteFloat
@@ -325,9 +330,9 @@ class ModelTable(Table):
 
 
 def model_table(law: Law | None) -> type[ModelTable]:
-    """Return the whole file with the parameters of its law: one number, or one for each node."""
+    """Return the table of the whole file with the parameters of a law."""
     if law is None:
-        return ModelTable  # which then refuses the law
+        return ModelTable  # which then rejects the law
     fields: dict[str, Any] = {
         spec.name: (Number, ... if spec.default is None else spec.default)
         for spec in parameter_specs(law).values()
@@ -340,7 +345,7 @@ FORMAT = "anhyst-model"
 VERSION = 1
 
 Names = dict[str, tuple[str, str]]
-"""For each field of a table whose key carries a unit: the key without and with it."""
+"""Key without and with its unit, for each field of a table whose key contains a unit."""
 
 
 def column(name: str, unit: str) -> str:
@@ -349,9 +354,9 @@ def column(name: str, unit: str) -> str:
 
 
 def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names:
-    """Return the keys of ``[parameters]`` for a law, if it is known, an input and an output."""
+    """Return the keys of ``[parameters]`` for a law (if known), an input and an output."""
     power = output_map(answer).power
-    turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
+    c_h_key = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
     ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
     return {
         **{
@@ -359,7 +364,7 @@ def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names
             for spec in (law.parameters if law else ())
         },
         "rho": ("rho", "rho"),
-        "c_H": ("c_H", turns),
+        "c_H": ("c_H", c_h_key),
         "gamma": ("gamma", "gamma_A_s_per_m_T"),
         "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
         "in_0": (f"{drive.symbol}_0", column(f"{drive.symbol}_0", drive.unit)),
@@ -370,14 +375,14 @@ def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names
 def section_names(
     law: Law | None, drive: Quantity, answer: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
-    """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
+    """Return the keys with units of each table (``[[fit.loop]]`` as ``fit, loop``)."""
     deviations = {name: (name, column(name, answer.unit)) for name in output_fields(FitFigures)}
     ranges = {"input": (drive.symbol, drive.column), "output": (answer.symbol, answer.column)}
     nodes: Names = {}
     if schedule is not None:
         ranges["schedule"] = (schedule.symbol, schedule.column)
         nodes["nodes"] = ("nodes", column("nodes", schedule.unit))
-    at = {"schedule": ranges["schedule"]} if schedule is not None else {}
+    schedule_name = {"schedule": ranges["schedule"]} if schedule is not None else {}
     return {
         ("schedule",): nodes,
         ("parameters",): parameter_names(law, drive, answer),
@@ -392,15 +397,17 @@ def section_names(
         },
         ("valid",): ranges,
         ("fit",): deviations,
-        ("fit", "loop"): deviations | at,
+        ("fit", "loop"): deviations | schedule_name,
     }
 
 
 def find_field(key: str, names: Names) -> str | None:
     """Return the field that a key with a missing or another unit means, if any."""
-    for name, (bare, full) in names.items():
+    for name, (name_without_unit, full) in names.items():
         if key == full:
             continue
-        if key in {name, bare} or (bare != full and key.startswith(f"{bare}_")):
+        if key in {name, name_without_unit} or (
+            name_without_unit != full and key.startswith(f"{name_without_unit}_")
+        ):
             return name
     return None

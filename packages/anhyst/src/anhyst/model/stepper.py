@@ -1,4 +1,4 @@
-"""A model sample by sample: solve, then commit."""
+"""Run a model sample by sample: solve for the drive, then commit the applied drive."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from anhyst.support.numeric import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An answer that has not been committed."""
+    """Result of a trial step that has not been committed."""
 
-    drive: float  # drive that gives the demanded output now, in units of the input
-    output: float  # what that drive gives: the demand, unless the demand has no answer
+    drive: float  # drive for the demanded output, in units of the input
+    output: float  # output for that drive: the demand, unless the demand has no solution
     flux_density: float  # T
-    valid: bool  # whether demand, drive and schedule lie inside the valid range of the model
+    valid: bool  # whether demand, drive and schedule are inside the valid range of the model
 
 
 class Stepper:
-    """A model in use: the drive a demand needs now, the drive that was applied.
+    """A model with a state, for use sample by sample.
 
-    ``solve`` answers without touching the state, as often as one likes; ``commit`` advances the
-    state with the drive that was really applied, after limits and the amplifier.
+    ``solve`` returns the drive for a demand without changing the state, any number of times.
+    ``commit`` advances the state with the drive that was really applied, after limits and the
+    amplifier.
 
     >>> from anhyst.support.units import QUANTITIES
     >>> from anhyst.model.actuator import Model
@@ -51,31 +52,31 @@ class Stepper:
         self._schedule = schedule = model.schedule_or_default(schedule)
         warn_if_far(model, model.input, np.zeros(1), self._schedule)
         self._iron = model.iron_at(self._schedule)
-        past = as_history(history, model)
-        if past.kind == "settled":
+        history_before = as_history(history, model)
+        if history_before.kind == "settled":
             if model.valid is None:
                 raise InputError(
-                    "a stepper cannot start settled: the model has no valid range of the input to "
-                    "cycle over; pass history='demagnetised' or 'conditioned:...'",
+                    "a stepper cannot start settled: the model has no valid range of the input for "
+                    "the cycle; pass history='demagnetised' or 'conditioned:...'",
                     code="no-valid-range",
                     key="valid",
                 )
             low, high = model.valid.input
-            slow = [0.0, 1e9, 2e9]  # eddy currents do not count
+            slow = [0.0, 1e9, 2e9]  # so slow that eddy currents are negligible
             cycle = [low, high, low]
             self._state = run_record(model, "drive", cycle, schedule, slow, "settled").state
         else:
-            self._state = initial_state(model, self._iron, past, self._schedule)
+            self._state = initial_state(model, self._iron, history_before, self._schedule)
         self._output: float | None = None
-        # schedule, step and whether it had begun, and the circuit there: that of the last step
+        # cache of the last step: schedule, time step, whether a step was committed, and circuit
         self._circuit_cache: tuple[float, float | None, bool, Circuit] | None = None
-        late = model.dynamics
-        self._dynamics = late if late is not None and late.times else None
-        self._flux = self._flux_at_rest(past)
+        dynamics = model.dynamics
+        self._dynamics = dynamics if dynamics is not None and dynamics.times else None
+        self._flux = self._flux_at_rest(history_before)
         self._slow_parts = np.full(len(self._dynamics.times) if self._dynamics else 0, self._flux)
 
     def _flux_at_rest(self, past: History) -> float:
-        """Return the flux density before the first step, where creep has come to its end."""
+        """Return the flux density before the first step, after creep has settled, T."""
         if self._dynamics is None or past.kind == "demagnetised":
             return 0.0
         points = past.turning_points
@@ -86,20 +87,20 @@ class Stepper:
         return float(self._iron.forward(core, circuit.rho, circuit.eddy, self._state)[0][0])
 
     def _creep(self, dt: float | None) -> tuple[float, FloatArray]:
-        """Return what creep adds to the flux density now, T, and its slow parts."""
+        """Return the present contribution of creep to the flux density, T, and the slow parts."""
         if self._dynamics is None:
             return 0.0, self._slow_parts
-        slow = self._slow_parts
+        slow_parts = self._slow_parts
         if self._output is not None:
             if dt is None:
-                text = "the model creeps ([dynamics]); give the time of the step"
+                text = "the model has creep ([dynamics]); give the time step dt"
                 raise wrong_key("dt", text, code="time-missing")
-            slow = self._dynamics.advance(self._flux, slow, dt)
-        return float(np.array(self._dynamics.shares) @ slow), slow
+            slow_parts = self._dynamics.advance(self._flux, slow_parts, dt)
+        return float(np.array(self._dynamics.shares) @ slow_parts), slow_parts
 
     @property
     def state(self) -> FloatArray:
-        """A copy of the state of the iron, as its law defines it."""
+        """A copy of the state of the iron, in the format of its law."""
         return self._state.copy()
 
     @property
@@ -115,16 +116,16 @@ class Stepper:
     def solve(
         self, demand: float, schedule: float | None = None, dt: float | None = None
     ) -> Candidate:
-        """Find the drive that gives a demanded output now. The state is not touched."""
+        """Return the drive for a demanded output; the state does not change."""
         demands = as_samples([demand], "demand")
-        at = self._at(schedule)
-        circuit = self._circuit(at, dt)
+        gap = self._at(schedule)
+        circuit = self._circuit(gap, dt)
         flux, reachable = circuit.flux_density(demands)
         flux = flux - self._creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
         check_status(status, "demand", 0, demands)
         applied = circuit.drive(drive)
-        valid, _ = flag_samples(self.model, "demand", applied, demands, np.array([at]), reachable)
+        valid, _ = flag_samples(self.model, "demand", applied, demands, np.array([gap]), reachable)
         return Candidate(
             drive=float(applied[0]),
             output=float(demand if reachable[0] else circuit.output(flux)[0]),
@@ -135,15 +136,15 @@ class Stepper:
     def commit(
         self, applied: float, schedule: float | None = None, dt: float | None = None
     ) -> float:
-        """Advance the state with the drive that was really applied."""
+        """Advance the state with the applied drive; return the output."""
         drive = as_samples([applied], "applied drive")
-        at = self._at(schedule)
-        circuit = self._circuit(at, dt)
+        gap = self._at(schedule)
+        circuit = self._circuit(gap, dt)
         core = circuit.magnetomotive(drive)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
         check_status(status, "applied drive", 0, drive)
         added, self._slow_parts = self._creep(dt)
-        self._state, self._schedule, self._flux = state, at, float(flux[0])
+        self._state, self._schedule, self._flux = state, gap, float(flux[0])
         self._output = float(circuit.output(flux + added)[0])
         return self._output
 
@@ -156,7 +157,7 @@ class Stepper:
         ):
             why = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
             raise InputError(
-                f"the model {why}; commit one by one, with dt", code="time-missing", key="t_s"
+                f"the model {why}; commit each sample with dt", code="time-missing", key="t_s"
             )
         for end in (at.min(), at.max()):
             self._at(float(end))
@@ -184,13 +185,17 @@ class Stepper:
     def _circuit(self, at: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
             raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
-        begun = self._output is not None  # the first commit has nothing before it to be timed from
-        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, begun):
-            return self._circuit_cache[3]  # at a gap that rests, step after step
-        if dt is None and begun and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
-            text = "the model has eddy currents (gamma); give the time of the step"
+        is_started = self._output is not None  # the first commit has no time step
+        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, is_started):
+            return self._circuit_cache[3]  # at a constant gap, the cache is used in every step
+        if (
+            dt is None
+            and is_started
+            and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0)
+        ):
+            text = "the model has eddy currents (gamma); give the time step dt"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))
-        self._circuit_cache = at, dt, begun, circuit
+        self._circuit_cache = at, dt, is_started, circuit
         return circuit

@@ -1,4 +1,4 @@
-"""Writing the model file; see :mod:`anhyst.model.actuator` for what it is and for reading it."""
+"""Write the model file; :mod:`anhyst.model.actuator` describes its format and reads it."""
 
 from __future__ import annotations
 
@@ -23,63 +23,61 @@ from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
 
 HEAD = """\
-# Model of an actuator. Written by anhyst to be read, edited and compared by people: all values are
-# SI, the unit stands in the key (k_A_per_m is k in A/m), and every key is checked on reading.
+# Model of an actuator, written by anhyst. The file can be read, edited and compared. All values are SI,
+# every key contains its unit (k_A_per_m is k in A/m), and every key is checked on reading.
 """
 GAP_MAP = """
-# How the scheduling variable enters. "none": not at all; "scaling": it scales the field, c_H runs
-# over it; "reluctance": a gap in series with the iron, rho runs over it; "circuit": the output and
-# the offsets besides; "free": anything may.
+# Parameters that depend on the scheduling variable. "none": none; "scaling": c_H, which scales the
+# field; "reluctance": rho, a gap in series with the iron; "circuit": rho, the output and the offsets;
+# "free": any.
 """
 HISTORY = """
-# What happened before the first sample, unless a run says otherwise: "demagnetised"; "settled"
-# (the drive is a cycle that has been repeated until it closes); or "conditioned:0,2,0" (turning
-# points of the input, from the demagnetised state).
+# Default history before the first sample: "demagnetised"; "settled" (the drive is a cycle that was
+# repeated until it closed); or "conditioned:0,2,0" (reversals of the input, starting from the
+# demagnetised state).
 """
 PARAMETERS_HEAD = """
 #     c_H * (input - offset) = H + rho * B / mu0 + gamma * dB/dt
 #     output                 = c_out * B^power + offset        (power 2 for a force, otherwise 1)
-# One number, or one for each node; between nodes a curve that cannot overshoot, outside a straight
-# line.
+# One number, or one for each node. Between nodes, a curve without overshoot; outside, linear
+# extrapolation.
 """
 CELLS = """
-# The cells of the iron: thresholds ascending from 0, and what each adds to the saturation on the
-# curve (shape) of each width, a row a threshold. They stand for the parameters of the populations.
+# Play cells of the iron: thresholds ascending from 0, and the contribution to the saturation of each
+# threshold (row) and curve width (column). They replace the parameters of the populations.
 """
 CENTRES = """\
-# A curve with a centre above 0 is the mean of two: one around the centre, one around its negative.
+# A curve with a centre above 0 is the mean of two curves, around the centre and its negative.
 """
 DYNAMICS = """
-# What comes late: the lag from the input to the output; creep, slow parts with these time constants
-# that add these shares of what the actuator does at once; and the rate of cycles up to which the
-# model was seen to hold, 0 where that is not known.
+# Dynamics: the lag from the input to the output; the time constants of the creep and their shares of
+# the immediate output; and the cycle rate up to which the model was validated, 0 if unknown.
 """
 LAYERS = """
-# Solid iron: layers of the law, the first at the surface with this share of the section, between
-# which the field diffuses (gamma above); and the share of the path in sheets, which follow at once.
+# Solid iron: the number of layers, between which the field diffuses (gamma above); the share of the
+# section in the layer at the surface; and the share of the path in sheets, which respond at once.
 """
 VALID = """
 # Smallest and largest measured values. Outside, results are computed and flagged.
 """
 FIT = """
-# How far the model is from the measurement it was found from: mean absolute, root mean square and
-# largest deviation. left_out: mean deviation on schedule values that were left out of the fit, in
-# parts of the largest output, for each gap map that was tried. monotone: whether the output rises
-# as the gap closes and as the drive rises.
+# Deviation of the model from its measurement: mean absolute, root mean square and largest. left_out:
+# mean error at withheld schedule values, relative to the largest output, for each tried gap map.
+# monotone: whether the output rises as the gap closes and as the drive rises.
 """
 CROSS_VALIDATION = """
-# What to expect at schedule values between those measured: mean deviation in parts of the largest
-# output, the interval that holds it in about nine of ten cases, and what was found at each value
-# left out of the fit, of the choice of the map and of the decision about offsets. With left_out =
-# "block", at other samples of such loops: blocks of samples were left out. Nothing of other loops.
+# Expected error between the measured schedule values: mean error relative to the largest output, its
+# 90 % interval, and the error at each value withheld from the fit, from the selection of the map and
+# from the decision about offsets. With left_out = "block", blocks of samples were withheld, and the
+# figures are valid only for other samples of such loops.
 """
 UNCERTAINTY = """
-# Estimates and standard deviations of what was fitted; inf where the data say nothing.
+# Estimates and standard deviations of the fitted parameters; inf if the data do not determine them.
 """
 
 
 def write_model(model: ModelData, path: PathLike) -> None:
-    """Write a model to a file, whole or not at all; it is read back before it takes its name."""
+    """Write a model to a file, completely or not at all; the draft is read back first."""
     text = model_text(model)
 
     def check(draft: Path) -> None:
@@ -87,7 +85,7 @@ def write_model(model: ModelData, path: PathLike) -> None:
             read_as(draft, ModelData)
         except InputError as error:
             reason = str(error).replace(str(draft), str(path))
-            text = f"{reason}; no file could be read with that, so none is written"
+            text = f"{reason}; such a file could not be read, so it was not written"
             raise InputError(text, code=error.code, key=error.key) from error
 
     with atomic_writer(path, check) as stream:
@@ -97,8 +95,8 @@ def write_model(model: ModelData, path: PathLike) -> None:
 def model_text(model: ModelData) -> str:
     """Return the text of the model file."""
     names = schema.section_names(model.operator_law, model.input, model.output, model.schedule)
-    known = " or ".join(f'"{law}"' for law in LAWS)
-    text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
+    law_names = " or ".join(f'"{law}"' for law in LAWS)
+    text = f"The hysteresis law, {law_names}. The parameters are valid only for this law."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     table: dict[str, object] = {}
     sections = [
@@ -112,15 +110,15 @@ def model_text(model: ModelData) -> str:
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
         _cells(model.cells) if model.cells else "",
     ]
-    if late := model.dynamics:
-        times, shares = list(map(float, late.times)), list(map(float, late.shares))
-        table = {"lag_s": float(late.lag), "creep_times_s": times, "creep_shares": shares}
+    if dynamics := model.dynamics:
+        times, shares = list(map(float, dynamics.times)), list(map(float, dynamics.shares))
+        table = {"lag_s": float(dynamics.lag), "creep_times_s": times, "creep_shares": shares}
         sections.append(
-            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(late.fastest)})
+            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(dynamics.fastest)})
         )
-    if cut := model.layers:
-        surface, laminated = float(cut.surface), float(cut.laminated)
-        table = {"count": cut.count, "surface": surface, "laminated": laminated}
+    if layers := model.layers:
+        surface, laminated = float(layers.surface), float(layers.laminated)
+        table = {"count": layers.count, "surface": surface, "laminated": laminated}
         sections.append(f"{LAYERS}[layers]\n" + _keys(table))
     if model.valid:
         sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
@@ -129,14 +127,14 @@ def model_text(model: ModelData) -> str:
     if model.uncertainty:
         sections.append(_uncertainty(model.uncertainty))
     if model.reduction:
-        sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
+        sections.append("\n# Reduction: the parameter fixed in each round, with the lowest cost.\n")
     sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
-    if (origin := model.provenance) != schema.Provenance():
-        table = {"version": origin.version, "seed": origin.seed}
-        sections.append("\n# Where the model came from.\n[provenance]\n" + _keys(table))
-        if origin.settings:
-            sections.append("\n[provenance.settings]\n" + _keys(origin.settings))
-        for source in origin.sources:
+    if (provenance := model.provenance) != schema.Provenance():
+        table = {"version": provenance.version, "seed": provenance.seed}
+        sections.append("\n# Origin of the model.\n[provenance]\n" + _keys(table))
+        if provenance.settings:
+            sections.append("\n[provenance.settings]\n" + _keys(provenance.settings))
+        for source in provenance.sources:
             table = {"path": source.path, "sha256": source.sha256}
             table["columns"] = dict(source.columns) or None
             sections.append("\n[[provenance.source]]\n" + _keys(table))
@@ -144,7 +142,7 @@ def model_text(model: ModelData) -> str:
 
 
 def _keys(table: Mapping[str, object]) -> str:
-    """Write keys and values, leaving out those without a value."""
+    """Return keys and values as text, without keys that have no value."""
     return "".join(
         f"{toml_key(key)} = {toml_value(value)}\n"
         for key, value in table.items()
@@ -189,10 +187,10 @@ def _cells(cells: CellWeights) -> str:
 
 
 def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
-    """Write the keys of a record, without defaults and without its nested tables.
+    """Return the keys of a record as text, without defaults and without its nested tables.
 
-    Deviations come with what they are of the largest output. A scheduling variable has a name only
-    where the model has one.
+    Deviations get a comment with their share of the largest output. A scheduling variable has a
+    name only if the model has one.
     """
     hints = get_type_hints(type(record), include_extras=True)
     largest: float = getattr(record, "largest_output", 0.0)
@@ -203,7 +201,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        written = toml_value(_plain(value, whole=hints[field.name] is schema.Whole))
+        written = toml_value(_plain(value, is_whole=hints[field.name] is schema.Whole))
         share = (
             field.name in schema.output_fields(type(record))
             and field.name != "largest_output"
@@ -220,8 +218,8 @@ def _holds_tables(value: object) -> bool:
     )
 
 
-def _plain(value: Any, *, whole: bool = False) -> Any:
-    """Return a value as Python's own; every number that counts nothing is a float."""
+def _plain(value: Any, *, is_whole: bool = False) -> Any:
+    """Return a value as a Python type; all numbers are floats unless `whole` is set."""
     match value:
         case str() | bool():
             return value
@@ -231,7 +229,7 @@ def _plain(value: Any, *, whole: bool = False) -> Any:
             return {key: _plain(item) for key, item in value.items()}
         case tuple():
             return [_plain(item) for item in value]
-    return int(value) if whole else float(value)
+    return int(value) if is_whole else float(value)
 
 
 def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
@@ -245,13 +243,13 @@ def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) 
     return text
 
 
-def _uncertainty(unsure: schema.Uncertainty) -> str:
-    plain = replace(unsure, correlation=(), statements=())
-    text = f"{UNCERTAINTY}[uncertainty]\n{_record(plain)}"
-    if unsure.correlation:
-        text += f"correlation = {_rows(_plain(unsure.correlation))}\n"
-    if unsure.statements:
-        text += f"statements = {_rows(unsure.statements)}\n"
+def _uncertainty(uncertainty: schema.Uncertainty) -> str:
+    without_matrices = replace(uncertainty, correlation=(), statements=())
+    text = f"{UNCERTAINTY}[uncertainty]\n{_record(without_matrices)}"
+    if uncertainty.correlation:
+        text += f"correlation = {_rows(_plain(uncertainty.correlation))}\n"
+    if uncertainty.statements:
+        text += f"statements = {_rows(uncertainty.statements)}\n"
     return text
 
 

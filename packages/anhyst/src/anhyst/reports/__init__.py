@@ -1,7 +1,7 @@
 """The report of a model, and its figures.
 
-``write_report`` makes one HTML file from a model file; ``write_plots`` makes picture files; the
-functions of :mod:`anhyst.reports.figures` give the figures themselves.
+``write_report`` writes an HTML file, and ``write_plots`` writes picture files. The functions of
+:mod:`anhyst.reports.figures` return single figures.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Figures of the report, each a function that gives a Matplotlib figure.
+"""Figures of the report. Each function returns a Matplotlib figure.
 
-Nothing here touches :mod:`matplotlib.pyplot`: a figure belongs to who asked for it.
+The module does not use :mod:`matplotlib.pyplot`, so that no figure stays open after its use.
 """
 
 from __future__ import annotations
@@ -47,27 +47,27 @@ from anhyst.support.page import (
 )
 
 Fitted = Sequence[FloatArray | None]
-"""Modelled output of each loop of a set, in its order; None where it cannot be computed."""
+"""Modelled output of each loop, in the order of the loops; None if it cannot be computed."""
 
 MAX_PANELS = 18
 SMALL_LOOP_SHARE = 0.25
-"""A loop is small if its input spans less than this share of the largest one drawn with it."""
+"""Share of the largest input range in a panel below which a loop gets its own panel."""
 MAX_DRAWN_COST_RATIO = 3.0
-"""Costs of candidates above so many times the highest bar are written, not drawn."""
+"""Ratio to the highest bar above which the cost of a candidate is written instead of drawn."""
 MAX_NUMBERED_SIZE = 14
-"""Correlation matrices up to this size carry their numbers."""
+"""Largest size of a correlation matrix whose cells show their values."""
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Loops that share a panel: their title, and their places in the set."""
+    """The loops of a panel: the title of the panel, and their indices in the set."""
 
     title: str
     indices: tuple[int, ...]
 
 
 def group_by_schedule(loopset: Loops) -> list[Group]:
-    """Group loops by scheduling value, ascending; loops along which it moves come last."""
+    """Group loops by the scheduling value, ascending. Loops with a moving value come last."""
     if loopset.schedule is None:
         return [Group("", tuple(range(len(loopset))))]
     indices_by_value: dict[float | None, list[int]] = {
@@ -83,7 +83,7 @@ def group_by_schedule(loopset: Loops) -> list[Group]:
 
 
 def find_small_loops(loopset: Loops) -> list[Group]:
-    """Loops that are too small to be seen among the others of their group, each by itself."""
+    """Return the loops that are too small to be visible in their panel, one group each."""
     groups = []
     for group in group_by_schedule(loopset):
         spans = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
@@ -119,7 +119,7 @@ def figure_speeds(loopset: Loops, fitted: Fitted, speeds: SpeedGroups) -> Figure
 
 
 def speed_text(group: Sequence[Loop]) -> str:
-    """Return how fast loops run: ``50 Hz``, or from where to where."""
+    """Return the frequency of loops as text: ``50 Hz``, or a range."""
     rates = [cycle_rate(loop.input, loop.time) for loop in group]
     limits = list(dict.fromkeys(f"{rate:.3g}" for rate in (min(rates), max(rates))))
     return f"{' to '.join(limits)}{NBSP}Hz"
@@ -129,9 +129,9 @@ def speed_text(group: Sequence[Loop]) -> str:
 def figure_differences(
     loopset: Loops, fitted: Fitted, single_valued: Sequence[FloatArray]
 ) -> Figure:
-    """Draw the loops as what is left of them without their best single-valued curve.
+    """Draw the difference of the loops from their best single-valued curve.
 
-    Hysteresis is a few per cent of the output: over the whole range it can hardly be seen.
+    Hysteresis is a few per cent of the output, so that it is barely visible over the whole range.
     """
     figure, axes = _create_panels(
         group_by_schedule(loopset), panel_height=(3.6, 2.7, 2.2), share_y=True
@@ -149,19 +149,19 @@ def figure_differences(
             _draw_measured(ax, x, y_scale.factor * (loop.output - without))
             if output is not None:
                 ax.plot(x, y_scale.factor * (output - without), color=MODEL_COLOUR, lw=0.9)
-        _label_axes(ax, axes, loopset, x_scale, y_scale, y_text="less the curve")
+        _label_axes(ax, axes, loopset, x_scale, y_scale, y_text="minus the curve")
     _add_legend(figure)
     return figure
 
 
 def _single_valued_curve(group: Sequence[tuple[Loop, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    """Return the single-valued curve of loops, its steps from sample to sample smoothed out."""
+    """Return the single-valued curve of loops, smoothed from sample to sample."""
     drive = np.concatenate([loop.input for loop, _ in group])
     return smooth_curve(drive, np.concatenate([loop.output - residual for loop, residual in group]))
 
 
 def _dot_style(colour: str, size: float = 5.0) -> dict[str, Any]:
-    """Return how dots are drawn; they have this size in a legend."""
+    """Return the style of dots of a given size; 5 points is the size in the legend."""
     return {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "color": colour}
 
 
@@ -179,7 +179,7 @@ def _add_legend(figure: Figure) -> None:
 
 @use_report_style
 def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
-    """Draw each loop that :func:`figure_loops` shows too small, on its own; None if there is none."""
+    """Draw each loop that is too small in :func:`figure_loops` in its own panel, if any."""
     groups = find_small_loops(loopset)
     return _draw_loops(loopset, fitted, groups, has_own_scales=True) if groups else None
 
@@ -208,7 +208,7 @@ def _draw_loops(
 
 @use_report_style
 def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
-    """Draw what the model leaves over, one panel for each value of the scheduling variable."""
+    """Draw the residual of the model, one panel for each value of the scheduling variable."""
     figure, axes = _create_panels(
         group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True
     )
@@ -241,7 +241,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
 
 
 def rising_samples(loop: Loop) -> NDArray[np.bool_]:
-    """Return which samples lie on rising branches of the input, shape (n,)."""
+    """Return which samples are on ascending branches of the input, shape (n,)."""
     is_rising = np.zeros(loop.n, dtype=np.bool_)
     for part in find_branches(loop.input):
         is_rising[part.rows] = part.is_rising
@@ -269,7 +269,7 @@ def _draw_residuals(
 def figure_reduction(
     steps: Sequence[ReductionStep], names: Mapping[str, str] = MappingProxyType({})
 ) -> Figure:
-    """Draw the cost of each reduction step, beside what freezing another parameter would cost."""
+    """Draw the cost of each reduction step, and the cost of fixing another parameter instead."""
     figure = new_figure(3.2)
     ax = figure.subplots()
     costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
@@ -283,21 +283,26 @@ def figure_reduction(
     for index, cost in enumerate(costs.tolist()):
         text = f"{format_number(cost, 2)} %"
         ax.annotate(text, (index, cost), (0, 3), textcoords="offset points", ha="center")
-    others = [cost for step in steps for cost, _ in _rejected_candidates(step)]
+    rejected_costs = [cost for step in steps for cost, _ in _rejected_candidates(step)]
     highest_bar = max(float(costs.max()), 1e-9)
     highest = max(
-        [highest_bar, *(cost for cost in others if cost <= MAX_DRAWN_COST_RATIO * highest_bar)]
+        [
+            highest_bar,
+            *(cost for cost in rejected_costs if cost <= MAX_DRAWN_COST_RATIO * highest_bar),
+        ]
     )
     ax.set_ylim(0.0, 1.2 * highest)
     for index, step in enumerate(steps, start=1):
         _draw_candidates(ax, index + 0.36, _rejected_candidates(step), highest, names)
-    ax.set_xticks(range(costs.size), ["all free", *(f"freeze {name}" for name in frozen)])
+    ax.set_xticks(range(costs.size), ["all free", *(f"fix {name}" for name in frozen)])
     ax.set_xlim(-0.5, costs.size - 0.2)
     ax.grid(visible=False, axis="x")
     ax.set_ylabel("mean deviation,\n% of the largest output")
     handles = [
-        Patch(color=MODEL_COLOUR, label="parameter frozen"),
-        Line2D([], [], ls="none", marker="o", mfc="none", color=FALLING_COLOUR, label="not taken"),
+        Patch(color=MODEL_COLOUR, label="fixed parameter"),
+        Line2D(
+            [], [], ls="none", marker="o", mfc="none", color=FALLING_COLOUR, label="not selected"
+        ),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)
     return figure
@@ -306,7 +311,7 @@ def figure_reduction(
 def _draw_candidates(
     ax: Axes, x: float, costs: list[tuple[float, str]], highest: float, names: Mapping[str, str]
 ) -> None:
-    """Draw rings with their names; those above the picture at its upper edge, with their cost."""
+    """Draw a ring and a name for each candidate; those above the figure at its upper edge."""
     label_y = -np.inf
     for cost, name in costs:
         text = names.get(name, name)
@@ -314,13 +319,13 @@ def _draw_candidates(
             text += f" ↑ {format_number(cost, 2)} %"
         else:
             ax.plot(x, cost, "o", mfc="none", color=FALLING_COLOUR, ms=5.0)
-        # Labels of like costs one above the other.
+        # Keep a distance between the labels of similar costs.
         label_y = max(min(cost, 1.1 * highest), label_y + 0.055 * highest)
         ax.annotate(text, (x + 0.05, label_y), va="center", fontsize=7.5, color="#8A3B00")
 
 
 def _rejected_candidates(step: ReductionStep) -> list[tuple[float, str]]:
-    """Cost in percent and name of each candidate of a step that was not frozen, ascending."""
+    """Return cost (%) and name of each candidate that was not fixed in a step, ascending."""
     return sorted(
         (100.0 * cost, name)
         for name, cost in step.candidates.items()
@@ -330,14 +335,14 @@ def _rejected_candidates(step: ReductionStep) -> list[tuple[float, str]]:
 
 @use_report_style
 def figure_correlation(uncertainty: Uncertainty) -> Figure:
-    """Draw the correlations of what was fitted as a heat map."""
+    """Draw the correlations of the fitted quantities as a heat map."""
     matrix = np.array(uncertainty.correlation)
     count = matrix.shape[0]
     shows_numbers = count <= MAX_NUMBERED_SIZE
     height = 0.9 + (0.3 if shows_numbers else 0.19) * count
     figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()
-    drawn = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
+    mesh = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
     if shows_numbers:
         for row, column in np.argwhere(np.isfinite(matrix)).tolist():
             value = float(matrix[row, column])
@@ -357,7 +362,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    bar = figure.colorbar(drawn, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
+    bar = figure.colorbar(mesh, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
     bar.outline.set_visible(False)
     return figure
 
@@ -365,13 +370,13 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
 def _create_panels(
     groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
 ) -> tuple[Figure, dict[Axes, Group]]:
-    """Start a figure of panels for groups, or for evenly chosen ones if there are too many.
+    """Create a figure with one panel per group, or per evenly spaced group if there are too many.
 
-    The height of a panel depends on whether there are 1, 2 or 3 columns.
+    The three heights of a panel are for one, two and three columns.
     """
     if len(groups) > MAX_PANELS:
-        places = np.unique(np.linspace(0, len(groups) - 1, MAX_PANELS).round().astype(int))
-        groups = [groups[index] for index in places]
+        indices = np.unique(np.linspace(0, len(groups) - 1, MAX_PANELS).round().astype(int))
+        groups = [groups[index] for index in indices]
     columns = column_count(len(groups))
     figure = new_figure(0.4 - (-len(groups) // columns) * panel_height[columns - 1])
     return figure, dict(
@@ -389,7 +394,7 @@ def _label_axes(
     y_text: str = "",
     labels_all: bool = False,
 ) -> None:
-    """Label the outer axes, or every one where units differ; errors are in percent, too."""
+    """Label the outer axes, or all if their units differ; errors also get an axis in per cent."""
     columns, index = column_count(len(axes)), list(axes).index(ax)
     is_in_last_row = index + columns >= len(axes)
     ax.set_title(axes[ax].title)
@@ -406,8 +411,8 @@ def _label_axes(
         axis.spines["right"].set_visible(True)
 
 
-def _axis_scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:
-    loops = [loopset.loops[index] for index in places]
+def _axis_scales(loopset: Loops, indices: Sequence[int]) -> tuple[Scale, Scale]:
+    loops = [loopset.loops[index] for index in indices]
     return (
         quantity_scale(loopset.input, [_max_abs(loop.input) for loop in loops]),
         quantity_scale(loopset.output, [_max_abs(loop.output) for loop in loops]),

@@ -1,4 +1,7 @@
-"""Figures of a model over its scheduling variable: parameters, and loops at and between nodes."""
+"""Figures of a model over its scheduling variable: the parameters, and loops at and between nodes.
+
+The nodes are the values of the scheduling variable, such as the gap, at which loops were measured.
+"""
 
 from __future__ import annotations
 
@@ -38,12 +41,12 @@ Colour = tuple[float, float, float, float]
 CURVE_POINTS = 200
 GRID_POINTS = 61
 DRIVE_SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the largest drive at which the output is drawn over the scheduling variable."""
+"""Shares of the largest drive for which the output is drawn over the scheduling variable."""
 MAX_LOOPS = 15
 
 
 def parameter_unit(model: Model, name: str) -> str:
-    """SI unit of a parameter, ``"1"`` for a pure number."""
+    """Return the SI unit of a parameter; ``"1"`` for a dimensionless one."""
     drive, answer = model.input.unit, model.output.unit
     turns = {"A": "1/m", "A/m": "1"}.get(drive, f"A/(m {drive})")
     ratio = "1" if answer == "T" else f"{answer}/T" + ("²" if model.power == 2 else "")
@@ -53,7 +56,7 @@ def parameter_unit(model: Model, name: str) -> str:
 
 
 def varying_parameters(model: Model) -> tuple[str, ...]:
-    """Names of the parameters that run over the scheduling variable by more than rounding."""
+    """Return the parameters that depend on the scheduling variable by more than rounding."""
     return tuple(
         name
         for name in model.varying
@@ -63,20 +66,20 @@ def varying_parameters(model: Model) -> tuple[str, ...]:
 
 @use_report_style
 def figure_parameters(model: Model) -> Figure | None:
-    """Draw every varying parameter over the scheduling variable: nodes and the curve between."""
+    """Draw each varying parameter over the scheduling variable: nodes and the curve between."""
     names = varying_parameters(model)
     if not names or model.schedule is None:
         return None
     columns = column_count(len(names))
     height = 0.2 - (-len(names) // columns) * (3.2, 2.8, 2.3)[columns - 1]
     figure = new_figure(height, width=6.4 if columns == 1 else 9.6)
-    at = np.linspace(model.nodes[0], model.nodes[-1], CURVE_POINTS)
+    schedule = np.linspace(model.nodes[0], model.nodes[-1], CURVE_POINTS)
     x_scale = quantity_scale(model.schedule, model.nodes)
     for ax, name in zip(create_panels(figure, len(names)), names, strict=True):
-        curve = model.interpolate_parameter(name, at)
+        curve = model.interpolate_parameter(name, schedule)
         nodes = model.interpolate_parameter(name, model.nodes)
         y_scale = choose_scale(parameter_unit(model, name), np.abs(nodes).tolist())
-        ax.plot(x_scale.factor * at, y_scale.factor * curve, color=MODEL_COLOUR, lw=1.2)
+        ax.plot(x_scale.factor * schedule, y_scale.factor * curve, color=MODEL_COLOUR, lw=1.2)
         ax.plot(
             x_scale.factor * np.array(model.nodes),
             y_scale.factor * nodes,
@@ -93,34 +96,35 @@ def figure_parameters(model: Model) -> Figure | None:
 
 
 def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places over the schedule, a settled cycle from zero, and the output there.
+    """Return scheduling values of shape (g,), a steady-state cycle from zero, and its output.
 
-    The cycle of the acceptance test, or one to the largest drive: its rising branch, then the
-    falling one, shape (n,). The output has shape (g, n); NaN where the model cannot be computed.
+    The cycle is that of the acceptance test, or reaches the largest drive. It consists of the
+    ascending and then the descending branch, shape (n,). The output has shape (g, n); it is NaN
+    where the model cannot be computed.
     """
     if check is not None:
         return check.gaps, check.drive, check.output
     low, high = model.valid_range.input
-    half = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
-    drive = np.concatenate([half, half[-2::-1]])
-    at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID_POINTS), *model.nodes])
-    output = np.full((at.size, drive.size), np.nan)
-    for index, value in enumerate(at.tolist()):
+    rising = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
+    drive = np.concatenate([rising, rising[-2::-1]])
+    schedule = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID_POINTS), *model.nodes])
+    output = np.full((schedule.size, drive.size), np.nan)
+    for index, value in enumerate(schedule.tolist()):
         if (loop := steady_state_loop(model, drive, value)) is not None:
             output[index] = loop
-    return at, drive, output
+    return schedule, drive, output
 
 
-def steady_state_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
-    """Output over a settled cycle, slow enough for eddy currents not to count; None if none."""
+def steady_state_loop(model: Model, drive: FloatArray, schedule_value: float) -> FloatArray | None:
+    """Return the output over a steady-state cycle without eddy-current lag; None if it fails."""
     try:
-        return model.predict(drive, at, slow_times(drive.size), "settled").output
+        return model.predict(drive, schedule_value, slow_times(drive.size), "settled").output
     except (InputError, NegativeResult):
         return None
 
 
 def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
-    """Nodes and the places half-way between, ascending, each with whether it is a node."""
+    """Return the nodes and the midpoints between them, ascending; True marks a node."""
     nodes = np.array(model.nodes)
     if nodes.size > (MAX_LOOPS + 1) // 2:
         nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, 8).round().astype(int))]
@@ -132,22 +136,22 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
 
 @use_report_style
 def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None:
-    """Draw the loops of a model at its nodes and half-way between, and the output over the gap."""
+    """Draw the loops at nodes and midpoints, and the output over the scheduling variable."""
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None
     figure = new_figure(4.5)
-    left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+    loop_ax, schedule_ax = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     input_scale = quantity_scale(model.input, model.valid.input)
     output_scale = quantity_scale(model.output, model.valid.output)
-    _draw_loops(left, model, input_scale, output_scale)
-    _draw_over_schedule(right, model, check, input_scale, output_scale)
+    _draw_loops(loop_ax, model, input_scale, output_scale)
+    _draw_over_schedule(schedule_ax, model, check, input_scale, output_scale)
     return figure
 
 
 def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale) -> None:
     assert model.schedule is not None
-    half = np.linspace(*model.valid_range.input, CURVE_POINTS)
-    drive = np.concatenate([half, half[-2::-1]])
+    rising = np.linspace(*model.valid_range.input, CURVE_POINTS)
+    drive = np.concatenate([rising, rising[-2::-1]])
     places = nodes_and_midpoints(model)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
     for (at, is_node), colour in zip(places, _ordered_colours(len(places)), strict=True):
@@ -162,7 +166,7 @@ def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale)
         ax.plot(x, y, color=colour, ls=dashes, lw=1.2, label=name)
     ax.set_xlabel(axis_label(model.input, input_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
-    ax.set_title("settled loops at and between the nodes")
+    ax.set_title("steady-state loops at and between the nodes")
     ax.legend(
         fontsize=7.5, title=display_name(model.schedule), title_fontsize=7.5, handlelength=2.6
     )
@@ -172,9 +176,9 @@ def _draw_over_schedule(
     ax: Axes, model: Model, check: GapCheck | None, input_scale: Scale, output_scale: Scale
 ) -> None:
     assert model.schedule is not None
-    at, drive, output = _sweep(model, check)
+    schedule, drive, output = _sweep(model, check)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
-    x, is_node = schedule_scale.factor * at, np.isin(at, model.nodes)
+    x, is_node = schedule_scale.factor * schedule, np.isin(schedule, model.nodes)
     handles = []
     for share, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
         row = round(share * (drive.size // 2))
@@ -199,7 +203,7 @@ def _draw_over_schedule(
 def _mark_failure(
     ax: Axes, check: GapCheck, schedule_scale: Scale, input_scale: Scale, output_scale: Scale
 ) -> Line2D:
-    """Mark where the acceptance test failed, with the curve that it failed on."""
+    """Mark the point at which the acceptance test failed, and draw its curve."""
     at = schedule_scale.factor * check.gap
     if check.failure:
         ax.axvline(at, color=ALARM_COLOUR, lw=2.0)
@@ -217,7 +221,7 @@ def _mark_failure(
 
 
 def _ordered_colours(count: int) -> list[Colour]:
-    """Colours of an ordered family, dark to light, readable on white."""
+    """Return colours of an ordered family, dark to light, readable on white."""
     return [
         tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()
     ]

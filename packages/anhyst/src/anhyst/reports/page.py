@@ -1,4 +1,4 @@
-"""The page of a model: what it is and is worth in a few lines, then its sections, in one file."""
+"""The report of a model: one HTML page with a summary, followed by its sections."""
 
 from __future__ import annotations
 
@@ -13,11 +13,7 @@ from anhyst.data.loops import Loops
 from anhyst.data.verdict import GAIN_ADVICE
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
-from anhyst.reports.figures import (
-    figure_loops,
-    figure_reduction,
-    figure_residuals,
-)
+from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
 from anhyst.reports.sections_fit import (
     section_loops,
@@ -48,14 +44,14 @@ from anhyst.support.page import (
 from anhyst.support.wording import word_for_reader
 
 _RMS_PER_MEAN_ABS = float(np.sqrt(0.5 * np.pi))
-"""Standard deviation of a normal variable over its mean absolute value."""
+"""Ratio of the standard deviation of a normal variable to its mean absolute value."""
 
 
 def make_headline(subject: ModelSubject) -> Headline:
-    """Say in a few lines what the model is and what it is worth."""
+    """Return the head of the page: what the model is, its verdict and its main figures."""
     model = subject.model
     schedule_part = f" over the {subject.schedule_name}" if model.varying else ""
-    what = (
+    description = (
         f"From {subject.input_name} {display_symbol(model.input)} to {subject.output_name} "
         f"{display_symbol(model.output)}{schedule_part}: {model.operator_law.title}"
         + (f", map “{model.gap_map}”." if model.varying else ".")
@@ -64,24 +60,24 @@ def make_headline(subject: ModelSubject) -> Headline:
     if subject.missing_reason:
         text = (
             f"The measurements were not read: {subject.missing_reason}. This report is written from the "
-            "model file alone, without measured loops and residuals; deviations are those that "
-            "the file keeps."
+            "model file only. It has no measured loops and residuals, and its deviations are those "
+            "in the file."
         )
         notes.append(Note("warn", "Without measurements", text))
     all_notes = (*verdict_notes(subject), acceptance_note(subject), *notes)
     basis, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
-        at = {loop.schedule for loop in loops if loop.schedule is not None}
+        schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
         plural = {"gap": "gaps"}.get(
             subject.schedule_name, f"values of the {subject.schedule_name}"
         )
-        where = f" at {len(at)} {plural}" if len(at) > 1 else ""
+        place = f" at {len(schedule_values)} {plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
         samples = sum(loop.samples for loop in loops)
-        basis = f"Identified from {count}{where}, {samples} samples."
+        basis = f"Identified from {count}{place}, {samples} samples."
     return Headline(
         title=model.name,
-        description=what,
+        description=description,
         basis=basis,
         notes=tuple(sorted(all_notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
@@ -91,38 +87,44 @@ def make_headline(subject: ModelSubject) -> Headline:
 
 
 def verdict_notes(subject: ModelSubject) -> tuple[Note, ...]:
-    """Say whether the model is worth having, against the best curve without memory."""
+    """Compare the model with the best single-valued curve, and state whether it is worth using."""
     fit, evidence = subject.fit, subject.evidence
     if fit is None or evidence is None:
         return ()
     assessment, scale = evidence.verdict, subject.deviation_scale
     model_error, baseline_error = fit.mean_abs, assessment.single_mean
     comparison = (
-        f"The model misses the measured {subject.output_name} by {scale.format_with_unit(model_error)} on average, the "
-        f"best single-valued curve by {scale.format_with_unit(baseline_error)}"
+        f"The mean error of the modelled {subject.output_name} is {scale.format_with_unit(model_error)}, "
+        f"that of the best single-valued curve is {scale.format_with_unit(baseline_error)}"
     )
     if model_error >= baseline_error:
         text = (
-            f"{comparison}: a curve without any memory does better. Find out why "
-            "(another law, another gap map, fewer loops) before using this model."
+            f"{comparison}. A curve without hysteresis is better. Find out why "
+            "(another law, another gap map, fewer loops) before you use this model."
         )
         return (Note("bad", "Worse than no hysteresis model", text),)
     gain = 1.0 - model_error / baseline_error
     possible_gain = max(1.0 - assessment.noise_mean / baseline_error, 0.0)
-    gain_text = f"it takes {format_percent(gain)} of that error away (the noise allows {format_percent(possible_gain)})"
+    gain_text = (
+        f"the model removes {format_percent(gain)} of the error of the curve (the noise limits this "
+        f"to {format_percent(possible_gain)})"
+    )
     if assessment.dynamics:
         return (
             Note(
-                "bad", "Cannot be judged", f"{comparison}: {gain_text}; but {assessment.dynamics}."
+                "bad",
+                "Cannot be assessed",
+                f"{comparison}: {gain_text}; but {assessment.dynamics}.",
             ),
         )
     if assessment.level == "yes":
         return (Note("good", "Worth it", f"{comparison}: {gain_text}."),)
-    title = "Gains little" if assessment.level == "little" else "Hardly worth it"
+    title = "Small gain" if assessment.level == "little" else "Barely worth it"
     text = (
-        f"The loops are so narrow that the best single-valued curve misses by {scale.format_with_unit(baseline_error)} "
-        f"only ({format_percent(baseline_error / fit.largest_output)} of the largest). This model misses by "
-        f"{scale.format_with_unit(model_error)}: {gain_text}; {GAIN_ADVICE}."
+        "The loops are so narrow that the mean error of the best single-valued curve is only "
+        f"{scale.format_with_unit(baseline_error)} ({format_percent(baseline_error / fit.largest_output)} "
+        f"of the largest). The error of this model is {scale.format_with_unit(model_error)}: {gain_text}; "
+        f"{GAIN_ADVICE}."
     )
     return (Note("warn", title, text),)
 
@@ -171,7 +173,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
             assessment.single_worst,
         ),
         row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
-        row(Cell("Noise alone (no model gets below)"), noise, _RMS_PER_MEAN_ABS * noise, None),
+        row(Cell("Noise alone (no model can be better)"), noise, _RMS_PER_MEAN_ABS * noise, None),
     ]
     largest = subject.output_scale.format_with_unit(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
@@ -182,7 +184,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
     )
     caption = (
         f"Percentages of {subject.full_scale_text}, {largest}. The best single-valued curve "
-        f"({curve}, fitted to the same loops) is what a look-up table without memory can reach."
+        f"({curve}, fitted to the same loops) is the best that a look-up table without memory can reach."
     )
     return make_table("Deviation from the measurement", head, cells, caption)
 
@@ -190,7 +192,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
 def _validity_text(subject: ModelSubject) -> str:
     model = subject.model
     if model.valid is None:
-        return "The model file does not say where the model was seen to hold."
+        return "The model file does not state a valid range."
     parts = [
         f"{subject.input_name} {subject.input_scale.format_range(*model.valid.input)}",
         f"{subject.output_name} {subject.output_scale.format_range(*model.valid.output)}",
@@ -202,7 +204,7 @@ def _validity_text(subject: ModelSubject) -> str:
             scale.format_range(low, high) if low < high else f"{scale.format_with_unit(low)} only"
         )
         parts.append(f"{display_name(model.schedule)} {text}")
-    return f"Seen to hold for {'; '.join(parts)}. Outside, results are computed and flagged."
+    return f"Valid range: {'; '.join(parts)}. Results outside this range are computed and flagged."
 
 
 def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
@@ -218,7 +220,7 @@ def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tupl
 
 
 def _write_report(model: Model, folder: Path, path: Path, out: PathLike) -> tuple[str, ...]:
-    """Write the report of a model in a file whose measurements are named from a folder."""
+    """Write the report of a model in a file. Paths of its measurements are relative to a folder."""
     subject = gather_subject(model, folder)
     html = render(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
     with atomic_writer(out) as stream:
@@ -226,7 +228,7 @@ def _write_report(model: Model, folder: Path, path: Path, out: PathLike) -> tupl
     warnings = list(subject.warnings)
     if subject.missing_reason:
         warnings.insert(
-            0, f"{subject.missing_reason}; the report is written from the model file alone"
+            0, f"{subject.missing_reason}; the report is written from the model file only"
         )
     if subject.acceptance.passed is False:
         warnings.insert(0, f"{path}: {subject.acceptance.text(subject.model.input.unit)}")
@@ -234,7 +236,7 @@ def _write_report(model: Model, folder: Path, path: Path, out: PathLike) -> tupl
 
 
 def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
-    """Gather all there is to say about a model."""
+    """Gather all data for the report of a model."""
     acceptance = model.acceptance()
     try:
         evidence = gather_evidence(model, folder)
@@ -246,7 +248,7 @@ def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
 
 
 def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
-    """Return the text of the report."""
+    """Return the HTML text of the report."""
     sections: list[Section | None] = [
         section_loops(subject),
         section_rate(subject),

@@ -1,4 +1,4 @@
-"""Sections about the measurement: loops, what the model leaves over, what was understood."""
+"""Sections of the report about the measurement: loops, residuals, and how the file was read."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from anhyst.support.page import (
 
 
 def section_loops(subject: ModelSubject) -> Section | None:
-    """Measured against modelled loops."""
+    """Return the section with measured and modelled loops."""
     evidence = subject.evidence
     if evidence is None:
         return None
@@ -58,35 +58,36 @@ def section_loops(subject: ModelSubject) -> Section | None:
         ),
         subject.picture(
             figures.figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
-            f"The same less the best single-valued curve, {panels}: what remains is hysteresis, "
+            f"The same minus the best single-valued curve, {panels}: what remains is hysteresis, "
             "measured as grey points, modelled as blue lines.",
-            "The same less the best single-valued curve (one for each panel): hysteresis by "
-            "itself. A curve without memory would be the zero line.",
+            "The same minus the best single-valued curve (one for each panel): only hysteresis "
+            "remains. A curve without hysteresis would be the zero line.",
         ),
     ]
     small = figures.figure_small_loops(evidence.loops, evidence.fitted)
     if small is not None:
-        shown = len(figures.find_small_loops(evidence.loops))
+        count = len(figures.find_small_loops(evidence.loops))
         blocks.append(
             subject.picture(
                 small,
-                f"The {shown} smallest loops, each in a panel of its own scale: measured samples "
+                f"The {count} smallest loops, each in a panel of its own scale: measured samples "
                 "as grey points, the model as blue lines.",
-                "Small loops, which the panels above do not show, each in its own scale.",
+                "Small loops, which are not visible in the panels above, each in its own scale.",
             )
         )
     return Section("loops", "Measured and modelled loops", tuple(blocks))
 
 
 VISIBLE_HEIGHT_SHARE = 0.01
-"""Of the largest output of a cycle: by so much higher a loop shows its speed."""
+"""Increase of the loop height, as a share of the output range, above which the speed is visible."""
 
-_CYCLE_SAMPLES, _SPEED_RATIOS = 200, np.geomspace(1e-3, 1.5, 40)
-"""Samples of a cycle, and the speeds in which is looked, in parts of the fastest measured one."""
+_CYCLE_SAMPLES = 200
+_SPEED_RATIOS = np.geomspace(1e-3, 1.5, 40)
+"""Frequencies of the search for the corner, relative to the fastest measured loops."""
 
 
 def section_rate(subject: ModelSubject) -> Section | None:
-    """How the model follows each speed, where loops run at several; from where on speed shows."""
+    """Return the section about loops of several speeds, and the speed above which loops change."""
     evidence = subject.evidence
     speeds = None if evidence is None else group_by_speed(evidence.loops)
     if evidence is None or speeds is None:
@@ -114,9 +115,14 @@ def section_rate(subject: ModelSubject) -> Section | None:
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
         ),
-        make_table("Speed by speed", head, rows, f"Of {subject.full_scale_text} of all loops."),
+        make_table(
+            "Errors by speed",
+            head,
+            rows,
+            f"“Of largest”: in % of {subject.full_scale_text} of all loops.",
+        ),
     ]
-    return Section("rate", "Rate: what the speed of the loops does", tuple(blocks))
+    return Section("rate", "Rate dependence", tuple(blocks))
 
 
 def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop]) -> list[Cell]:
@@ -129,13 +135,13 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
     if not residuals:
         return [*cells, *[Cell("")] * 4]
     all_residuals = np.concatenate(residuals)
-    for size in (rms(all_residuals), float(np.abs(all_residuals).max())):
-        cells += [Cell(scale.format(size)), Cell(subject.percent_of_largest(size))]
+    for error in (rms(all_residuals), float(np.abs(all_residuals).max())):
+        cells += [Cell(scale.format(error)), Cell(subject.percent_of_largest(error))]
     return cells
 
 
 def _corner_text(model: Model) -> str:
-    """Say from which speed on the model's loops are higher, and how sure that is."""
+    """Return a sentence about the speed above which the modelled loops are higher."""
     layers_text = (
         f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
     )
@@ -146,12 +152,12 @@ def _corner_text(model: Model) -> str:
     )
     if corner is None:
         return (
-            f"The iron is {layers_text}; up to the fastest loops, speed changes the height of the model's "
-            f"loops by less than {share}."
+            f"The iron is {layers_text}; up to the speed of the fastest loops, the height of the modelled "
+            f"loops changes by less than {share}."
         )
     text = (
-        f"The iron is {layers_text}. From {corner:.3g}{NBSP}Hz on the loops of the model are higher than at "
-        f"rest by {share} of their largest {display_name(model.output)}"
+        f"The iron is {layers_text}. From {corner:.3g}{NBSP}Hz on, the loops of the model are higher than slow "
+        f"loops by {share} of their largest {display_name(model.output)}"
     )
     if uncertainty is None or GAMMA_NAME not in uncertainty.names:
         return f"{text}."
@@ -162,10 +168,10 @@ def _corner_text(model: Model) -> str:
 
 
 def rate_corner(model: Model) -> float | None:
-    """Return the speed, Hz, from which on loops are higher than at rest by :data:`SHOWS`.
+    """Return the frequency (Hz) above which loops are higher by :data:`VISIBLE_HEIGHT_SHARE`.
 
-    Full cycles at the first node; time enters a model as gamma times a rate alone, so that the corner
-    is in inverse proportion to gamma.
+    The cycles are full cycles at the first node. Time enters a model only as gamma times a rate.
+    Therefore, the corner frequency is inversely proportional to gamma.
     """
     if model.valid is None or model.dynamics is None or not model.dynamics.fastest:
         return None
@@ -185,8 +191,8 @@ def rate_corner(model: Model) -> float | None:
     if not visible.size:
         return None
     first = int(visible[0])
-    ends, logs = increase[first - 1 : first + 1], np.log(rates[first - 1 : first + 1])
-    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, ends, logs)))
+    increases, logs = increase[first - 1 : first + 1], np.log(rates[first - 1 : first + 1])
+    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, increases, logs)))
 
 
 def _panels_text(subject: ModelSubject, evidence: Evidence) -> str:
@@ -205,7 +211,7 @@ def _omitted_panels_text(evidence: Evidence) -> str:
 
 
 def section_residuals(subject: ModelSubject) -> Section | None:
-    """Residuals: picture, by scheduling value, loop by loop."""
+    """Return the section about residuals: a figure, and tables by scheduling value and by loop."""
     blocks: list[Block] = []
     evidence = subject.evidence
     if evidence is not None and any(output is not None for output in evidence.fitted):
@@ -218,8 +224,8 @@ def section_residuals(subject: ModelSubject) -> Section | None:
             f"rising branches blue, on falling branches orange, noise as a grey band. {index}"
         )
         caption = (
-            f"Model minus measurement. The grey band holds {format_percent(0.95)} of the noise of the "
-            f"{subject.output_name} (mean size {noise}); what stands out of it is not noise."
+            f"Model minus measurement. The grey band contains {format_percent(0.95)} of the noise of the "
+            f"{subject.output_name} (mean size {noise}); residuals outside it are not noise."
         )
         if subject.fit is not None and subject.fit.left_over:
             line = subject.fit.left_over
@@ -231,11 +237,11 @@ def section_residuals(subject: ModelSubject) -> Section | None:
         blocks += _group_table(subject, evidence)
     if subject.fit is not None and subject.fit.loops:
         blocks.append(_loop_table(subject, subject.fit.loops))
-    return Section("residuals", "What the model leaves over", tuple(blocks)) if blocks else None
+    return Section("residuals", "Residuals", tuple(blocks)) if blocks else None
 
 
 def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
-    """Say where the model is farthest from the measurement."""
+    """Return a sentence about the largest deviation of the model."""
     worst: tuple[float, int, int] = (-1.0, 0, 0)
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
     for index, (loop, output) in enumerate(pairs):
@@ -246,19 +252,19 @@ def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
     size, index, sample = worst
     loop = evidence.loops.loops[index]
     branch = "rising" if figures.rising_samples(loop)[sample] else "falling"
-    at = loop.schedule_value
-    where = "" if at is None or evidence.loops.schedule is None else (
-        f", {schedule_text(evidence.loops.schedule, at)}"
+    schedule_value = loop.schedule_value
+    place = "" if schedule_value is None or evidence.loops.schedule is None else (
+        f", {schedule_text(evidence.loops.schedule, schedule_value)}"
     )  # fmt: skip
     drive = subject.input_scale.format_with_unit(float(loop.input[sample]))
     return (
         f"The largest deviation, {subject.deviation_scale.format_with_unit(size)}, is at {drive} on the {branch} "
-        f"branch of loop “{loop.label}”{where}."
+        f"branch of loop “{loop.label}”{place}."
     )
 
 
 def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
-    """Deviations by scheduling value, with the bias of either branch; nothing for one value."""
+    """Return a table of deviations and biases by scheduling value; none for a single value."""
     groups, scale = figures.group_by_schedule(evidence.loops), subject.deviation_scale
     if len(groups) < 2:
         return []
@@ -283,8 +289,8 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     head = [subject.schedule_name, "samples", scale.heading("mean"), "of largest", scale.heading("rms"),
             scale.heading("worst"), scale.heading("bias rising"), scale.heading("bias falling")]  # fmt: skip
     caption = (
-        f"“Of largest”: of {subject.full_scale_text} of all loops. Bias: mean of model minus "
-        "measurement; where its sign differs between rising and falling branches, the modelled "
+        f"“Of largest”: in % of {subject.full_scale_text} of all loops. Bias: mean of model minus "
+        "measurement; if its sign differs between rising and falling branches, the modelled "
         "loop is too wide or too narrow."
     )
     return [make_table(f"By {subject.schedule_name}", head, rows, caption)]
@@ -329,11 +335,11 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         single = {id(one): float(np.mean(np.abs(curve))) for one, curve in curves}
         columns.append((scale.heading("single-valued"), lambda one: scale.format(single[id(one)])))
         caption += " “Single-valued”: mean deviation of the best single-valued curve."
-    return _table_by_loop(subject, loops, columns, "Loop by loop", caption)
+    return _table_by_loop(subject, loops, columns, "Errors by loop", caption)
 
 
 def section_measurement(subject: ModelSubject) -> Section | None:
-    """Figures of each loop, and what was repaired and noted."""
+    """Return the section with the figures of each loop, and what was repaired and noted."""
     evidence = subject.evidence
     if evidence is None:
         return None
@@ -344,19 +350,19 @@ def section_measurement(subject: ModelSubject) -> Section | None:
         blocks += [Text(typeset(re.sub(r"(?<=\d)%", " %", verdict)))]
         blocks += [_recording_table(subject, inspection), _quality_table(subject, inspection)]
     if not evidence.loops.repairs:
-        blocks.append(Text("Nothing was repaired: the samples were fitted as they were read."))
+        blocks.append(Text("Nothing was repaired. The samples were fitted as they were read."))
     for title, texts in (
-        ("Looks odd", inspection.warnings if inspection else ()),
+        ("Implausible values", inspection.warnings if inspection else ()),
         ("Repaired before the fit", evidence.loops.repairs),
         ("Noted while reading", evidence.loops.notes),
     ):
         if texts:
             blocks.append(Items(title, tuple(_shorten_paths(text, evidence) for text in texts)))
-    return Section("measurement", "What was understood of the measurement", tuple(blocks))
+    return Section("measurement", "How the measurement was read", tuple(blocks))
 
 
 def _shorten_paths(text: str, evidence: Evidence) -> str:
-    """Leave folders out of a message: the files are named in full where the model came from."""
+    """Remove the folders of the files from a message; another section shows their full paths."""
     paths = {source.path for source in evidence.loops.sources}
     paths |= {loop.source for loop in evidence.loops.loops if loop.source}
     for path in sorted(paths, key=len, reverse=True):
@@ -365,27 +371,27 @@ def _shorten_paths(text: str, evidence: Evidence) -> str:
 
 
 Column = tuple[str, Callable[[Any], str | Cell]]
-"""The head of a column, and its cell for a `LoopFit` or `LoopFigures`."""
+"""Heading of a column, and the function of its cell for a `LoopFit` or `LoopFigures`."""
 
 
 def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    across = quantity_scale(
+    input_scale = quantity_scale(
         inspection.input, [v for o in loops for v in (o.input_low, o.input_high)]
     )
-    up = quantity_scale(
+    output_scale = quantity_scale(
         inspection.output, [v for o in loops for v in (o.output_low, o.output_high)]
     )
     columns: list[Column] = [
         ("samples", lambda one: str(one.samples)),
         ("cycles", lambda one: format_number(one.cycles, 2, short=True)),
         (
-            across.heading(subject.input_name),
-            lambda one: _format_range(across, one.input_low, one.input_high),
+            input_scale.heading(subject.input_name),
+            lambda one: _format_range(input_scale, one.input_low, one.input_high),
         ),
         (
-            up.heading(subject.output_name),
-            lambda one: _format_range(up, one.output_low, one.output_high),
+            output_scale.heading(subject.output_name),
+            lambda one: _format_range(output_scale, one.output_low, one.output_high),
         ),
     ]
     if any(loop.step is not None for loop in loops):
@@ -393,23 +399,23 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
             ("step [ms]", lambda one: format_number(1e3 * (one.step or 0.0), short=True))
         )
     columns.append(("history", lambda one: str(one.history)))
-    return _table_by_loop(subject, inspection.loops, columns, "What was recorded", unknown="moves")
+    return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
 
 
 def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    across = quantity_scale(inspection.input, [loop.width for loop in loops])
-    up = quantity_scale(inspection.output, [loop.height for loop in loops])
+    input_scale = quantity_scale(inspection.input, [loop.width for loop in loops])
+    output_scale = quantity_scale(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
-        (across.heading("width"), lambda one: across.format(one.width)),
-        (up.heading("height"), lambda one: up.format(one.height)),
-        (up.heading("noise σ"), lambda one: up.format(one.noise, 2)),
+        (input_scale.heading("width"), lambda one: input_scale.format(one.width)),
+        (output_scale.heading("height"), lambda one: output_scale.format(one.height)),
+        (output_scale.heading("noise σ"), lambda one: output_scale.format(one.noise, 2)),
     ]
     optional: list[Column] = [
-        (up.heading("drift"), lambda one: up.format(one.drift, 2)),
-        (up.heading("closure"), lambda one: up.format(one.closure, 2)),
-        (across.heading("offset in"), lambda one: across.format(one.input_offset, 2)),
-        (up.heading("offset out"), lambda one: up.format(one.output_offset, 2)),
+        (output_scale.heading("drift"), lambda one: output_scale.format(one.drift, 2)),
+        (output_scale.heading("closure"), lambda one: output_scale.format(one.closure, 2)),
+        (input_scale.heading("offset in"), lambda one: input_scale.format(one.input_offset, 2)),
+        (output_scale.heading("offset out"), lambda one: output_scale.format(one.output_offset, 2)),
         ("skew", lambda one: format_number(float("nan") if one.skew is None else one.skew, 2)),
         ("saturation", lambda one: Scale(1.0, "").format(one.saturation, 2)),
     ]
@@ -418,9 +424,9 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "
-        "output behind the input, in samples. Saturation: slope at the tip over the steepest slope."
+        "output after the input, in samples. Saturation: slope at the tip over the steepest slope."
     )
-    title = "How wide the loops are, and how clean the record"
+    title = "Loop widths and data quality"
     return _table_by_loop(subject, inspection.loops, columns, title, caption, unknown="moves")
 
 
@@ -432,15 +438,19 @@ def _table_by_loop(
     caption: str = "",
     unknown: str = UNKNOWN_TEXT,
 ) -> PageTable:
-    """Return a row for each loop, ascending over the schedule, those without a value last."""
+    """Return a table with a row per loop, sorted by scheduling value; loops without one last."""
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
-        at = unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
-        row = [loop.label, *([] if schedule is None else [at])]
+        schedule_text = (
+            unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
+        )
+        row = [loop.label, *([] if schedule is None else [schedule_text])]
         rows.append([*row, *(text(loop) for _, text in columns)])
-    over = [] if schedule is None else [scale.heading(schedule.symbol)]
-    return make_table(title, ["loop", *over, *(name for name, _ in columns)], rows, caption)
+    schedule_heading = [] if schedule is None else [scale.heading(schedule.symbol)]
+    return make_table(
+        title, ["loop", *schedule_heading, *(name for name, _ in columns)], rows, caption
+    )
 
 
 def _format_range(scale: Scale, low: float, high: float) -> str:

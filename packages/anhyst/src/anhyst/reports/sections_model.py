@@ -1,4 +1,4 @@
-"""Sections about the model: parameters over the gap, reduction, gap map, uncertainty, origin."""
+"""Sections of the report about the model: parameters, reduction, gap map, laws, origin."""
 
 from __future__ import annotations
 
@@ -38,31 +38,32 @@ from anhyst.support.page import (
 )
 
 GAP_MAP_TEXTS: Mapping[str, str] = {
-    "none": "Nothing runs over it.",
-    "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
-    "runs over it, as in the paper.",
-    "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
-    "ρ in series with it runs over it, as an air gap does.",
-    "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
-    "in series with it, what its flux gives and the offsets run over the scheduling variable.",
-    "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
+    "none": "No parameter depends on the scheduling variable.",
+    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) depends on "
+    "the scheduling variable, as in the paper.",
+    "reluctance": "The iron is the same everywhere and has the hysteresis. Only the series reluctance "
+    "ρ depends on the scheduling variable, as for an air gap.",
+    "circuit": "The iron is the same everywhere and has the hysteresis. The series reluctance, the "
+    "output per flux and the offsets depend on the scheduling variable.",
+    "free": "All parameters can depend on the scheduling variable, including those of the iron. This "
+    "map is for fixed values only.",
 }
 
 QUANTITY_MEANINGS: Mapping[str, str] = {
-    "k/a": "pinning, in units of the shape a: how fat the loop is",
-    "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
-    "a/c_H": "input that carries the iron into its bend",
+    "k/a": "pinning relative to the shape a: width of the loop",
+    "(w*M_s)/a": "feedback of the flux on the iron (circuit and interaction)",
+    "a/c_H": "input at the knee of the magnetisation curve",
     "output at saturation": "output with all magnetisation aligned",
-    "input offset": "input at which the iron feels nothing",
-    "output offset": "output without flux",
-    "gamma": "how late the middle of solid iron is",
+    "input offset": "input at which the field in the iron is zero",
+    "output offset": "output at zero flux",
+    "gamma": "lag of the flux inside solid iron",
     "c": "reversible fraction of the magnetisation",
 }
-"""What the fitted quantities mean, by how their names begin; longer beginnings first."""
+"""Meaning of the fitted quantities by the beginning of their names. The first match counts."""
 
 
 def section_parameters_over(subject: ModelSubject) -> Section | None:
-    """Parameters over the scheduling variable (Figs. 1 and 4 of the paper)."""
+    """Return the section with parameters over the scheduling variable (paper, Figs. 1 and 4)."""
     model = subject.model
     figure = figure_parameters(model)
     if figure is None:
@@ -77,8 +78,8 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
         "curve between them that does not overshoot."
     )
     caption = (
-        f"What runs over the {subject.schedule_name}: dots where there were loops, the curve the model "
-        "uses between. It cannot overshoot, and goes on as a straight line outside."
+        f"Parameters over the {subject.schedule_name}: dots at the measured values, and the curve that the model "
+        "uses between them. It cannot overshoot, and is a straight line outside."
     )
     head = [scale.heading(subject.schedule_name)]
     columns = [[scale.format(node, 5, short=True) for node in model.nodes]]
@@ -96,7 +97,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
 
 
 def section_reduction(subject: ModelSubject) -> Section | None:
-    """Cost of each reduction step (II.D of the paper)."""
+    """Return the section with the cost of each reduction step (paper, section II.D)."""
     steps = subject.model.reduction
     if not steps:
         return None
@@ -107,38 +108,46 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     }
     text = (
         f"After the best sets for each {subject.schedule_name or 'node'} were found, one parameter after "
-        "the other was replaced by its mean and the rest searched again. In each round every "
-        "parameter left was tried; the one whose freezing cost least was taken. From "
+        "the other was fixed at its mean, and the others were fitted again. In each round, each "
+        "remaining parameter was tried, and the one with the smallest cost was fixed. From "
         f"{format_percent(first)} mean deviation with all free to {format_percent(last)} with only the last "
-        "one running."
+        "one varying."
     )
     largest_cost = max(step.cost_after for step in steps)
     rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
-        others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
-        listed = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in others)
+        alternatives = [
+            (cost, names.get(name, name)) for cost, name in costs if name != step.frozen
+        ]
+        alternatives_text = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in alternatives)
         frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
         bar = step.cost_after / largest_cost if largest_cost else None
         after = Cell(format_percent(step.cost_after, 3), bar=bar)
         rise = format_percent(step.cost_after - step.cost_before, 2)
         before = format_percent(step.cost_before, 3)
-        rows.append([str(order), frozen, listed or "none", before, after, rise])
-    head = ["round", "frozen", "instead of", "before", "after", "rise"]
+        rows.append([str(order), frozen, alternatives_text or "none", before, after, rise])
+    head = ["round", "fixed", "instead of", "before", "after", "rise"]
     freezing = (
-        f"{format_percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
+        f"{format_percent(step.cost_after)} after fixing {names.get(step.frozen, step.frozen)}"
         for step in steps
     )
     bars = "; ".join([f"{format_percent(first)} with all parameters free", *freezing])
     alt = f"Bar chart of the mean deviation: {bars}."
     caption = (
-        "Mean deviation in parts of the largest output after each round (bars); rings: what "
-        "freezing another parameter would have cost."
+        "Mean deviation in parts of the largest output after each round (bars); rings: "
+        "cost of fixing another parameter instead."
     )
     blocks = (
         Text(text),
         subject.picture(figure_reduction(steps, names), alt, caption),
-        make_table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
+        make_table(
+            "Cost of each round",
+            head,
+            rows,
+            "Alternatives with the smallest cost come first.",
+            texts=3,
+        ),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
 
@@ -148,7 +157,7 @@ def _format_cost(cost: float) -> str:
 
 
 def section_between(subject: ModelSubject) -> Section | None:
-    """Loops at and between the reference gaps (Figs. 2 and 5), and the acceptance test."""
+    """Return the section with loops at and between nodes (paper, Figs. 2, 5) and acceptance test."""
     model = subject.model
     check = subject.acceptance.over_gap
     figure = figure_between(model, check)
@@ -161,13 +170,13 @@ def section_between(subject: ModelSubject) -> Section | None:
     largest = max(map(abs, model.valid_range.input))
     drives = ", ".join(input_scale.format(part * largest, 3) for part in DRIVE_SHARES)
     alt = (
-        f"Left: settled loops of the model at {subject.schedule_name} {schedule_text} {schedule_scale.unit}, "
+        f"Left: steady-state loops of the model at {subject.schedule_name} {schedule_text} {schedule_scale.unit}, "
         f"nodes solid, "
-        f"half-way places dashed. Right: {subject.output_name} over the {subject.schedule_name} at fixed "
+        f"midpoints dashed. Right: {subject.output_name} over the {subject.schedule_name} at fixed "
         f"{subject.input_name}, {drives} {input_scale.unit}, on both branches."
     )
     caption = (
-        f"Left: settled loops at the nodes (solid) and half-way between (dashed), where nothing "
+        f"Left: steady-state loops at the nodes (solid) and half-way between (dashed), where nothing "
         f"was fitted: each must lie between its neighbours. Right: {subject.output_name} at a fixed "
         f"{subject.input_name} over the {subject.schedule_name}, dots at the nodes."
     )
@@ -185,7 +194,7 @@ def section_between(subject: ModelSubject) -> Section | None:
 
 
 def section_gap_map(subject: ModelSubject) -> Section | None:
-    """Gap maps compared by what they predict for gaps that were left out."""
+    """Return the section that compares gap maps by their error at withheld gaps."""
     model = subject.model
     withheld_errors = dict(model.fit.left_out) if model.fit else {}
     reason = str(model.provenance.settings.get("gap_map_reason", ""))
@@ -210,7 +219,7 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
             for name, error in sorted(withheld_errors.items(), key=lambda pair: pair[1])
         ]
         caption = (
-            f"Mean deviation on a {subject.schedule_name} that was left out of the fit and predicted from "
+            f"Mean deviation at a withheld {subject.schedule_name}, predicted from "
             f"the others, in parts of {subject.full_scale_text}; mean over all inner ones."
         )
         head = ["map", "", "mean deviation"]
@@ -219,13 +228,11 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
         )
     if model.fit and model.fit.cross_validation:
         blocks.append(Text(_expected_error_text(subject, model.fit.cross_validation)))
-    return Section(
-        "gap-map", f"How the {subject.schedule_name} enters: maps compared", tuple(blocks)
-    )
+    return Section("gap-map", f"Comparison of maps for the {subject.schedule_name}", tuple(blocks))
 
 
 def section_laws(subject: ModelSubject) -> Section | None:
-    """Laws compared by what they predict where it was left out of their fit."""
+    """Return the section that compares hysteresis laws by their error at withheld data."""
     fit = subject.model.fit
     if fit is None or not fit.candidates:
         return None
@@ -243,40 +250,42 @@ def section_laws(subject: ModelSubject) -> Section | None:
         law = Cell(candidate.law, strong=candidate.note == "chosen")
         rows.append([law, candidate.gap_map, candidate.note, str(candidate.numbers), rms, error])
     caption = (
-        "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
-        "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
-        f"is not better by more than its scatter. In parts of {subject.full_scale_text}."
+        "Number of fitted parameters; rms deviation from all loops; mean deviation at gaps or loops "
+        "that were withheld from the fit in turn. The simpler law is chosen unless the other one is "
+        f"better by more than its scatter. In % of {subject.full_scale_text}."
     )
-    head = ["law", "map", "", "numbers", "rms deviation", "left out"]
+    head = ["law", "map", "", "parameters", "rms deviation", "withheld"]
     reason_text = Text(reason[:1].upper() + reason[1:] + ".")
     laws = make_table("Laws compared", head, rows, caption, texts=3)
-    return Section("laws", "Which law: candidates side by side", (reason_text, laws))
+    return Section("laws", "Comparison of hysteresis laws", (reason_text, laws))
 
 
 def _expected_error_text(subject: ModelSubject, validation: CrossValidation) -> str:
-    """Say what to expect between the nodes, where the least error of a choice promises too much."""
+    """Return sentences about the expected error from nested cross-validation.
+
+    The smallest error among several candidates would be optimistic.
+    """
     fold_errors = ", ".join(format_percent(error) for error in validation.folds)
     if validation.left_out == "block":
         return (
             f"Expected at other samples of such loops: mean deviation {format_percent(validation.error)} of the "
             f"largest {subject.output_name}, in nine of ten cases {format_percent(validation.interval[0])} to "
-            f"{format_percent(validation.interval[1])}. Found "
-            f"({fold_errors}) where blocks of samples were left out of the fit "
-            "and of the choice of the law; it says nothing of loops of other sizes."
+            f"{format_percent(validation.interval[1])}. The "
+            f"errors ({fold_errors}) are from cross-validation: blocks of samples were withheld from "
+            "the fit and the choice of the law. They do not apply to loops of other sizes."
         )
     return (
         f"Expected at a {subject.schedule_name} between those measured: mean deviation "
         f"{format_percent(validation.error)} of {subject.full_scale_text}, in nine of ten cases "
-        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. Found "
-        f"({fold_errors}) where "
-        f"the {subject.schedule_name} was left out of the fit, of the choice of the map "
-        f"and of the decision about offsets; "
-        "noise of the sensor is taken off."
+        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. The "
+        f"errors ({fold_errors}) are from cross-validation: each {subject.schedule_name} was withheld "
+        "from the fit, the choice of the map and the decision about offsets. They do not include the "
+        "noise of the sensor."
     )
 
 
 def section_parameters(subject: ModelSubject) -> Section:
-    """All parameters with units and meaning, what the data say about them, and what not."""
+    """Return the section with all parameters, their units and meanings, and their uncertainty."""
     model = subject.model
     names = model.file_keys
     rows: list[list[str | Cell]] = []
@@ -294,7 +303,7 @@ def section_parameters(subject: ModelSubject) -> Section:
         text = f"{text}{NBSP}{scale.unit}".strip()
         rows.append([symbol_markup(short_name), Cell(key, code=True), meaning, text])
     blocks: list[Block] = [
-        Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
+        Text(f"Law: {model.operator_law.title}. The parameters are only valid for this law."),
         Text(equations_markup(subject)),
         make_table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
     ]
@@ -302,11 +311,11 @@ def section_parameters(subject: ModelSubject) -> Section:
         blocks.append(_cell_table(model))
     if model.uncertainty is not None and model.uncertainty.names:
         blocks += _uncertainty_blocks(subject, model.uncertainty)
-    return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
+    return Section("parameters", "Parameters and their uncertainty", tuple(blocks))
 
 
 def _cell_table(model: Model) -> Block:
-    """Show the weights, a row for each threshold."""
+    """Return a table of the cell weights, one row for each threshold."""
     cells = model.cells
     assert cells is not None
     rows = [
@@ -320,7 +329,7 @@ def _cell_table(model: Model) -> Block:
 
 
 def equations_markup(subject: ModelSubject) -> Markup:
-    """Write how input and output are related, without the terms that are zero."""
+    """Return the equations of input and output, without terms that are zero."""
     model = subject.model
     names = {name: symbol_markup(short_name) for name, (short_name, _) in model.file_keys.items()}
     drive, answer = symbol_markup(model.input.symbol), symbol_markup(model.output.symbol)
@@ -329,18 +338,18 @@ def equations_markup(subject: ModelSubject) -> Markup:
         values = model.parameters[name]
         return any(values) if isinstance(values, tuple) else bool(values)
 
-    # Field and flux density of the iron need names of their own where those of the ends are taken.
+    # The field and flux density of the iron need other symbols if input or output use H or B.
     field = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
     flux = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
-    left = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
+    left_side = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
     if model.parameters["c_H"] != 1.0:
         form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
-        left = Markup(form).format(names["c_H"], left)
-    right = field
+        left_side = Markup(form).format(names["c_H"], left_side)
+    right_side = field
     if is_nonzero("rho"):
-        right += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
+        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
     if is_nonzero("gamma"):
-        right += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
+        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
     output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
@@ -348,11 +357,11 @@ def equations_markup(subject: ModelSubject) -> Markup:
         output += Markup(" + {}").format(names["out_0"])
     return Markup(
         '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
-    ).format(left, right, answer, output)
+    ).format(left_side, right_side, answer, output)
 
 
 def symbol_markup(name: str) -> Markup:
-    """Write a symbol with its index lowered and its Greek letter."""
+    """Return a symbol with its subscript and Greek letters."""
     base, _, index = name.partition("_")
     base_markup = Markup("<i>{}</i>").format(GREEK_LETTERS.get(base, base))
     return (
@@ -378,17 +387,17 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
         )
         previous_meaning = meaning
     caption = (
-        "What was fitted: quantities that the data determine, unlike single parameters that may be "
-        "exchanged for each other. Estimate and standard deviation, with the misfit of the law "
-        "counted as noise; bold above 20\N{NO-BREAK SPACE}%."
+        "The fitted quantities are combinations of parameters that the data determine. "
+        "Single parameters can compensate each other. The standard deviation treats the error of "
+        "the law as noise; bold above 20\N{NO-BREAK SPACE}%."
     )
     head = ["no.", "quantity", "meaning", "estimate", "uncertain by"]
-    title = "What was fitted, and how sure it is"
+    title = "Fitted quantities and their uncertainty"
     blocks: list[Block] = [make_table(title, head, rows, caption, texts=3)]
     if uncertainty.correlation:
         caption = (
-            "Correlations of what was fitted. Dark blue: they can only rise together; dark red: "
-            "one rises as the other falls; white: independent."
+            "Correlations of the fitted quantities. Dark blue: both can only increase together; dark "
+            "red: one increases as the other decreases; white: independent."
         )
         blocks.append(
             subject.picture(
@@ -397,12 +406,12 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
         )
     if uncertainty.statements:
         statements = (typeset(text) for text in uncertainty.statements)
-        blocks.append(Items("What the data leave open", tuple(statements)))
+        blocks.append(Items("What the data do not determine", tuple(statements)))
     return blocks
 
 
 def _correlation_text(uncertainty: Uncertainty) -> str:
-    """Alternative text of the heat map: the strongest pairs."""
+    """Return the alternative text of the heat map: the strongest correlations."""
     pairs = sorted(
         (
             (abs(value), uncertainty.names[row], uncertainty.names[column], value)
@@ -412,14 +421,16 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    strongest = (f"{one} with {two} {format_number(value, 3)}" for _, one, two, value in pairs[:3])
-    named = "; ".join(strongest)
+    strongest = (
+        f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3]
+    )
+    pairs_text = "; ".join(strongest)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
-    return f"{text}, the strongest: {named}." if named else f"{text}."
+    return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."
 
 
 def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:
-    """Files with hashes, settings, seed and version."""
+    """Return the section about the origin of the model: files, hashes, settings and version."""
     model, origin = subject.model, subject.model.provenance
     rows = [[Cell(file_name), Cell(file_hash, code=True), Cell("this model")]]
     rows += [
@@ -447,10 +458,10 @@ def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Sec
         if key != "gap_map_reason"
     }
     rows = [[Cell(name), Cell(value, code=True)] for name, value in settings.items() if value]
-    blocks.append(make_table("How it was found", ["setting", "value"], rows, texts=2))
-    return Section("origin", "Where the model came from", tuple(blocks))
+    blocks.append(make_table("Settings of the search", ["setting", "value"], rows, texts=2))
+    return Section("origin", "Origin of the model", tuple(blocks))
 
 
 def _setting_name(key: str) -> str:
-    plain = key.removeprefix(SETTING_PREFIX).replace("_", " ")
-    return f"reading: {plain}" if key.startswith(SETTING_PREFIX) else plain
+    name = key.removeprefix(SETTING_PREFIX).replace("_", " ")
+    return f"reading: {name}" if key.startswith(SETTING_PREFIX) else name

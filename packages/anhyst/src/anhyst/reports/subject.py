@@ -1,4 +1,4 @@
-"""What one report is about and can lean on: a model, its scales, and the measurements, read again."""
+"""Data of a report: a model, the scales of its quantities, and its measurements."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from anhyst.support.page import (
 
 @dataclass(frozen=True, eq=False)
 class ModelSubject:
-    """A model under report."""
+    """A model and all data about it that its report shows."""
 
-    model: Model  # the model
-    fit: FitFigures | None  # those that belong to its parameters
+    model: Model
+    fit: FitFigures | None  # fit figures of its present parameters
     acceptance: Acceptance  # outcome of the acceptance test
-    evidence: Evidence | None  # none where the measurements could not be read
-    missing_reason: str = ""  # why they could not; empty if they could
-    warnings: tuple[str, ...] = ()  # what a reader has to know before anything else
+    evidence: Evidence | None  # None if the measurements could not be read
+    missing_reason: str = ""  # reason for this; empty if they were read
+    warnings: tuple[str, ...] = ()  # texts for the head of the page
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
 
     def picture(self, figure: Figure, alt: str, caption: str) -> Picture:
-        """Return a figure for the page, with identifiers that no other one of it has."""
+        """Return a figure for the page, with identifiers that are unique on the page."""
         return Picture(svg_text(figure, f"f{next(self._pictures)}"), alt, caption)
 
     @property
@@ -59,7 +59,7 @@ class ModelSubject:
 
     @property
     def full_scale_text(self) -> str:
-        """Words for what deviations of the output refer to."""
+        """Text for the full scale to which deviations of the output refer."""
         return name_full_scale(self.model.output)
 
     @property
@@ -68,62 +68,62 @@ class ModelSubject:
         return display_name(self.model.input)
 
     def percent_of_largest(self, deviation: float) -> str:
-        """Write a deviation in per cent of the largest output."""
+        """Return a deviation in per cent of the largest output."""
         largest = self.fit.largest_output if self.fit else 0.0
         return format_percent(deviation / largest if largest > 0.0 else None)
 
     @property
     def deviation_scale(self) -> Scale:
-        """Scale of deviations of the output: that of their mean."""
+        """Scale for deviations of the output, chosen by their mean."""
         return quantity_scale(self.model.output, [self.fit.mean_abs] if self.fit else [])
 
     @property
     def input_scale(self) -> Scale:
-        """Scale of the input: that of its valid range."""
+        """Scale of the input, chosen by its valid range."""
         return quantity_scale(self.model.input, self.model.valid.input if self.model.valid else [])
 
     @property
     def output_scale(self) -> Scale:
-        """Scale of the output: that of its valid range."""
+        """Scale of the output, chosen by its valid range."""
         return quantity_scale(
             self.model.output, self.model.valid.output if self.model.valid else []
         )
 
     @property
     def schedule_scale(self) -> Scale:
-        """Scale of the scheduling variable: that of its nodes."""
+        """Scale of the scheduling variable, chosen by its nodes."""
         schedule = self.model.schedule
         return quantity_scale(schedule, self.model.nodes) if schedule else Scale(1.0, "")
 
 
 STALE_RELATIVE_DIFFERENCE = 0.02
-"""Relative difference of the mean deviation above which the figures of a file are not its own."""
+"""Relative difference of the mean deviation above which the stored fit figures are out of date."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Measurements of a model and what they say about it."""
+    """The measurements of a model, and its fit to them."""
 
-    loops: Loops  # as they were fitted
-    # modelled output of each loop; None where the model cannot be computed
+    loops: Loops  # loops as they were fitted
+    # modelled output of each loop; None if it cannot be computed
     fitted: tuple[FloatArray | None, ...]
-    # of the record before thinning; None if it cannot be what its headers say
+    # inspection before thinning; None if the record contradicts its headers
     inspection: Inspection | None
-    verdict: Verdict  # the baseline: the best single-valued curve, on the loops as they were fitted
-    # what the best single-valued curve leaves over, loop by loop, in units of the output
+    verdict: Verdict  # comparison with the best single-valued curve on these loops
+    # residual of the best single-valued curve for each loop, in the unit of the output
     baseline: tuple[FloatArray, ...]
-    warnings: tuple[str, ...]  # what a reader has to know
+    warnings: tuple[str, ...]  # texts for the head of the page
 
 
 def gather_evidence(model: Model, folder: PathLike) -> Evidence:
-    """Read the measurements of a model again and run the model over them."""
+    """Read the measurements of a model again, and compute the model on them."""
     unthinned, loops = _read_loops(model, folder)
     warnings = []
     try:
         inspection = inspect(unthinned)
     except InputError as error:
         inspection = None
-        warnings.append(f"the measurements look odd: {error}")
+        warnings.append(f"the measurements are implausible: {error}")
     fitted: list[FloatArray | None] = []
     for loop in loops.loops:
         try:
@@ -143,10 +143,10 @@ def gather_evidence(model: Model, folder: PathLike) -> Evidence:
 
 
 def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
-    """Read the loops before thinning, which hides noise and skew, and as they were fitted."""
+    """Read the loops without thinning, which hides noise and delay, and as they were fitted."""
     origin = model.provenance
-    written = origin.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
-    steps = [step.strip() for step in str(written).split(",")]
+    clean_setting = origin.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
+    steps = [step.strip() for step in str(clean_setting).split(",")]
     if steps[-1] != "thin":
         loops = read_sources(model, folder)
         return loops, loops
@@ -157,7 +157,7 @@ def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
 
 
 def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
-    """Return the fit figures that belong to these parameters, and what is wrong with the file's."""
+    """Return the fit figures of the parameters, and a warning if those of the file differ."""
     fitted = [output for output in evidence.fitted if output is not None]
     if len(fitted) < len(evidence.fitted):
         return model.fit, ""
@@ -181,12 +181,12 @@ def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None
         return figures, ""
     return figures, (
         "the fit figures in the model file do not belong to its parameters, which were changed "
-        "after the identification; the figures of this report were computed again"
+        "after the identification; this report contains newly computed figures"
     )
 
 
 def acceptance_note(subject: ModelSubject) -> Note:
-    """Report the outcome of the acceptance test, over the gap and over the drive."""
+    """Return the result of the acceptance test over the gap and the drive."""
     check, model = subject.acceptance, subject.model
     if check.passed is not None:
         text = check.text(model.input.unit)
@@ -195,9 +195,9 @@ def acceptance_note(subject: ModelSubject) -> Note:
             return Note("good", "Acceptance test passed", text)
         return Note("bad", "ACCEPTANCE TEST FAILED", text)
     if model.schedule is None or not model.varying:
-        reason = "the model does not run over a gap"
+        reason = "the model does not depend on a gap"
     elif model.schedule.name != "gap":
-        reason = f"it is for gaps, and this model runs over the {subject.schedule_name}"
+        reason = f"it is for gaps, and this model depends on the {subject.schedule_name}"
     else:
-        reason = "the model file has no valid range that says how far to drive"
+        reason = "the model file has no valid range for the drive"
     return Note("info", "Acceptance test", f"Does not apply: {reason}.")

@@ -1,10 +1,10 @@
-"""What every room uses: errors, files, TOML, units, jobs, the parts of a page."""
+"""Functions that all other packages use: errors, files, TOML, units, parallel jobs, HTML pages."""
 
 from importlib.metadata import PackageNotFoundError, version
 
 
 def running_version() -> str:
-    """Return the version as installed, or ``"0+source"`` when run from a bare source tree."""
+    """Return the installed version, or ``"0+source"`` if anhyst runs from a bare source tree."""
     try:
         return version("anhyst")
     except PackageNotFoundError:

@@ -1,4 +1,8 @@
-"""Files, folders and figures written whole or not at all, JSON as text; the package's cache and C sources."""
+"""Write files and folders atomically, and find the folders of the package.
+
+A file, a folder or a figure appears under its name only when it is complete. The module also writes
+JSON, and finds the user's cache and the C sources.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ PathLike = str | os.PathLike[str]
 
 
 def check_path(value: object, argument: str, expected: str = "a path") -> PathLike:
-    """Return a path; refuse anything else and name the argument, as ``"verb: argument"``."""
+    """Return a path, or raise an error that names the argument in the form ``"verb: argument"``."""
     if not isinstance(value, str | os.PathLike):
         raise wrong_type(argument, expected, value)
     if not os.fspath(value):
@@ -33,8 +37,8 @@ def check_path(value: object, argument: str, expected: str = "a path") -> PathLi
 
 
 _WRITE_ADVICE = {
-    errno.ENOSPC: "make room",
-    errno.EDQUOT: "make room",
+    errno.ENOSPC: "free some space",
+    errno.EDQUOT: "free some space",
     errno.EFBIG: "raise the limit on file sizes",
     errno.ENOENT: "create the folder first",
     errno.EISDIR: "name a file in it",
@@ -43,7 +47,7 @@ _WRITE_ADVICE = {
 
 
 def write_error(path: PathLike, error: OSError) -> InputError:
-    """Say why a file could not be written and what to do, in one line."""
+    """Return the error for a file that cannot be written: the reason and the remedy in one line."""
     advice = _WRITE_ADVICE.get(error.errno or 0, "choose another place")
     return InputError(
         f"{path}: cannot be written: {error.strerror or error}; {advice}",
@@ -53,7 +57,7 @@ def write_error(path: PathLike, error: OSError) -> InputError:
 
 
 def read_error(path: PathLike, error: OSError) -> InputError:
-    """Say why a file could not be read, in one line."""
+    """Return the error for a file that cannot be read, in one line."""
     if isinstance(error, FileNotFoundError):
         return InputError(f"{path}: no such file; check the path", code="no-such-file")
     return InputError(
@@ -65,11 +69,12 @@ def read_error(path: PathLike, error: OSError) -> InputError:
 def atomic_writer(
     path: PathLike, check_draft: Callable[[Path], object] | None = None
 ) -> Iterator[IO[str]]:
-    """Open a file that appears under its name only when it is complete.
+    """Open a text file that appears under its name only when it is complete.
 
-    It is written beside its place under a temporary name, flushed to the disk and renamed. After
-    any failure, ctrl-C included, what stood there before still stands there, and nothing else. A
-    device or a pipe is written directly.
+    The text is written to a temporary file in the same folder, flushed to the disk and renamed.
+    After any failure, including Ctrl-C, an older file of that name is unchanged, and the temporary
+    file is removed. ``check_draft`` is called with the temporary file before the renaming. A device
+    or a pipe is written directly.
     """
     with _open_draft(path) as draft:
         with draft.open("w", encoding="utf-8", newline="") as stream:
@@ -80,14 +85,14 @@ def atomic_writer(
 
 
 def write_bytes(path: PathLike, content: bytes) -> None:
-    """Write a binary file, such as a picture, whole or not at all; as :func:`atomic_writer`."""
+    """Write a binary file atomically, as :func:`atomic_writer` does."""
     with binary_writer(path) as stream:
         stream.write(content)
 
 
 @contextmanager
 def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
-    """Open a binary file as :func:`atomic_writer`; it can be read too, to write headers last."""
+    """Open a binary file as :func:`atomic_writer` does, for reading as well."""
     with _open_draft(path) as draft, draft.open("w+b") as stream:
         yield stream
         _flush_to_disk(stream)
@@ -95,8 +100,8 @@ def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def _open_draft(path: PathLike) -> Iterator[Path]:
-    """Yield a draft path to write to; move the draft to its final path when all went well."""
-    target = Path(os.path.realpath(path))  # a link keeps pointing where it points
+    """Yield a temporary path, and rename it to the final path if no error occurred."""
+    target = Path(os.path.realpath(path))  # write through a link
     try:
         temporary = _temporary_path(target)
         if temporary is None:
@@ -116,14 +121,14 @@ def _open_draft(path: PathLike) -> Iterator[Path]:
 
 
 def _flush_to_disk(stream: IO[Any]) -> None:
-    """Have the disk itself say whether there was room; a device or a pipe cannot."""
+    """Flush a stream; write a regular file to the disk, so that a full disk is noticed."""
     stream.flush()
     if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
         os.fsync(stream.fileno())
 
 
 def check_writable(path: PathLike, input_files: Iterable[PathLike] = ()) -> None:
-    """Find out before long work whether a file can be written."""
+    """Raise an error if a file cannot be written. Call this before long work."""
     target = Path(os.path.realpath(path))
     if any(target == Path(os.path.realpath(source)) for source in input_files):
         raise InputError(
@@ -138,7 +143,7 @@ def check_writable(path: PathLike, input_files: Iterable[PathLike] = ()) -> None
 
 
 def _temporary_path(target: Path) -> Path | None:
-    """Return the temporary name of a file; None for a device or a pipe, which are written directly."""
+    """Return the temporary path of a file; None for a device or a pipe."""
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if target.exists() and not target.is_file():
@@ -147,9 +152,10 @@ def _temporary_path(target: Path) -> Path | None:
 
 
 def cache_folder(kind: str) -> Path:
-    """Return where things of a kind are kept; ``XDG_CACHE_HOME`` says where caches are.
+    """Return the cache folder for one kind of data, below ``XDG_CACHE_HOME`` or ``~/.cache``.
 
-    A user without a home has none: below the null device nothing is found or made.
+    A user without a home directory has no cache: the folder is below the null device, where no file
+    exists.
     """
     try:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -159,27 +165,27 @@ def cache_folder(kind: str) -> Path:
 
 
 def relative_path(folder: Path, path: Path) -> str:
-    """Return how a file is named in another folder; past a link to a folder ".." leads elsewhere."""
+    """Return the path of a file relative to a folder; links in the paths are resolved."""
     resolved = os.path.join(os.path.realpath(path.parent), path.name)
     return Path(os.path.relpath(resolved, os.path.realpath(folder))).as_posix()
 
 
 def core_folder() -> Path:
-    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core."""
+    """Return the folder of the C core, with ``include/``, ``src/`` and ``port/``."""
     marker = "include/anhyst/compensator/compensator.h"
     return shipped_folder("anhyst", "core", "_core/c", marker)
 
 
 def contract_folder() -> Path:
-    """Return the folder of the tables that C and Python share."""
+    """Return the folder of the TOML tables that C and Python share."""
     return shipped_folder("anhyst", "contract", "_contract", "block.toml")
 
 
 def shipped_folder(package_name: str, repository_path: str, package_path: str, marker: str) -> Path:
-    """Return a folder of the repository that a package ships, or the copy in that package.
+    """Return a folder of the repository, or its copy in the installed package.
 
-    ``edited`` is its name in the repository, ``shipped`` that in the installed package ``name``, and
-    ``marked`` what must be in it.
+    ``repository_path`` is the folder in the repository, and ``package_path`` its copy inside the
+    installed package ``package_name``. ``marker`` is a file that the folder must contain.
     """
     package = Path(sys.modules[package_name].__file__ or package_name).resolve().parent
     folders = [package / package_path]
@@ -196,7 +202,7 @@ def shipped_folder(package_name: str, repository_path: str, package_path: str, m
 
 @contextmanager
 def atomic_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
-    """Give a folder to work in; what is in it appears in its place when all is done, else nothing."""
+    """Yield a temporary folder; its content appears in the target only if no error occurred."""
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
@@ -219,14 +225,14 @@ def atomic_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
 
 
 def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
-    """Write files into a folder, by their paths below it."""
+    """Write files into a folder, by their relative paths."""
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(to_bytes(content))
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:
-    """Find out before the work whether files can be put into a folder."""
+    """Raise an error if one of these files already exists in a folder. Call it before long work."""
     target = Path(out)
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
@@ -239,7 +245,7 @@ def check_new(out: PathLike, names: Sequence[str]) -> None:
 
 
 def add_files(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
-    """Write texts and copies of files into a folder, all of them or none; replace nothing."""
+    """Add texts and copies of files to a folder: all or none. Existing files are not replaced."""
     check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
     with atomic_folder(out) as draft:
         write_files(draft, texts)
@@ -249,12 +255,12 @@ def add_files(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path
 
 
 def to_bytes(content: str | bytes) -> bytes:
-    """Return the bytes of a file, of a text in UTF-8."""
+    """Return the bytes of a file content; a text is encoded as UTF-8."""
     return content.encode() if isinstance(content, str) else content
 
 
 def _replace_folder(draft: Path, target: Path) -> None:
-    """Replace a folder with its draft."""
+    """Replace a folder with its temporary copy; restore the old folder if this fails."""
     old = target.with_name(draft.name.removesuffix(".part") + ".old")
     if target.exists():
         target.rename(old)
@@ -268,7 +274,7 @@ def _replace_folder(draft: Path, target: Path) -> None:
 
 
 def _move_files(draft: Path, target: Path) -> None:
-    """Move the files of a draft into a folder that holds other files."""
+    """Move files from a temporary folder into a folder that contains other files."""
     created: list[Path] = []
     try:
         for file in sorted(path for path in draft.rglob("*") if path.is_file()):
@@ -290,7 +296,7 @@ def _move_files(draft: Path, target: Path) -> None:
 
 
 def check_picture(path: PathLike) -> None:
-    """Refuse a picture that could not be written in the end."""
+    """Raise an error if a picture cannot be written, because of its suffix or its place."""
     if Path(path).suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(
             f"{path}: a plot is written as .png, .svg or .pdf; change the ending",
@@ -300,24 +306,24 @@ def check_picture(path: PathLike) -> None:
 
 
 def write_figure(figure: Figure, path: PathLike) -> None:
-    """Write a figure in the format that the ending names."""
+    """Write a figure in the format that the suffix of the file names."""
     picture = BytesIO()
     figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=150)
     write_bytes(path, picture.getvalue())
 
 
 def json_text(content: Mapping[str, Any]) -> str:
-    """Return the text of a JSON file; numbers that JSON does not have become null."""
+    """Return the text of a JSON file; NaN and infinity become null."""
     return json.dumps(to_json_value(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write_json(path: PathLike, content: Mapping[str, Any]) -> None:
-    """Write a JSON file, whole or not at all."""
+    """Write a JSON file atomically."""
     write_bytes(path, json_text(content).encode())
 
 
 def to_json_value(value: Any) -> Any:
-    """Return a value as JSON gives it back: names and lists, null for what is no finite number."""
+    """Convert a value to the types of JSON; NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(key): to_json_value(item) for key, item in value.items()}
     if isinstance(value, str | Path):

@@ -1,4 +1,7 @@
-"""The layout of a parameter block: its words, kinds and units, as contract/block.toml says."""
+"""The layout of a parameter block: the index, format and unit of each 16-bit word.
+
+The layout is read from contract/block.toml, from which the C headers are generated as well.
+"""
 
 from __future__ import annotations
 
@@ -13,28 +16,28 @@ Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned", "single"]
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """One word of the block."""
+    """One entry of a parameter block: a word, or a table of several words."""
 
-    index: int  # its number in the block
-    name: str  # as in ``layout.h``, without ``ANHYST_WORD_``
-    format: Format  # of the word; of the entries, if it names a table
-    doc: str  # what it is
-    low: int  # range that the controller accepts; of the entries, if it names a table
+    index: int  # index in the block
+    name: str  # name as in ``layout.h``, without ``ANHYST_WORD_``
+    format: Format  # format of the word, or of the entries of a table
+    doc: str  # description
+    low: int  # range that the controller accepts, for the word or for the entries of a table
     high: int
-    size: int = 1  # how many words it takes; a table is named by one
-    # for a table: what it runs over, ``"gap"``, ``"field"``, ``"field, both signs"``,
+    size: int = 1  # number of 16-bit words; 1 for a table
+    # independent variable of a table: ``"gap"``, ``"field"``, ``"field, both signs"``,
     # ``"magnetisation"`` or ``"distance"``
     axis: str = ""
-    # signal whose full scale 1.0 is worth, times `factor` and 2 to the word `shift`: ``"demand"``,
-    # ``"current"``; none for a pure number
+    # signal whose full scale, times `factor` and 2 to the power of the word `shift`, is the
+    # physical value of 1.0; empty for a dimensionless word
     of: Literal["", "demand", "current"] = ""
     factor: float = 1.0
     shift: str = ""
-    unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
+    unit: str = ""  # unit of a single-precision word: ``"output"``, ``"input"``, or a unit
 
 
 def _word_from_row(row: dict[str, Any]) -> Word:
-    """Return a word from its row."""
+    """Return an entry from its row in contract/block.toml."""
     size = row.get("words", 2 if row["format"] == "single" else 1)
     given = {key: row[key] for key in ("axis", "of", "factor", "unit") if key in row}
     limits = row.get("low", 0), row.get("high", 65535)
@@ -55,7 +58,7 @@ MAX_BLOCK_WORDS: int = _BLOCK["most_words"]
 MAX_FLOAT_BLOCK_WORDS: int = _BLOCK["most_real_words"]
 SCALE_WORD_COUNT = sum(word.size for word in _GROUPS["scale"])
 SIGNAL_UNITS: tuple[str, ...] = ("", *_BLOCK["units"])
-"""Units of the signals, by their numbers in ``SCALE_UNITS``."""
+"""Units of the signals, by their codes in ``SCALE_UNITS``."""
 
 HEAD_WORDS = _GROUPS["head"]
 BODY_WORDS = {
@@ -67,12 +70,12 @@ BODY_WORDS = {
     )
     for kind in KINDS
 }
-"""Every word of a kind behind the head, in the order of the block."""
+"""Entries of each kind of block after the head, in the order of the block."""
 
 WORD_INDEX = {word.name: word.index for body in (HEAD_WORDS, *BODY_WORDS.values()) for word in body}
-"""Number of every word in the block, by its name."""
+"""Index of each entry in the block, by its name."""
 
 WORD_INDEX_OF_KIND = {
     kind: {word.name: word.index for word in body} for kind, body in BODY_WORDS.items()
 }
-"""Number of a word of a kind, by its name."""
+"""Index of each entry in the block, by the kind of block and the name of the entry."""

@@ -1,6 +1,8 @@
-"""What the words of a parameter block are worth, and its head: generation, checksum, scales.
+"""Scales of a parameter block in physical units, and its head: generation and checksum.
 
-The words themselves are in :mod:`anhyst.support.block_layout`.
+A parameter block is a row of 16-bit words that a controller reads.
+:mod:`anhyst.support.block_layout` defines their meaning. Signals are fractions of full scales,
+which the block states in SI units.
 """
 
 from __future__ import annotations
@@ -27,12 +29,12 @@ CODE_OF_ONE: dict[Format, float] = {
     "unsigned": 1.0,
     "single": 1.0,
 }
-"""The word that means 1.0 in each format."""
+"""Integer that represents 1.0 in each format."""
 
 
 @dataclass(frozen=True, slots=True)
 class WordUnit:
-    """What 1.0 of a word is worth, and in what unit."""
+    """Physical value of 1.0 of a word, and its unit."""
 
     scale: float = 1.0
     name: str = ""
@@ -40,7 +42,7 @@ class WordUnit:
 
 @dataclass(frozen=True, slots=True)
 class SignalUnits:
-    """Units of the signals of a model, for the texts."""
+    """Units of the output and the input of a model, for texts."""
 
     output: str
     input: str
@@ -48,25 +50,25 @@ class SignalUnits:
 
 @dataclass(frozen=True)
 class Scales:
-    """What the fractions 0 and 1.0 of the signals mean, SI."""
+    """Physical values of the fractions 0 and 1.0 of the signals, in SI units."""
 
-    demand: float  # output and drive at 1.0, in units of the model's output and input
+    demand: float  # output and drive at 1.0, in the units of the model
     current: float
-    # Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
+    # scheduling variable at 0 and at 1.0, m for a gap; equal if nothing depends on it
     gap_low: float
     gap_high: float
 
     @property
     def gap_span(self) -> float:
-        """Range of the scheduling variable; 1 where nothing runs over it."""
+        """Range of the scheduling variable; 1 if nothing depends on it."""
         return self.gap_high - self.gap_low or 1.0
 
     def gap_fraction(self, gap: Numbers) -> Numbers:
-        """Return the scheduling variable in parts of its range."""
+        """Return the scheduling variable as a fraction of its range."""
         return (gap - self.gap_low) / self.gap_span
 
     def gap_at(self, fraction: Numbers) -> Numbers:
-        """Return the scheduling variable at a part of its range."""
+        """Return the scheduling variable at a fraction of its range."""
         return self.gap_low + (self.gap_high - self.gap_low) * fraction
 
 
@@ -76,7 +78,7 @@ CRC_INDEX = WORD_INDEX["CRC"]
 
 
 class _ScaleWord(NamedTuple):
-    """A number that says what a signal is counted in: which word, what, and where its unit is."""
+    """A word with the scale of a signal: its name, its meaning, and the position of its unit."""
 
     word: str
     name: str
@@ -94,7 +96,7 @@ _SCALE_WORDS = (
 
 
 def set_generation(words: Sequence[int], generation: int) -> list[int]:
-    """Set the generation of a parameter block and recompute its checksum."""
+    """Set the generation number of a parameter block, and compute its checksum again."""
     updated = [int(word) for word in words]
     updated[GENERATION_INDEX] = _to_signed(generation)
     crc = checksum(updated[:CRC_INDEX] + updated[CRC_INDEX + 2 :])
@@ -108,18 +110,18 @@ def checksum(words: Sequence[int]) -> int:
 
 
 def describe_scale_mismatch(block: Sequence[int], board: Sequence[int]) -> str:
-    """Say in which scale a block is made for another board."""
-    remedy = "compile for the board's scales, or build the firmware around the new folder"
+    """Return a text that names the first scale in which a block differs from the board."""
+    remedy = "compile with the scales of the board, or build the firmware with the new folder"
     for scale in _SCALE_WORDS:
         block_value, board_value = _format_scale(block, scale), _format_scale(board, scale)
         if block_value != board_value:
-            board_text = f"the board has {board_value}" if board else "the board has another"
+            board_text = f"the board has {board_value}" if board else "the board has another one"
             return f"the parameter block is made for a {scale.name} of {block_value}, {board_text}; {remedy}"
-    return f"the parameter block is made for other units than the board's; {remedy}"
+    return f"the parameter block is made for other units than the board; {remedy}"
 
 
 def _format_scale(words: Sequence[int], scale: _ScaleWord) -> str:
-    """Return a number of single precision with its unit."""
+    """Return a single-precision scale of a block with its unit; empty for an empty block."""
     if not words:
         return ""
     index = WORD_INDEX[scale.word]

@@ -1,11 +1,11 @@
-"""What was computed or compiled before from the same inputs, in the user's cache.
+"""Cache of computed results and compiled C objects, in the user's cache folder.
 
-It is found by a hash over these inputs, this machine and all that computes: the sources of the
-package, its binary, the libraries underneath; an object of C by the preprocessed text, the options and
-the compiler. So it is never stale, and the same as if made anew.
+The key of a result is a hash of its inputs, this machine and all code that computes: the sources of
+the package, its binary, and the libraries. The key of a C object is a hash of the preprocessed
+text, the options and the compiler. Therefore, a cached result is never stale, and equals a new one.
 
-Results of long work in a file that grows line by line, so that a stopped run goes on later; what an
-actuator is called in C.
+The module also writes the results of long work to a file line by line, so that a stopped run can
+continue, and makes C identifiers from names.
 """
 
 from __future__ import annotations
@@ -33,13 +33,7 @@ import scipy
 from pydantic import BaseModel
 
 from anhyst._core import _native
-from anhyst.support.atomic import (
-    PathLike,
-    cache_folder,
-    contract_folder,
-    write_bytes,
-    write_error,
-)
+from anhyst.support.atomic import PathLike, cache_folder, contract_folder, write_bytes, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import core_count
 from anhyst.support.registry import plugin_paths
@@ -47,20 +41,21 @@ from anhyst.support.registry import plugin_paths
 T = TypeVar("T")
 
 MAX_CACHED_RESULTS = 200
-"""Results of a kind that are kept, of 10 to 100 kilobytes each; those not used for longest go."""
+"""Maximum number of cached results of a kind, 10 to 100 kB each. The least recently used are
+removed."""
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def cached_result(kind: str, make: Callable[[], T], *inputs: object) -> T:
-    """Return what `make` makes of these inputs, from the cache where it was made before."""
+    """Return the result of `make` for these inputs, from the cache if possible."""
     digest = hashlib.sha256(code_digest())
     _update_digest(digest, inputs)
     path = cache_folder(kind) / digest.hexdigest()
     value: T | None = load_cached(path)
     if value is None:
         value = make()
-        with suppress(OSError, InputError):  # without a cache it is computed each time
+        with suppress(OSError, InputError):  # without a cache, it is computed each time
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             write_bytes(path, pickle_with_digest(value))
             remove_oldest(path.parent, MAX_CACHED_RESULTS)
@@ -68,13 +63,13 @@ def cached_result(kind: str, make: Callable[[], T], *inputs: object) -> T:
 
 
 def pickle_with_digest(value: object) -> bytes:
-    """Return what is written of a value: a hash first, so that damage shows."""
+    """Return a pickled value after its SHA-256 digest, which reveals damage."""
     content = pickle.dumps(value)
     return hashlib.sha256(content).digest() + content
 
 
 def load_cached(file: Path) -> Any:
-    """Return what is kept at a place, if it is there, undamaged and one's own; None otherwise."""
+    """Return a cached value; None if it is missing, damaged, or owned by another user."""
     try:
         if hasattr(os, "getuid"):
             owners = {path.stat().st_uid for path in (file, file.parent)}
@@ -89,7 +84,7 @@ def load_cached(file: Path) -> Any:
 
 
 def remove_oldest(folder: Path, max_entries: int) -> None:
-    """Leave those things in a folder that were used last."""
+    """Remove all entries of a folder except the most recently used ones."""
     entries = [path for path in folder.iterdir() if not path.name.startswith(".")]
     for old in sorted(entries, key=lambda path: path.stat().st_mtime)[:-max_entries]:
         shutil.rmtree(old, ignore_errors=True) if old.is_dir() else old.unlink(missing_ok=True)
@@ -97,7 +92,7 @@ def remove_oldest(folder: Path, max_entries: int) -> None:
 
 @lru_cache(maxsize=1)
 def code_digest() -> bytes:
-    """Return a hash of what computes here."""
+    """Return a hash of this machine and of all code that computes."""
     versions = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(versions.encode())
     roots = {Path(__file__).resolve().parents[1], contract_folder(), *plugin_paths()}
@@ -112,7 +107,7 @@ def code_digest() -> bytes:
 
 
 def _update_digest(digest: Any, value: object) -> None:
-    """Let a value count: equal ones alike, whatever else was made of them before."""
+    """Add the type and the content of a value to a digest. Equal values give equal digests."""
     digest.update(f"\0{type(value).__qualname__}\0".encode())
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype} {value.shape}".encode() + value.tobytes())
@@ -133,9 +128,10 @@ def _update_digest(digest: Any, value: object) -> None:
 
 
 class ResultsFile:
-    """A file of JSON lines: a header that says what it belongs to, then one result a line.
+    """A file of JSON lines: a header with the settings, then one result per line.
 
-    A last line that was cut off, by a full disk or a lost process, is dropped. Use it as a context.
+    An incomplete last line, which a full disk or a killed process leaves, is removed. Use it as a
+    context manager.
     """
 
     def __init__(
@@ -193,14 +189,14 @@ class ResultsFile:
             if stored != json.loads(json.dumps(value)):
                 text = f"is {_shorten(stored)} in the file and {_shorten(value)} now"
                 raise InputError(
-                    f"{self.path}: line 1: {name}: {text}, its results belong to something else; "
+                    f"{self.path}: line 1: {name}: {text}, so that its results belong to another run; "
                     f"{_OTHER_FILE_ADVICE}",
                     code="other-results",
                     key=name,
                 )
 
     def add(self, result: Mapping[str, Any]) -> None:
-        """Append a result; it is on its way to the disk when this returns."""
+        """Append a result. It has been handed to the operating system when this method returns."""
         self.done[result[self._key]] = dict(result)
         try:
             self._stream.write(_json_line(result))
@@ -229,10 +225,10 @@ def _shorten(value: Any) -> str:
 
 
 MAX_CACHED_OBJECTS = 4000
-"""Objects that are kept with their messages, of ten to a hundred kilobytes each."""
+"""Maximum number of cached C objects with their messages, 10 to 100 kB each."""
 
 RunCompiler = Callable[[Sequence[str]], str]
-"""Runs a compiler, refuses what it refuses, and returns what it complains about."""
+"""Function that runs a compiler, raises an error if it fails, and returns its warnings."""
 
 
 def compile_and_link(
@@ -243,13 +239,13 @@ def compile_and_link(
     link_options: Sequence[str],
     run: RunCompiler,
 ) -> list[str]:
-    """Compile what is not kept and link it all; return all complaints.
+    """Compile the sources whose objects are not cached, and link all; return all warnings.
 
-    `search` are macros and folders: they count by the text that they make. `ending` stands behind
-    the objects, when they are linked.
+    `include_options` are macros and folders. They enter the key of the cache only through the
+    preprocessed text. `link_options` follow the objects on the command line of the linker.
     """
     program = shutil.which(compiler[0])
-    if program is None or compiler[0] == sys.executable:  # zig's, which keeps objects itself
+    if program is None or compiler[0] == sys.executable:  # zig, which has its own cache
         return [run([*compiler, *options, *include_options, *map(str, sources), *link_options])]
     program_stat = Path(program).stat()
     identity = f"{Path(program).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
@@ -265,7 +261,7 @@ def compile_and_link(
 
 
 def _compile(command: Sequence[str], key: str, run: RunCompiler, source: Path, target: Path) -> str:
-    """Compile a source or take its object from the cache; return the compiler's messages."""
+    """Compile a source, or take its object from the cache; return the warnings of the compiler."""
     preprocessed = target.with_suffix(".i")
     run([*command, "-E", "-P", str(source), "-o", str(preprocessed)])
     digest = hashlib.sha256(key.encode() + b"\0" + preprocessed.read_bytes()).hexdigest()
@@ -278,17 +274,17 @@ def _compile(command: Sequence[str], key: str, run: RunCompiler, source: Path, t
         messages_path.touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
-    with suppress(OSError):  # without a cache it is compiled each time
+    with suppress(OSError):  # without a cache, it is compiled each time
         cached_object.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=cached_object.parent) as draft:
-            # Each whole or not at all; the compiler's messages first.
+            # Each file is written atomically. The messages come first, because they are read first.
             for destination, content in (
                 (messages_path, messages.encode()),
                 (cached_object, target.read_bytes()),
             ):
                 Path(draft, destination.name).write_bytes(content)
                 Path(draft, destination.name).replace(destination)
-        # Looking through all of them takes longer than most compilations.
+        # Only one in 256 compilations cleans up, because listing the folder is slow.
         if cached_object.name.startswith("00"):
             remove_oldest(cached_object.parent, 2 * MAX_CACHED_OBJECTS)
     return messages
@@ -301,7 +297,7 @@ _NAME_PATTERN = re.compile(rf"[a-z][a-z0-9_]{{0,{MAX_NAME_LETTERS - 1}}}")
 
 
 def c_name(text: str) -> str:
-    """Return the nearest name that C takes, in small letters.
+    """Return the nearest C identifier of a text, in lower case.
 
     >>> c_name("Magnet 3, upper"), c_name("2nd"), c_name("")
     ('magnet_3_upper', 'actuator_2nd', 'actuator')
@@ -313,11 +309,11 @@ def c_name(text: str) -> str:
 
 
 def check_c_name(name: str) -> None:
-    """Refuse what cannot begin the names of an actuator's C."""
+    """Raise an error if a text cannot be the prefix of C identifiers."""
     if not _NAME_PATTERN.fullmatch(name):
         raise InputError(
-            f"--name: '{name}' is no name; give up to {MAX_NAME_LETTERS} small letters, digits and "
-            "underscores, a letter first",
+            f"--name: '{name}' is not a valid name; give up to {MAX_NAME_LETTERS} lower-case letters, digits "
+            "and underscores, with a letter first",
             code="bad-name",
             key="--name",
         )

@@ -1,4 +1,8 @@
-"""The two ways a verb can end other than well, and what a search meets on its way."""
+"""The errors and warnings of anhyst.
+
+`InputError` is for bad input, `NegativeResult` for a completed work with a negative result. Both
+carry a code for programs and a text that states the remedy.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from anhyst.support.wording import word_for_reader
 
 
 class _CodedError(Exception):
-    """An error with a code for programs and a text that says what to do."""
+    """An error with a code for programs, and a text that states the remedy."""
 
     def __init__(self, text: str, *, code: str, key: str = "") -> None:
         super().__init__(text)
@@ -18,46 +22,45 @@ class _CodedError(Exception):
         self.key = key
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # As it stands, whatever its class is made from: errors come back from other processes.
+        # Errors are pickled by worker processes. Unpickling must not call __init__ of a subclass.
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def __str__(self) -> str:
         return word_for_reader(str(self.args[0]))
 
     def with_location(self, location: object) -> Self:
-        """Return the same error with the place in front of its text."""
+        """Return the same error with a location in front of its text."""
         error = copy(self)
         error.args = (f"{location}: {self.args[0]}",)
         return error
 
 
 class InputError(_CodedError, ValueError):
-    """Bad input, reported in one line: file, line or key; what is wrong; what to do.
+    """Bad input, reported in one line: the file, line or key; the fault; the remedy.
 
     The command line prints it as ``anhyst: error: ...`` and exits with 2. In Python, the text names
-    arguments in place of options.
+    arguments instead of options.
 
     Parameters
     ----------
     text : str
         The line.
     code : str
-        What is wrong, in a few small letters that stay when the line is worded otherwise, such as
-        ``no-such-file``.
+        Name of the fault, such as ``no-such-file``. It stays the same if the text changes.
     key : str, optional
-        Key of a file, option, column or parameter that is wrong; empty where there is none.
+        The wrong key, option, column or parameter; empty if there is none.
     """
 
 
 def wrong_key(key: str, text: str, *, code: str) -> InputError:
-    """Return the error of a key, option, column or parameter, which its text begins with."""
+    """Return the error of a key, option, column or parameter. Its text begins with the key."""
     return InputError(f"{key}: {text}", code=code, key=key)
 
 
 def wrong_type(
     argument: str, expected: str, value: object, *, is_in_list: bool = False
 ) -> InputError:
-    """Return the error of an argument, such as ``"identify: loops"``, of the wrong type."""
+    """Return the error of an argument of the wrong type, such as ``"identify: loops"``."""
     given_type = type(value).__name__ if value is not None else "None"
     for name in ("loops", "model"):
         if hasattr(value, "loops") and hasattr(value, "model") and argument.endswith(name):
@@ -69,7 +72,7 @@ def wrong_type(
 
 
 class NegativeResult(_CodedError, RuntimeError):  # noqa: N818 - an answer
-    """The work was done and the answer is no, such as a model that fails its acceptance test.
+    """The work was done and its result is negative, such as a model that fails its acceptance test.
 
     The command line prints it and exits with 1.
 
@@ -78,40 +81,40 @@ class NegativeResult(_CodedError, RuntimeError):  # noqa: N818 - an answer
     text : str
         The line.
     code : str
-        What the answer is, as that of an `InputError`.
+        Name of the result, as for `InputError`.
     key : str, optional
-        What it is about, if that has a name.
+        The object of the result, if it has a name.
     """
 
 
 class Interrupted(RuntimeError):  # noqa: N818 - an end
-    """Ctrl-C stopped the work; says what was kept.
+    """Ctrl-C stopped the work. The text states which results were saved.
 
     The command line prints it and exits with 130.
     """
 
 
 class ImplausibleWarning(UserWarning):
-    """A value so far from what a model knows that its unit is likely wrong.
+    """A value is so far outside the range of a model that its unit is probably wrong.
 
-    Issued once a call from Python; the command line prints it as ``anhyst: warning: ...``.
+    It is issued once per call from Python. The command line prints it as ``anhyst: warning: ...``.
     """
 
 
 class NoResponseError(ArithmeticError):
-    """A law has no answer for its parameters."""
+    """A hysteresis law has no solution for its parameters."""
 
 
 class NoUsableStartError(InputError):
-    """No set of parameters that a search begins with comes near the loops."""
+    """None of the initial parameter sets of a search comes near the measured loops."""
 
     def __init__(self) -> None:
         super().__init__(
-            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
-            "or columns with 'anhyst inspect --plot'",
+            "the law does not fit these loops with any initial parameters; look for wrong signs or "
+            "columns with 'anhyst inspect --plot'",
             code="nowhere-near",
         )
 
 
 class ReturnPointMemoryWarning(UserWarning):
-    """Loops show that an iron does not keep its turning points; says what was done about it."""
+    """The loops show iron without return-point memory. The text states how this was handled."""

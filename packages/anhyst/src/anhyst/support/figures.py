@@ -1,4 +1,4 @@
-"""How figures look, and how they become text that a page can hold."""
+"""The common style of all Matplotlib figures, and their export as SVG and PNG."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from anhyst.support.atomic import PathLike, write_bytes
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# Okabe and Ito: distinct for every kind of colour vision, and by their lightness in grey.
+# Okabe-Ito colours: distinct for all kinds of colour vision, and in greyscale.
 RISING_COLOUR = "#0072B2"
 FALLING_COLOUR = "#D55E00"
 MODEL_COLOUR = "#0072B2"
@@ -26,9 +26,9 @@ MEASURED_COLOUR = "#8C8C8C"
 ALARM_COLOUR = "#B00020"
 FAINT_COLOUR = "#D9D9D9"
 
-FIGURE_WIDTH_IN = 9.6  # inches
-PIXELS_PER_INCH = 100  # of a page, for an inch of a figure
-RASTER_DPI = 200  # dots an inch of what is drawn as points
+FIGURE_WIDTH_IN = 9.6
+PIXELS_PER_INCH = 100  # pixels on a page per inch of a figure
+RASTER_DPI = 200  # dots per inch of rasterised points
 
 STYLE: Mapping[str, Any] = MappingProxyType(
     {
@@ -60,7 +60,7 @@ _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
 def use_report_style(draw: Callable[P, T]) -> Callable[P, T]:
-    """Make a function draw in the style of the report, whatever the user has set up."""
+    """Decorate a function so that it draws in the report style, not with settings of the user."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -71,12 +71,12 @@ def use_report_style(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def new_figure(height: float, width: float = FIGURE_WIDTH_IN) -> Figure:
-    """Start a figure; sizes in inches."""
+    """Create a figure; sizes in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def create_panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
-    """Divide a figure into a number of panels, row by row, in as many columns as are readable."""
+    """Divide a figure into panels, row by row, in as many columns as are readable."""
     columns = column_count(count)
     rows = -(-count // columns)
     axes = figure.subplots(rows, columns, squeeze=False, sharey=share_y).ravel().tolist()
@@ -92,14 +92,14 @@ def column_count(count: int) -> int:
 
 @use_report_style
 def svg_text(figure: Figure, prefix: str) -> str:
-    """Render a figure as an SVG element to be put into a page."""
+    """Render a figure as an SVG element; ``prefix`` makes its identifiers unique on a page."""
     stream = io.StringIO()
     figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata=_NO_METADATA)
     text = stream.getvalue()
     text = text[text.index("<svg") :].strip()
     text = re.sub(r"\bid=\"", f'id="{prefix}-', text)
     text = text.replace("url(#", f"url(#{prefix}-").replace('href="#', f'href="#{prefix}-')
-    # The alternative text stands in the page; a screen reader is not to spell the ticks.
+    # The page contains the alternative text. A screen reader must not read the tick labels.
     width = round(PIXELS_PER_INCH * figure.get_figwidth())
     start = f'<svg aria-hidden="true" focusable="false" style="--width: {width}px"'
     return re.sub(r"^<svg\b", start, text)
@@ -107,7 +107,7 @@ def svg_text(figure: Figure, prefix: str) -> str:
 
 @use_report_style
 def write_png(figure: Figure, path: PathLike) -> None:
-    """Write a figure as a PNG file, without a time stamp."""
+    """Write a figure as a PNG file without a time stamp."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=150, metadata={"Software": None})
     write_bytes(path, stream.getvalue())
@@ -115,7 +115,7 @@ def write_png(figure: Figure, path: PathLike) -> None:
 
 @use_report_style
 def write_svg(figure: Figure, path: PathLike) -> None:
-    """Write a figure as an SVG file, without a time stamp."""
+    """Write a figure as an SVG file without a time stamp."""
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     write_bytes(path, stream.getvalue())

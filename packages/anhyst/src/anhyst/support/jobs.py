@@ -1,4 +1,7 @@
-"""The same work on many inputs, on all cores of this machine or of a cluster; how far it is."""
+"""Apply a function to many inputs in parallel, with progress reports.
+
+The work runs in processes of this machine, or on a cluster of dask.distributed.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,14 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
 Progress = Callable[[float, float], None]
-"""Called with what is done and what there is in all, in units of the work's own choice."""
+"""Function that is called with the work done and the total work, in any common unit."""
 
 
 def split_progress(progress: Progress | None, weights: Sequence[float]) -> Iterator[Progress]:
-    """Yield for one part of some work after the other what makes its progress one of the whole."""
+    """Yield a progress function for each part of the work; each reports the overall progress.
+
+    ``weights`` are the shares of the parts in the total work, in any common unit.
+    """
 
     def part_progress(part: int) -> Progress:
         done_before = sum(weights[:part])
@@ -39,10 +45,10 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 _cluster_client: ContextVar[Any] = ContextVar("cluster", default=None)
-"""Client of the cluster that the work goes to; None: processes of this machine."""
+"""Client of the cluster that does the work; None: processes of this machine."""
 
 SCHEDULER_TIMEOUT_S = 10.0
-"""A scheduler that does not answer within this time is not there."""
+"""Time within which a scheduler must answer, s."""
 
 
 def map_unordered(
@@ -51,7 +57,7 @@ def map_unordered(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Iterator[tuple[int, B]]:
-    """Do some work on every input; results come as they are ready, with the place of their input."""
+    """Apply a function to each input. Yield (index, result) pairs as soon as they are ready."""
     count = min(jobs or core_count(), len(inputs))
     if _cluster_client.get() is not None:
         results = _on_cluster(work, inputs)
@@ -71,14 +77,14 @@ def map_ordered(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> list[B]:
-    """Do some work on every input; results in their order."""
+    """Apply a function to each input, and return the results in the order of the inputs."""
     results = dict(map_unordered(work, inputs, progress, jobs))
     return [results[index] for index in range(len(inputs))]
 
 
 @contextmanager
 def use_scheduler(scheduler: str | None) -> Iterator[None]:
-    """Let a cluster do all work that is handed out in this context."""
+    """Run all parallel work in this context on the cluster of a scheduler; None: this machine."""
     if scheduler is None:
         yield
         return
@@ -102,7 +108,7 @@ def use_scheduler(scheduler: str | None) -> Iterator[None]:
 def _in_processes(
     work: Callable[[A], B], inputs: Sequence[A], count: int
 ) -> Iterator[tuple[int, B]]:
-    from concurrent.futures import ProcessPoolExecutor, as_completed  # of many processes alone
+    from concurrent.futures import ProcessPoolExecutor, as_completed  # slow to import
 
     with ProcessPoolExecutor(count, initializer=_ignore_interrupts) as pool:
         order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
@@ -115,11 +121,11 @@ def _in_processes(
 
 def _on_cluster(work: Callable[[A], B], inputs: Sequence[A]) -> Iterator[tuple[int, B]]:
     client = _cluster_client.get()
-    # What all tasks share goes to each worker once, and is made again where it was lost.
+    # The common part of all tasks is sent to each worker once, and again if a worker lost it.
     shared = client.submit(partial, work, pure=False)
     futures = client.map(operator.call, [shared] * len(inputs), inputs, pure=False)
     order = {future: index for index, future in enumerate(futures)}
-    # Results that are ready come together: asking for each alone costs a message there and back.
+    # Results are fetched in batches, because a request for each one costs a round trip.
     waiting = _import_distributed().as_completed(futures, loop=client.loop, with_results=True)
     for ready, result in waiting:
         yield order[ready], result
@@ -138,12 +144,12 @@ def _import_distributed() -> Any:
 
 
 def core_count() -> int:
-    """Return how many cores this process may use; where the system does not say, all there are."""
+    """Return the number of cores that this process may use, or of all cores if unknown."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _ignore_interrupts() -> None:
-    """Ignore ctrl-C in a worker: it reaches all processes, and the parent handles it."""
+    """Ignore Ctrl-C in a worker process. It reaches all processes, and the parent handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

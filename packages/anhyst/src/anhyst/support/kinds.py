@@ -1,4 +1,7 @@
-"""What kind of file this is, and which verbs take it: asked in one place by all of them."""
+"""The kinds of files and folders, and the commands that accept each kind.
+
+All commands use this module to check their first argument and to name the right command in errors.
+"""
 
 from __future__ import annotations
 
@@ -14,31 +17,31 @@ from anhyst.support.errors import InputError
 from anhyst.support.registry import Registry
 
 RIG_FORMAT = "anhyst-rig"
-"""What the key ``format`` of every rig file says; ``control.kind`` says which kind of rig it is."""
+"""Value of the key ``format`` in every rig file; the key ``control.kind`` names the kind of rig."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileKind:
-    """One kind of file or folder that a verb can be given."""
+    """A kind of file or folder that a command can get as an argument."""
 
-    word: str  # of a rig file its control.kind, of another file its format
-    title: str  # one of the kind, as messages call it
-    plural: str  # several
-    verbs: tuple[str, ...] = ()  # that take one as their first argument
-    # why another verb has no use for it, where there is more to say than that
+    word: str  # value of control.kind (rig files) or format (other files)
+    title: str  # singular with article, for messages
+    plural: str  # plural, for messages
+    verbs: tuple[str, ...] = ()  # commands that accept such a file as their first argument
+    # by command: why this command cannot use such a file, if a reason helps the user
     reasons: Mapping[str, str] = field(default_factory=dict)
-    use: str = ""  # what it is used for, where no verb takes it as its first argument
-    # by verb: the options that only some kinds take, and that this kind does
+    use: str = ""  # use of the file, if no command accepts it as its first argument
+    # by command: options that this kind supports and some others do not
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def format(self) -> str:
-        """What the key ``format`` of such a file says."""
+        """Value of the key ``format`` in such a file."""
         return self.word
 
     @property
     def usage(self) -> str:
-        """Say which verbs take such a file, or what else it is used for."""
+        """A sentence that names the commands that accept such a file, or its other use."""
         if self.use or not self.verbs:
             return self.use or "no verb takes it"
         return (
@@ -46,11 +49,11 @@ class FileKind:
         )
 
     def has_option(self, verb: str, option: str) -> bool:
-        """Whether an option of a verb that only some kinds take is for this one."""
+        """Whether this kind supports an option of a command that only some kinds support."""
         return option in self.options.get(verb, ())
 
     def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
-        """Refuse options of a verb that are given (not None) and that this kind does not take."""
+        """Raise an error if an option is given (not None) that this kind does not support."""
         refused = [
             name
             for name, value in given.items()
@@ -99,18 +102,18 @@ MEASUREMENT_FILE = FileKind(
 )
 CONTROLLER_PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
 UNSUPPORTED_RIG_FILE = FileKind(RIG_FORMAT, "a rig file", "rig files")
-"""Any rig file, where no package with a kind of rig is installed."""
+"""Any rig file, if no package with a kind of rig is installed."""
 UNKNOWN_FILE = FileKind("", "a file of unknown kind", "files of unknown kind")
-"""What says nothing of itself or cannot be read."""
+"""A file that does not state its kind or cannot be read."""
 
 
 Capability = TypeVar("Capability")
 
 
 def require_capability(kind: FileKind, protocol: type[Capability]) -> Capability:
-    """Return the record of a kind of rig typed as a protocol; refuse one that lacks a method of it."""
+    """Return a kind of rig typed as a protocol; raise an error if it lacks a method of it."""
     for method in (name for name in vars(protocol) if not name.startswith("_")):
-        reason = "it is no function"
+        reason = "it is not a function"
         try:
             if callable(getattr(kind, method)):
                 continue
@@ -128,22 +131,24 @@ def require_capability(kind: FileKind, protocol: type[Capability]) -> Capability
 RIG_VERBS = (
     *("simulate", "tune", "excite", "calibrate", "live", "export", "compile", "force-control"),
 )
-"""Verbs that a kind of rig can have."""
+"""Commands that a kind of rig can support."""
 
 
 def _find_fault(record: object, word: str) -> str:
-    """Say what keeps a record from being used; empty where nothing does."""
+    """Return the reason why a record of a kind of rig cannot be used; empty if there is none."""
     if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
-        return "and its record is no kind of rig"
+        return "and its record is not a kind of rig"
     if record.word != word:
         return "and its record has another word"
     if not isinstance(record.title, str) or not isinstance(record.plural, str):
-        return "and title or plural are no texts"
+        return "and title or plural is not a text"
     if not isinstance(record.verbs, tuple) or not {*record.verbs} <= {*RIG_VERBS}:
-        return f"and its verbs are no tuple of {', '.join(RIG_VERBS)}"
+        return f"and its verbs are not a tuple of {', '.join(RIG_VERBS)}"
     tables = (record.reasons, record.options)
     return (
-        "" if all(isinstance(table, Mapping) for table in tables) else "and a table of it is none"
+        ""
+        if all(isinstance(table, Mapping) for table in tables)
+        else "and reasons or options is not a table"
     )
 
 
@@ -153,20 +158,20 @@ _RIG_KINDS: Registry[FileKind] = Registry("anhyst.kinds", {}, _find_fault)
 def rig_kinds() -> Mapping[str, FileKind]:
     """Return the kinds of rigs by their words, in the order in which messages list them.
 
-    They are the entry points ``anhyst.kinds`` of all installed packages; each is an
-    ``anhyst_rigs.kinds.rig_kind.RigKind``, and its entry point has the name of its word.
+    They are the entry points ``anhyst.kinds`` of all installed packages. Each one is an
+    ``anhyst_rigs.kinds.rig_kind.RigKind``. The name of its entry point is its word.
     """
     kinds = sorted(_RIG_KINDS.values(), key=lambda kind: kind.plural)
     return {kind.word: kind for kind in kinds}
 
 
 def explain_unusable(word: object) -> str:
-    """Say why no record of that word can be used, if a package adds one; empty otherwise."""
+    """Return the reason why the record of a word cannot be used; empty if no package adds it."""
     return _RIG_KINDS.explain_unusable(word)
 
 
 def accepted_kinds(verb: str) -> tuple[FileKind, ...]:
-    """Return what the first argument of a verb may be."""
+    """Return the kinds that the first argument of a command can have."""
     all_kinds = (
         MODEL_FILE,
         *rig_kinds().values(),
@@ -181,11 +186,11 @@ MEASUREMENT_SUFFIXES = frozenset(
     {".csv", ".tsv", ".asc", ".lvm", ".mat", ".mf4", ".mdf", ".tdms", ".h5", ".hdf5", ".parquet"}
     | {".xlsx", ".xlsm"}
 )
-"""Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
+"""Suffixes of files that are always measurements; ``.txt`` and ``.dat`` can be anything."""
 
 
 def content_kind(content: Mapping[str, object]) -> FileKind:
-    """Return the kind of a TOML file from its contents."""
+    """Return the kind of a TOML file from its content."""
     file_format, control = content.get("format"), content.get("control")
     if file_format == RIG_FORMAT:
         if not _RIG_KINDS:
@@ -203,14 +208,14 @@ def content_kind(content: Mapping[str, object]) -> FileKind:
 
 
 def file_kind(path: PathLike) -> FileKind:
-    """Return what a file or a folder is; unknown where it says nothing or cannot be read.
+    """Return the kind of a file or a folder; unknown if it is not stated or cannot be read.
 
-    Whoever reads it then says what is wrong with it.
+    The function that reads the file later reports the fault.
     """
     file = Path(path)
     if file.is_dir():
         return _folder_kind(file / "manifest.json")
-    if not file.is_file():  # a port must not be read from
+    if not file.is_file():  # such as a serial port, which must not be read
         return UNKNOWN_FILE
     if file.suffix.lower() in MEASUREMENT_SUFFIXES:
         return MEASUREMENT_FILE
@@ -221,7 +226,7 @@ def file_kind(path: PathLike) -> FileKind:
 
 
 def _folder_kind(manifest: Path) -> FileKind:
-    """Return what a folder is by its manifest; a package has its files in other places."""
+    """Return the kind of a folder from its manifest: compiled C, or a package of an ecosystem."""
     if not manifest.is_file():
         return UNKNOWN_FILE
     try:
@@ -237,9 +242,9 @@ def require_kind(
     verb: str = "",
     known_kind: FileKind | None = None,
 ) -> FileKind:
-    """Return what a file is, or refuse one of another kind and name the verbs that take it.
+    """Return the kind of a file, or raise an error that names the commands that accept it.
 
-    ``kind_in_file`` is what it is, where that is known already.
+    ``known_kind`` is the kind of the file, if it is known already.
     """
     kind = file_kind(path) if known_kind is None else known_kind
     if kind is UNSUPPORTED_RIG_FILE:
@@ -250,11 +255,13 @@ def require_kind(
     if kind in accepted or kind is UNKNOWN_FILE:
         return kind
     if verb:
-        names = _join_words([other.plural for other in accepted], "and")
+        names = _join_words([accepted_kind.plural for accepted_kind in accepted], "and")
         reason = f": {kind.reasons[verb]}" if verb in kind.reasons else ""
         requirement = f"{verb} is for {names}{reason}"
     else:
-        requirement = f"{_join_words([one.title for one in accepted], 'or')} is needed"
+        requirement = (
+            f"{_join_words([accepted_kind.title for accepted_kind in accepted], 'or')} is needed"
+        )
     raise InputError(
         f"{path}: this is {kind.title}; {requirement}; {kind.usage}", code="wrong-kind"
     )
@@ -276,7 +283,7 @@ MethodName = Literal[
     "flux",
     "fused",
 ]
-"""How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
+"""Method that computes the current for a force (:data:`anhyst.compensate.methods.METHODS`)."""
 METHOD_TITLES: Mapping[MethodName, str] = {
     "ratio": "constant force-current ratio",
     "secant": "force in proportion to current",
@@ -289,10 +296,10 @@ METHOD_TITLES: Mapping[MethodName, str] = {
     "flux": "measured flux density",
     "fused": "full, and measured flux density",
 }
-"""Every method in words."""
+"""Titles of the methods."""
 FLUX_PROBE_METHODS: tuple[MethodName, ...] = ("flux", "fused")
-"""Those that need a flux probe."""
+"""Methods that need a flux probe."""
 
 
 NumberFormat = Literal["f64", "f32", "fixed"]
-"""In which a force controller counts: double, single, or 32-bit fixed point."""
+"""Number format of a force controller: double, single, or 32-bit fixed point."""

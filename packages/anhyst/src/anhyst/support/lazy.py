@@ -1,4 +1,4 @@
-"""Names of a package that are imported once they are used."""
+"""Import the public names of a package when they are first used."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 def lazy_names(
     package: str, class_modules: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any]]:
-    """Return all public names of a package, and what finds one: its ``__getattr__``.
+    """Return all public names of a package, and the function that imports one: its ``__getattr__``.
 
-    The verbs are the files of its folder ``verbs``; ``nouns`` has the module of each other name,
-    without the name of the package. All packages have one version.
+    The commands are the modules in the folder ``verbs`` of the package. ``class_modules`` contains
+    the module of each other name, relative to the package. All packages have the same version.
     """
     folder = import_module(f"{package}.verbs")
     modules = {verb.name: f"verbs.{verb.name}" for verb in iter_modules(folder.__path__)} | dict(
@@ -29,8 +29,8 @@ def lazy_names(
             return running_version()
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        found = getattr(import_module(f"{package}.{modules[name]}"), name)
-        setattr(sys.modules[package], name, found)
-        return found
+        value = getattr(import_module(f"{package}.{modules[name]}"), name)
+        setattr(sys.modules[package], name, value)
+        return value
 
     return sorted({"__version__", *modules}), load_name

@@ -1,6 +1,7 @@
-"""What every page is made of: one template, one table, numbers as a reader wants them.
+"""Parts of an HTML page, and the formatting of numbers on it.
 
-Few digits, a unit of the right size, no exponents in sight; nothing is fetched from anywhere.
+All pages use one template and load nothing from elsewhere. Numbers have few digits and a unit of
+suitable size.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A sentence in a box: ``title`` says in a word or two what it is, without any colour."""
+    """A sentence in a box; ``title`` states its kind in a word or two, independent of colour."""
 
     tone: Tone
     title: str
@@ -41,7 +42,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure: its SVG, what it shows in words, and the caption below it."""
+    """A figure: its SVG, its description in words, and the caption."""
 
     svg: str
     alt: str
@@ -51,7 +52,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell of a table; ``bar`` in 0..1 draws a bar behind its text."""
+    """A cell of a table; ``bar``, 0 to 1, draws a bar of this relative length behind the text."""
 
     text: str
     strong: bool = False
@@ -62,13 +63,13 @@ class Cell:
 Row = tuple[Cell, ...]
 
 MAX_TABLE_LETTERS = 115
-"""Letters side by side, with those that the space between columns takes up, on the page."""
+"""Maximum width of a table in letters, including the space between columns."""
 _COLUMN_GAP_LETTERS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table under a title; the first ``texts`` columns are words, the others numbers."""
+    """A table with a title. The first ``texts`` columns contain words, the others numbers."""
 
     title: str
     head: tuple[str, ...]
@@ -79,7 +80,7 @@ class PageTable:
 
     @property
     def is_wide(self) -> bool:
-        """Whether it is wider than a page, so that it has to be set smaller and wrapped."""
+        """Whether the table is wider than a page, so that it is set smaller and wrapped."""
         columns = zip(self.head, *([cell.text for cell in row] for row in self.rows), strict=True)
         return (
             sum(max(map(len, column)) + _COLUMN_GAP_LETTERS for column in columns)
@@ -89,7 +90,7 @@ class PageTable:
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """A list of sentences under a title."""
+    """A list of sentences with a title."""
 
     title: str
     items: tuple[str, ...]
@@ -101,7 +102,7 @@ Block = Text | Note | Picture | PageTable | Items
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section of the report; ``key`` is its anchor."""
+    """A section of a page; ``key`` is its anchor."""
 
     key: str
     title: str
@@ -115,7 +116,7 @@ def make_table(
     caption: str = "",
     texts: int = 1,
 ) -> PageTable:
-    """Make a table of texts and cells."""
+    """Create a table of texts and cells."""
     cell_rows = tuple(
         tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in row) for row in rows
     )
@@ -127,7 +128,7 @@ TEMPLATE = "page.html.j2"
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One large number at the head of a page, with its label."""
+    """A large number at the head of a page, with its label."""
 
     value: str
     name: str
@@ -136,7 +137,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """The head of a page: its verdict and key figures."""
+    """The head of a page: description, verdict and key figures."""
 
     title: str
     description: str
@@ -150,7 +151,7 @@ class Headline:
 def render_page(
     head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str
 ) -> str:
-    """Return the text of a page."""
+    """Return the HTML text of a page."""
     return _template().render(
         head=head, sections=sections, version=version, kind=kind, source=source
     )
@@ -185,13 +186,13 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How values of one SI unit are shown: multiplied by ``factor``, followed by ``unit``."""
+    """Display of values of an SI unit: multiplied by ``factor`` and followed by ``unit``."""
 
     factor: float
     unit: str
 
     def format(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
-        """Text of an SI value without its unit; ``short`` drops zeros at its end."""
+        """Return an SI value as text without its unit; ``short`` drops trailing zeros."""
         return (
             UNKNOWN_TEXT
             if value is None
@@ -199,17 +200,17 @@ class Scale:
         )
 
     def format_with_unit(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
-        """Text of an SI value with its unit."""
+        """Return an SI value as text with its unit."""
         if value is None:
             return UNKNOWN_TEXT
         return f"{self.format(value, digits, short=short)}{NBSP}{self.unit}".rstrip()
 
     def format_range(self, low: float, high: float, digits: int = 3) -> str:
-        """Text of a range of SI values with its unit."""
+        """Return a range of SI values as text with its unit."""
         return f"{self.format(low, digits, short=True)} to {self.format_with_unit(high, digits, short=True)}"
 
     def heading(self, name: str) -> str:
-        """Text for the head of a column or an axis: what it is, and the unit in brackets."""
+        """Return the heading of a column or an axis: the name, and the unit in brackets."""
         return f"{name} [{self.unit}]" if self.unit else name
 
 
@@ -235,7 +236,7 @@ def choose_scale(unit: str, values: Iterable[float | None]) -> Scale:
 
 
 def quantity_scale(quantity: Quantity, values: Iterable[float | None]) -> Scale:
-    """Choose the unit for values of a quantity; displacements below 1 mm come out in µm."""
+    """Choose the unit for values of a quantity; displacements below 1 mm are in µm."""
     listed_values = list(values)
     largest = max((abs(value) for value in listed_values if value is not None), default=0.0)
     if quantity.name == "displacement" and 0.0 < largest < 1e-3:
@@ -244,7 +245,7 @@ def quantity_scale(quantity: Quantity, values: Iterable[float | None]) -> Scale:
 
 
 def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
-    """Write a number with a number of significant digits, never rounding before the point.
+    """Return a number with some significant digits; digits before the point are never rounded.
 
     >>> format_number(0.76436), format_number(1234.4), format_number(2.5e-7)
     ('0.764', '1234', '2.5×10⁻⁷')
@@ -256,7 +257,7 @@ def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
     if value == 0.0:
         return "0"
     scaled, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-    power = int(exponent)  # of the rounded value: 9.996 has two digits before the point
+    power = int(exponent)  # exponent of the rounded value: 9.996 becomes 10.0
     if not -5 <= power < 7:
         mantissa = scaled.rstrip("0").rstrip(".") if "." in scaled else scaled
         text = f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}"
@@ -267,7 +268,7 @@ def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
 
 
 def format_percent(share: float | None, digits: int = 2) -> str:
-    r"""Write a share of one as a percentage.
+    r"""Return a fraction as a percentage.
 
     >>> format_percent(0.002622), format_percent(1.5), format_percent(float("inf"))
     ('0.26\xa0%', '150\xa0%', '∞\xa0%')
@@ -276,7 +277,7 @@ def format_percent(share: float | None, digits: int = 2) -> str:
 
 
 def format_deviation(value: float, deviation: float) -> str:
-    """Write an estimate with its standard deviation, both to the digits that mean something.
+    """Return an estimate and its standard deviation, with two significant digits of the latter.
 
     >>> format_deviation(1.747004, 0.141138), format_deviation(392.274, 7.2005)
     ('1.75 ± 0.14', '392.3 ± 7.2')
@@ -289,32 +290,32 @@ def format_deviation(value: float, deviation: float) -> str:
     if not -6 <= power < 6:
         return f"{format_number(value)} ± {format_number(deviation, 2)}"
     decimals = max(0, 1 - power)
-    rounded = round(value, decimals) + 0.0  # a negative zero becomes a plain one
+    rounded = round(value, decimals) + 0.0  # -0.0 becomes 0.0
     return f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", MINUS)
 
 
 def axis_label(quantity: Quantity, scale: Scale) -> str:
-    """Text for an axis: the quantity, its symbol and the unit it is shown in."""
+    """Return the label of an axis: the quantity, its symbol and the displayed unit."""
     name = display_name(quantity)
     return scale.heading(name if name == quantity.symbol else f"{name} {display_symbol(quantity)}")
 
 
 def display_symbol(quantity: Quantity) -> str:
-    """Give the symbol of a quantity, Greek where it is spelt out in files."""
+    """Return the symbol of a quantity with Greek letters, which files spell out."""
     return GREEK_LETTERS.get(quantity.symbol, quantity.symbol)
 
 
 def typeset(text: str) -> str:
-    """Set a text of the model file as a reader expects it: minus signs, dots for products."""
+    """Return a text with typographic minus signs, dots for products, and non-breaking spaces."""
     text = re.sub(r"(?<=\s)-(?=\d)", MINUS, text.replace("*", "·"))
     return re.sub(r"(?<=\d) (?=mm|°C|%)", NBSP, text)
 
 
 def schedule_text(quantity: Quantity, value: float) -> str:
-    """Text for a value of the scheduling variable, such as ``gap 0.3 mm``."""
+    """Return a value of the scheduling variable as text, such as ``gap 0.3 mm``."""
     return quantity.show(value).replace("-", MINUS)
 
 
 def display_name(quantity: Quantity) -> str:
-    """Name of a quantity in a sentence."""
+    """Return the name of a quantity for a sentence."""
     return quantity.name.replace("_", " ")

@@ -1,7 +1,7 @@
-"""What installed packages add to anhyst, by name: laws, formats, kinds of rigs, targets and more.
+"""Registries of the plug-ins of installed packages: laws, file formats, rigs, targets and more.
 
-A package names what it adds in an entry point of the group that a registry is for. One that cannot be
-used is left out and its reason kept: it disturbs nothing else.
+A package names its plug-ins in entry points of the group of a registry. A plug-in that cannot be
+used is left out, and the registry keeps the reason. It does not affect other plug-ins.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ PROJECT_PACKAGES: Mapping[str, tuple[str, ...]] = {
     ),
     "anhyst-exchange": ("export",),
 }
-"""The other packages of this project, and their verbs; nobody replaces what they add."""
+"""The other packages of this project and their commands. No other package can replace them."""
 
 Entry = TypeVar("Entry")
 
 
 @cache
 def _all_entry_points() -> tuple[EntryPoint, ...]:
-    """Return the entry points for anhyst of all packages; of two copies of one, those of the first."""
+    """Return the entry points for anhyst of all packages; of two copies, those of the first."""
     first_copies: dict[tuple[str, str, str], EntryPoint] = {}
     for package in distributions():
         try:
             points = [entry for entry in package.entry_points if entry.group.startswith("anhyst.")]
             for point in points:
                 first_copies.setdefault((package.name, point.group, point.name), point)
-        except Exception:  # metadata of any package may be damaged; it then adds nothing
+        except Exception:  # damaged metadata of a package: ignore the package
             continue
     return tuple(first_copies.values())
 
 
 def entry_points_in(group: str) -> list[EntryPoint]:
-    """Return the entry points of a group, those of this project first."""
-    found = [point for point in _all_entry_points() if point.group == group]
+    """Return the entry points of a group; those of this project come first."""
+    entries = [point for point in _all_entry_points() if point.group == group]
     return sorted(
-        found,
+        entries,
         key=lambda entry: (
             package_name(entry) not in PROJECT_PACKAGES,
             package_name(entry),
@@ -55,17 +55,17 @@ def entry_points_in(group: str) -> list[EntryPoint]:
 
 
 def package_name(point: EntryPoint) -> str:
-    """Return the name of the package that has an entry point."""
+    """Return the name of the package that defines an entry point."""
     return (point.dist.name if point.dist else None) or point.value
 
 
 def load_entry_point(point: EntryPoint) -> object:
-    """Return what an entry point leads to; ValueError where it cannot be loaded, for any reason.
+    """Return the object of an entry point; raise ValueError if it cannot be loaded, for any reason.
 
-    What its module prints goes to standard error: standard output is for results.
+    The output of its module is sent to standard error, because standard output is for results.
     """
     if point.pattern.match(point.value) is None:
-        raise ValueError(f"its entry point '{point.value}' is no module:name")
+        raise ValueError(f"its entry point '{point.value}' does not have the form module:name")
     try:
         with redirect_stdout(sys.stderr):
             return point.load()
@@ -74,12 +74,12 @@ def load_entry_point(point: EntryPoint) -> object:
 
 
 class Registry(Mapping[str, Entry], Generic[Entry]):
-    """Own things of a sort, and those of installed packages, which are loaded once they are asked for.
+    """Builtin entries and the plug-ins of installed packages, by name.
 
-    ``own`` is what no package replaces, nor does it take a name in ``taken``. ``group`` is that of the
-    entry points. ``fault_of`` says, of what an entry point leads to and its name, what keeps it from
-    being used; an empty text where nothing does. ``prefix`` stands in front of the name of each entry
-    point.
+    Plug-ins are loaded when they are first requested. They cannot replace ``builtin`` entries or
+    take a name in ``reserved``. ``group`` is the group of the entry points. ``find_fault`` gets an
+    object and the name of its entry point, and returns the reason why it cannot be used, or an
+    empty text. ``prefix`` is put before the name of each entry point.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     @cached_property
     def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:
-        """What packages add by name, and why something cannot be used."""
+        """Usable plug-ins by name, and the reason for each unusable one."""
         added: dict[str, Entry] = {}
         owner: dict[str, str] = {}
         unusable: dict[str, str] = {}
@@ -119,31 +119,31 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     @property
     def plugins(self) -> Mapping[str, Entry]:
-        """What packages add."""
+        """Usable plug-ins by name."""
         return self._plugins[0]
 
     def explain_unusable(self, name: object) -> str:
-        """Say why nothing of that name can be used, if a package adds one; empty otherwise."""
+        """Return the reason why the plug-in of a name cannot be used; empty if there is none."""
         if not isinstance(name, str) or name in self._reserved:
             return ""
         return self._plugins[1].get(name, "")
 
     def __getitem__(self, name: str) -> Entry:
-        """Return the thing of a name; an own one without a look at packages."""
+        """Return the entry of a name. A builtin entry does not load any plug-ins."""
         return self._builtin[name] if name in self._builtin else self.plugins[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Give the names, own ones first."""
+        """Iterate over the names; builtin ones first."""
         yield from self._builtin
         yield from self.plugins
 
     def __len__(self) -> int:
-        """Count them."""
+        """Return the number of entries."""
         return len(self._builtin) + len(self.plugins)
 
 
 def package_at_fault(error: BaseException) -> str:
-    """Return the package of another author in whose code an error was raised; else nothing."""
+    """Return the package of another author whose code raised an error; empty if there is none."""
     package_of_module = {_top_module(point): package_name(point) for point in _all_entry_points()}
     culprit, frame = "", error.__traceback__
     while frame is not None:
@@ -158,7 +158,7 @@ def _top_module(point: EntryPoint) -> str:
 
 
 def plugin_paths() -> list[Path]:
-    """Return the folders, or the files, of all packages that add something to anhyst."""
+    """Return the folders or files of all packages that add plug-ins."""
     modules = set(map(_top_module, _all_entry_points()))
     specs = [find_spec(name) for name in sorted(modules) if name.isidentifier()]
     folders = (spec.submodule_search_locations or [spec.origin or ""] for spec in specs if spec)

@@ -1,4 +1,4 @@
-"""What every result can do: tell of itself, become a data frame, be drawn and be saved."""
+"""Base class of all results: a short text, a data frame, a plot and a file."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 
 
 class Result(ABC):
-    """Base of what verbs give and take.
+    """Base class of what commands return and accept.
 
-    A class says four things of itself: `facts`, the few figures one wants to see; `to_columns`,
-    its table; `draw`; and `as_dict` or a `save` of its own.
+    A subclass defines `facts`, the main figures; `to_columns`, its table; `draw`; and `as_dict` or
+    its own `save`.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def facts(self) -> Mapping[str, str]:
-        """Return the figures one wants to see first, in words with units."""
+        """Return the main figures as texts with units."""
 
     @abstractmethod
     def to_columns(self) -> Mapping[str, Any]:
-        """Return the table of this result: columns of one length, units in their names."""
+        """Return the table of this result: columns of equal length, with units in their names."""
 
     @abstractmethod
     def draw(self, ax: Axes) -> None:
-        """Draw on axes, with labels that carry units; legend and look are given by `plot`."""
+        """Draw on axes, with units in the labels. `plot` adds the legend and the style."""
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw this result.
@@ -64,16 +64,16 @@ class Result(ABC):
         return ax
 
     def as_dict(self) -> Mapping[str, Any]:
-        """Return what :meth:`save` writes, plain numbers and names."""
+        """Return the content of :meth:`save`: plain numbers and names."""
         return {name: np.asarray(values).tolist() for name, values in self.to_columns().items()}
 
     def save(self, path: PathLike) -> Path:
-        """Write this result as JSON, whole or not at all.
+        """Write this result as JSON, completely or not at all.
 
         Raises
         ------
         InputError
-            The place cannot be written.
+            The file cannot be written.
         """
         write_json(path, self.as_dict())
         return Path(path)
@@ -102,7 +102,7 @@ class Result(ABC):
         return f"<{type(self).__name__} {listed}>"
 
     def _repr_html_(self) -> str:
-        """Return the same for a notebook."""
+        """Return the main figures as an HTML table for a notebook."""
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
             f"<td style='text-align:left'>{html.escape(text)}</td></tr>"
@@ -117,7 +117,7 @@ MAX_ROWS = 10
 
 
 def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table for a notebook."""
+    """Return an HTML table for a notebook."""
     lines = [("th", head), *(("td", row) for row in rows)]
     body = "".join(
         f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
@@ -133,24 +133,24 @@ def style_axes(ax: Axes) -> None:
 
 
 def range_text(low: float, high: float, unit: str) -> str:
-    """Return a range in words, such as ``0 to 5 A``."""
+    """Return a range as text, such as ``0 to 5 A``."""
     return f"{low:.4g} to {high:.4g} {unit}"
 
 
 def rows_to_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Turn rows of the same names into columns."""
+    """Convert rows with equal keys to columns."""
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
 
 
 MAX_LINE_POINTS = 20_000
-"""Lines are drawn with at most about this many points."""
+"""Maximum number of points per line in a plot."""
 
 
 ScheduleColours = dict[float | None, tuple[float, float, float, float]]
 
 
 def schedule_colours(values: Sequence[float], *, has_moving: bool = False) -> ScheduleColours:
-    """Colour of each scheduling value, dark to light; ``None`` stands for moving ones."""
+    """Return a colour for each scheduling value, dark to light; None is for moving values."""
     from matplotlib import colormaps
 
     groups: list[float | None] = [*values, *([None] if has_moving else [])]
@@ -160,19 +160,19 @@ def schedule_colours(values: Sequence[float], *, has_moving: bool = False) -> Sc
 
 
 def group_label(schedule: Quantity | None, value: float | None) -> str | None:
-    """Text of a legend for loops at a scheduling value; None where nothing is scheduled."""
+    """Return the legend text of the loops at a scheduling value; None if nothing is scheduled."""
     if schedule is None:
         return None
     return f"{schedule.name} moving" if value is None else schedule.show(value)
 
 
 def length_scale(output: Quantity) -> tuple[float, str]:
-    """Scale and axis text: displacements in micrometres, everything else in SI units."""
+    """Return the factor and the axis text of an output: displacements in µm, others in SI."""
     if output.unit == "m":
         return 1e6, output.label.replace("[m]", "[µm]")
     return 1.0, output.label
 
 
 def thinning_slice(sample_count: int) -> slice:
-    """Return which of ``n`` samples are drawn."""
+    """Return the slice that thins samples for drawing."""
     return slice(None, None, 1 + sample_count // MAX_LINE_POINTS)

@@ -1,4 +1,4 @@
-"""Reading a TOML file against a schema: all that is wrong with it, by line and key."""
+"""Read a TOML file, check it against a schema, and report all faults with line and key."""
 
 from __future__ import annotations
 
@@ -42,39 +42,39 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Bits = Annotated[int, Field(ge=4, le=24)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 BRANCH_PREFIX = "|"
-"""Tags of what a key may hold instead begin with it: they are no part of the key's path."""
+"""First character of the tags of alternative tables, which are not part of the path of a key."""
 
 
 class FileFault(NamedTuple):
-    """Something wrong with a file that its schema cannot see, such as keys that contradict."""
+    """A fault of a file that its schema cannot find, such as contradicting keys."""
 
-    key: KeyPath  # where; list elements by index from 0
-    text: str  # what is wrong and what to do
-    code: str  # as that of an `InputError`
+    key: KeyPath  # path of the key; list elements by index from 0
+    text: str  # fault and remedy
+    code: str  # code, as for an `InputError`
 
 
 class Advice(NamedTuple):
-    """The text of a problem (what is wrong, what to do) and its code, as of an `InputError`."""
+    """The text of a problem (fault and remedy), and its code, as for `InputError`."""
 
     text: str
     code: str
 
 
 class Table(BaseModel):
-    """A table of a file: nothing unknown, nothing converted but whole numbers to floats."""
+    """A table of a file. Unknown keys are errors; only integers are converted, to floats."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class FileRecord:
-    """A table of a file that is a plain record: pydantic reads it, and nobody else pays for that."""
+    """Base of tables that are plain classes. pydantic checks them only when it reads a file."""
 
     __slots__ = ()
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
 
 class _TupleFromList:
-    """Reads a tuple from a list, and calls it so where it is none."""
+    """Reads a tuple from a list, and calls it a list in errors."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -88,37 +88,37 @@ class _TupleFromList:
 
 
 TUPLE_FROM_LIST = _TupleFromList()
-"""Beside a tuple in the annotation of a record's field: the file has a list."""
+"""Annotation of a tuple field of a record: the file contains a list."""
 
 T = TypeVar("T", bound=Table)
 
 
 MAX_NAMED_PROBLEMS = 5
-"""Problems named after the first; the rest are counted."""
+"""Number of problems that are named after the first one; the rest is counted."""
 
 
 @dataclass(frozen=True, slots=True)
 class FileProblem:
-    """One thing wrong with a file."""
+    """A problem of a file."""
 
-    line: int | None  # line of the key, or of the table that lacks it; None where there is neither
+    line: int | None  # line of the key, or of the table that lacks it; None if there is neither
     key: str  # path of the key
-    text: str  # what is wrong and what to do
-    code: str  # what is wrong, as that of an `InputError`
-    is_in_file: bool  # whether the key stands in the file
+    text: str  # fault and remedy
+    code: str  # code, as for an `InputError`
+    is_in_file: bool  # whether the file contains the key
 
 
 class TomlFileError(InputError):
-    """A file that does not fit its schema: all problems; the message names the first in full."""
+    """A file does not fit its schema. `problems` has all faults; the text states the first."""
 
     def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
-        # Missing keys last: most are there, misspelt, and reported at their line.
+        # Missing keys come last: most of them are misspelt, and reported at their line as unknown.
         self.problems = tuple(sorted(problems, key=lambda p: (not p.is_in_file, p.line or 0)))
         first, *others = self.problems
         location = str(path) if first.line is None else f"{path}:{first.line}"
         text = f"{location}: {first.key}: {first.text}"
         if others:
-            named = [
+            other_keys = [
                 f"{o.key} (line {o.line})" if o.line else o.key for o in others[:MAX_NAMED_PROBLEMS]
             ]
             more = (
@@ -126,12 +126,12 @@ class TomlFileError(InputError):
                 if len(others) > MAX_NAMED_PROBLEMS
                 else ""
             )
-            text += f"; wrong as well: {', '.join(named)}{more}"
+            text += f"; also wrong: {', '.join(other_keys)}{more}"
         super().__init__(text, code=first.code, key=first.key)
 
 
 class TomlFile:
-    """A file as it was read, and what is found to be wrong with it."""
+    """A TOML file and the problems that were found in it."""
 
     def __init__(self, path: PathLike) -> None:
         self.path = path
@@ -142,20 +142,20 @@ class TomlFile:
             raise InputError(
                 _describe_damage(path, text, str(error)), code="damaged-toml"
             ) from error
-        except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
-            text = f"{path}: damaged TOML: {error}; mend it"
+        except (ValueError, RecursionError) as error:  # too long numbers, too deep nesting
+            text = f"{path}: damaged TOML: {error}; correct it"
             raise InputError(text, code="damaged-toml") from error
         self.lines = key_lines(text)
         self.problems: list[FileProblem] = []
 
     def add_problem(self, key: KeyPath, text: str, code: str) -> None:
-        """Note what is wrong at a key, and what to do; list elements by index from 0."""
+        """Add a problem of a key, with its remedy. List elements are counted from 0."""
         line = self.find_line(key)
         is_in_file = key in self.lines or (*key, 0) in self.lines
         self.problems.append(FileProblem(line, dotted_path(key) or "file", text, code, is_in_file))
 
     def find_line(self, key: KeyPath) -> int | None:
-        """Return the line of a key, or of the table that lacks it; of a list its first table's."""
+        """Return the line of a key, or of the table that lacks it (of a list: the first table)."""
         while key and not {key, (*key, 0)} & self.lines.keys():
             key = key[:-1]
         return self.lines.get(key, self.lines.get((*key, 0)))
@@ -166,7 +166,7 @@ class TomlFile:
         advice: Callable[[KeyPath, Any], Advice],
         relocate: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
-        """Note what a validation found, the first finding of each key."""
+        """Add the findings of a validation: the first one of each key."""
         reported = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
             path = (part for part in finding["loc"] if not str(part).startswith(BRANCH_PREFIX))
@@ -176,7 +176,7 @@ class TomlFile:
                 self.add_problem(key, *advice(key, finding))
 
     def to_error(self) -> TomlFileError:
-        """Return all that is wrong, to be raised; at least one problem has been noted."""
+        """Return the error with all problems; there must be at least one."""
         return TomlFileError(self.path, self.problems)
 
 
@@ -193,20 +193,20 @@ def read_toml(path: PathLike, schema: type[T], kinds: Collection[FileKind] = ())
 
 
 def require_toml_kind(path: PathLike, accepted: Collection[FileKind]) -> FileKind:
-    """Return which of several kinds a TOML file is; refuse what is none of them."""
+    """Return the kind of a TOML file, or raise an error if it is none of the accepted kinds."""
     kind = require_kind(path, accepted)
     return check_kind(TomlFile(path), accepted) if kind is UNKNOWN_FILE else kind
 
 
 def require_rig(path: PathLike, verb: str) -> FileKind:
-    """Return the record of the kind of a rig file that a verb takes; refuse any other file."""
+    """Return the kind of a rig file that a command accepts; raise an error for any other file."""
     return require_toml_kind(
         path, [kind for kind in accepted_kinds(verb) if kind.format == RIG_FORMAT]
     )
 
 
 def check_kind(file: TomlFile, accepted: Collection[FileKind]) -> FileKind:
-    """Return which of several kinds a file says that it is; refuse what says none of them."""
+    """Return the kind that a TOML file states; raise an error if it is not an accepted kind."""
     kind = require_kind(file.path, accepted, known_kind=content_kind(file.content))
     if kind is UNKNOWN_FILE:
         names = " or ".join(kind.title for kind in accepted)
@@ -231,17 +231,17 @@ def check_kind(file: TomlFile, accepted: Collection[FileKind]) -> FileKind:
 
 
 def check_order(low_key: str, low: float, high_key: str, high: float) -> None:
-    """Refuse a range that does not rise."""
+    """Raise an error if the lower end of a range is not below the upper end."""
     if not low < high:
         raise InputError(f"{low_key} must be below {high_key}; correct them", code="range-reversed")
 
 
 def discriminate_by(key: str, *choices: str, default: str = "", **aliases: str) -> Discriminator:
-    """Return what tells tables of a list apart by a key: its value, or that of a like one."""
+    """Return a discriminator of tables in a list: the value of a key, or its alias."""
 
     def tag(value: Any) -> str:
-        named = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
-        word = default if named is None else str(named)
+        key_value = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+        word = default if key_value is None else str(key_value)
         return f"{BRANCH_PREFIX}{aliases.get(word, word)}"
 
     *others, last = (f'"{word}"' for word in choices)
@@ -250,7 +250,7 @@ def discriminate_by(key: str, *choices: str, default: str = "", **aliases: str) 
 
 
 def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
-    """Return the error for faults that the schema of a file cannot see, with their lines."""
+    """Return the error for faults that the schema of a file cannot find, with their lines."""
     file = TomlFile(path)
     for fault in faults:
         file.add_problem(*fault)
@@ -263,7 +263,7 @@ def _read_text(path: PathLike) -> str:
     except OSError as error:
         raise read_error(path, error) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no UTF-8 text; name a TOML file", code="not-utf8") from error
+        raise InputError(f"{path}: is not UTF-8 text; name a TOML file", code="not-utf8") from error
 
 
 def _describe_damage(path: PathLike, text: str, message: str) -> str:
@@ -272,7 +272,7 @@ def _describe_damage(path: PathLike, text: str, message: str) -> str:
         line = position.removeprefix("line ").partition(",")[0]
     else:
         fault, line = (fault or message), str(len(text.splitlines()))
-    return f"{path}:{line}: damaged TOML: {fault[0].lower()}{fault[1:]}; mend this line"
+    return f"{path}:{line}: damaged TOML: {fault[0].lower()}{fault[1:]}; correct this line"
 
 
 def _find_advice(schema: type[Table], path: KeyPath, finding: Any) -> Advice:
@@ -288,7 +288,7 @@ def _find_advice(schema: type[Table], path: KeyPath, finding: Any) -> Advice:
 
 
 def _known_keys(schema: type[Table], path: KeyPath) -> list[str]:
-    """Keys of the table that a path through the schema leads to, its tags included."""
+    """Return the keys of the table at a path of the schema, which includes tags."""
     tables: list[type[BaseModel]] = [schema]
     annotation: Any = None
     for part in path:
@@ -303,12 +303,12 @@ def _known_keys(schema: type[Table], path: KeyPath) -> list[str]:
 
 
 def _fields_by_key(table: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Fields of a table by their keys in a file."""
+    """Return the fields of a table by their keys in a file."""
     return {field.alias or name: field for name, field in table.model_fields.items()}
 
 
 def _find_tagged(annotation: Any, tag: str) -> Any:
-    """Return what bears a tag inside an annotation, or None."""
+    """Return the part of an annotation that has a tag; None if there is none."""
     inner = get_args(annotation)
     if any(isinstance(branch, Tag) and branch.tag == tag for branch in inner):
         return annotation
@@ -318,7 +318,7 @@ def _find_tagged(annotation: Any, tag: str) -> Any:
 
 
 def _table_types(annotation: Any) -> list[type[BaseModel]]:
-    """Tables inside an annotation such as ``list[Table]`` or ``Table | None``."""
+    """Return the tables inside an annotation such as ``list[Table]`` or ``Table | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if isinstance(annotation, UnionType) or get_args(annotation):
@@ -327,7 +327,7 @@ def _table_types(annotation: Any) -> list[type[BaseModel]]:
 
 
 def dotted_path(path: KeyPath) -> str:
-    """Write the path of a key as a person reads it: ``lift_off.speed``, ``loop[2].label``."""
+    """Return the path of a key in readable form: ``lift_off.speed``, ``loop[2].label``."""
     text = ""
     for part in path:
         text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
@@ -335,9 +335,10 @@ def dotted_path(path: KeyPath) -> str:
 
 
 def explain_finding(error: dict[str, Any]) -> Advice:
-    """Turn one finding of the validation into a clause that says what to do.
+    """Convert a finding of the validation to a text with the remedy.
 
-    Its code is that of a check of this package, or the kind that pydantic calls it.
+    The code is that of the `InputError` if a check of this package failed, otherwise the type of
+    pydantic.
     """
     kind, value = error["type"], error.get("input")
     package_error = error.get("ctx", {}).get("error")

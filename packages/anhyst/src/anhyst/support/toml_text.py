@@ -1,4 +1,4 @@
-"""TOML as text: writing values exactly, and finding the line a key stands on."""
+"""Write TOML values exactly, and find the line of each key in a TOML text."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ KeyPath = tuple[str | int, ...]
 _KEY_PART = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _BLANK = re.compile(r"(?:[\s\ufeff]|#[^\n]*)*")
-# Up to two quotes may be before the closing three.
+# A multi-line string may end with up to two quotes before the closing three.
 _TOKEN = re.compile(
     r'''"""(?:\\.|[^\\])*?"""+|"(?:\\.|[^"\\])*"|#[^\n]*|[\[\]{}\n]|[^"'#\[\]{}\n]+'''
     r"""|'''.*?'''+|'[^']*'""",
     re.DOTALL,
 )
-"""A string, a comment, a bracket, a line end, or what is between them."""
+"""A string, a comment, a bracket, a line end, or the text between them."""
 
 
 def toml_value(value: object) -> str:
@@ -46,18 +46,18 @@ def toml_value(value: object) -> str:
 
 
 def toml_key(key: str) -> str:
-    """Write a key as TOML, quoted only where it has to be."""
+    """Return a key as TOML, with quotes only if they are necessary."""
     return key if _BARE_KEY.fullmatch(key) else _quote(key)
 
 
 def _quote(text: str) -> str:
-    # File names may hold bytes that are no text; TOML cannot.
+    # File names can contain bytes that are not UTF-8; TOML cannot.
     clean = text.encode("utf-8", "replace").decode("utf-8")
     return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 COMMENT_COLUMN = 38
-"""Where comments begin, if the value leaves room."""
+"""Column in which comments begin, if the value is short enough."""
 
 
 def with_comment(text: str, comment: str) -> str:
@@ -70,7 +70,7 @@ def with_comment(text: str, comment: str) -> str:
 
 
 def split_comment(line: str) -> tuple[str, str]:
-    """Return the value of a line of TOML that is whole by itself, as written, and its comment.
+    """Return the value of a complete line of TOML as it is written, and its comment.
 
     >>> split_comment('a = "#1"  # first')
     ('"#1"', 'first')
@@ -85,7 +85,7 @@ def split_comment(line: str) -> tuple[str, str]:
 
 
 def key_lines(text: str) -> dict[KeyPath, int]:
-    r"""Find the line of every table and key in a TOML text that parses.
+    r"""Find the line of every table and key in a valid TOML text.
 
     >>> key_lines('a = 1\n[[b]]\nc = "x"\n')
     {('a',): 1, ('b', 0): 2, ('b', 0, 'c'): 3}
@@ -94,7 +94,7 @@ def key_lines(text: str) -> dict[KeyPath, int]:
 
 
 class _Scanner:
-    """Walks over a valid TOML text, key by key."""
+    """Scans a valid TOML text key by key."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -130,15 +130,15 @@ class _Scanner:
         return self._with_index(path)
 
     def _with_index(self, path: KeyPath) -> KeyPath:
-        """Name the latest element where the path is that of an array of tables."""
+        """Append the index of the latest element if the path is an array of tables."""
         return (*path, self.last_index[path]) if path in self.last_index else path
 
     def _read_key(self) -> list[str]:
         parts = []
         while match := _KEY_PART.match(self.text, self.position):
-            written = match[1]
-            quoted = written[0] in "\"'"
-            parts.append(next(iter(tomllib.loads(f"{written} = 0"))) if quoted else written)
+            part_text = match[1]
+            quoted = part_text[0] in "\"'"
+            parts.append(next(iter(tomllib.loads(f"{part_text} = 0"))) if quoted else part_text)
             self.position = match.end()
             if not self.text.startswith(".", self.position):
                 break

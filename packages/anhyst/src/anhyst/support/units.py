@@ -1,7 +1,7 @@
-"""Units and column headers: the only place where anything but SI is known.
+"""Units and column headers. This is the only module that handles units other than SI.
 
-A header names a quantity and its unit: ``I_A``, ``gap_mm``, ``H [kA/m]``, ``U (mV)``. Everything
-behind this file is SI, except temperature, which stays in degrees Celsius (``T_C``).
+A header names a quantity and its unit: ``I_A``, ``gap_mm``, ``H [kA/m]``, ``U (mV)``. All other
+modules use SI units, with the exception of temperatures in degrees Celsius (``T_C``).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MU_0 = 4.0e-7 * math.pi
 """Permeability of vacuum, H/m."""
 
 STANDARD_GRAVITY_M_PER_S2 = 9.80665
-"""Acceleration by which a mass is read as the force of its weight."""
+"""Standard acceleration of gravity, which converts a mass to the force of its weight."""
 
 _POUND_KG = 0.45359237
 _WEIGHTS_KG = {"g": 1e-3, "kg": 1.0, "lb": _POUND_KG, "oz": _POUND_KG / 16.0}
@@ -41,7 +41,7 @@ _FORCES_KG = {"gf": 1e-3, "kgf": 1.0, "kp": 1.0, "lbf": _POUND_KG, "ozf": _POUND
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit of the file boundary: ``si = value * scale + offset``."""
+    """A unit in a file: ``si = value * scale + offset``."""
 
     symbol: str
     dimension: str
@@ -50,13 +50,14 @@ class Unit:
     offset: float = 0.0
 
     def to_si(self, values: FloatArray) -> FloatArray:
-        """Convert values in this unit to SI (temperature: degrees Celsius).
+        """Convert values in this unit to SI (temperatures: degrees Celsius).
 
-        Values that are SI already come back as they are, not copied.
+        Values in SI units are returned unchanged and are not copied.
         """
         if self.scale == 1.0 and self.offset == 0.0:
             return values
-        # Dividing by 1000 gives the float nearest to what was written; times 0.001 does not.
+        # Division by 1000 gives the nearest float of the written value; multiplication by 0.001
+        # does not.
         inverse = round(1.0 / self.scale)
         exact = inverse > 1 and math.isclose(inverse * self.scale, 1.0, rel_tol=1e-12)
         scaled = values / inverse if exact else values * self.scale
@@ -71,7 +72,7 @@ _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "da": 10.0, "k": 1e3, "
 
 
 def _with_prefixes(unit: str, prefixes: str = "") -> dict[str, float]:
-    """Return the scales of a unit alone and with each of some prefixes."""
+    """Return the scales of a unit without a prefix and with each of some prefixes."""
     return {unit: 1.0} | {prefix + unit: _PREFIXES[prefix] for prefix in prefixes.split()}
 
 
@@ -98,7 +99,7 @@ _UNIT_SCALES: dict[str, tuple[str, dict[str, float]]] = {
     "angle": ("rad", {"rad": 1.0, "deg": math.pi / 180.0}),
     "number": ("1", {"1": 1.0, "-": 1.0, "%": 0.01, "ppm": 1e-6, "um/m": 1e-6}),
 }
-"""By dimension: its SI unit, and the scales of its units."""
+"""For each dimension: its SI unit, and the scales of all its units."""
 
 _TEMPERATURES = (
     Unit("degC", "temperature", "degC", 1.0),
@@ -115,16 +116,16 @@ UNITS = MappingProxyType(
     }
     | {unit.symbol: unit for unit in _TEMPERATURES}
 )
-"""Every unit a header may carry, by its symbol."""
+"""All units of headers, by symbol."""
 
 
 MASS_UNITS = frozenset(_WEIGHTS_KG)
-"""Units of mass that are read as the force of a weight."""
+"""Units of mass, which are read as the force of the weight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a column measures: its name, its symbol in headers and its SI unit."""
+    """The quantity of a column: its name, its symbol in headers and its SI unit."""
 
     name: str
     symbol: str
@@ -140,13 +141,13 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Text for an axis, such as ``current I [A]``."""
+        """Label of an axis, such as ``current I [A]``."""
         unit = "°C" if self.unit == "degC" else self.unit
         name = self.name.replace("_", " ")
         return f"{name} [{unit}]" if name == self.symbol else f"{name} {self.symbol} [{unit}]"
 
     def show(self, value: float) -> str:
-        """Text for a value, lengths in mm: ``gap 0.3 mm``, ``temperature -15 °C``."""
+        """Return a value as text, lengths in mm: ``gap 0.3 mm``, ``temperature -15 °C``."""
         name = self.name.replace("_", " ")
         if self.unit == "m":
             return f"{name} {value * 1e3:.4g} mm"
@@ -174,11 +175,11 @@ QUANTITIES = MappingProxyType(
         )
     }
 )
-"""The quantities whose headers are understood without a declared unit, by name."""
+"""Quantities whose headers are understood without a declared unit, by name."""
 
 
 def choose_display_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
-    """Return the unit that values up to a size are shown in, and what to multiply SI by.
+    """Return the display unit of values up to a size, and the factor from SI.
 
     >>> choose_display_unit(QUANTITIES["displacement"], 4e-5)
     ('µm', 1000000.0)
@@ -189,7 +190,7 @@ def choose_display_unit(quantity: Quantity, largest: float) -> tuple[str, float]
 
 
 DRIVE_QUANTITIES = ("current", "field", "voltage")
-"""Names of the quantities that drive a loop, first choice first."""
+"""Names of the quantities that can drive a loop, in the order of preference."""
 
 GAP_ADVICE = "gaps count from contact, 0 and up"
 
@@ -205,7 +206,7 @@ QUANTITY_DIMENSIONS = MappingProxyType(
         "thrust": "force",
     }
 )
-"""Dimensions of quantities that are not their names."""
+"""Dimensions of quantities whose name is not the name of a dimension."""
 
 _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
     "i": "current",
@@ -216,32 +217,33 @@ _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
 }
 _WORDS = {name: name for name in QUANTITIES} | {"air_gap": "gap", "airgap": "gap"}
 _AMBIGUOUS_UNITS = frozenset({"in", "g", "h", "min", "ft"})
-"""Units that end a name such as ``u_in`` or ``I_min`` only if the name is of their dimension."""
+"""Units that can be another word: the end of ``u_in`` or ``I_min`` is a unit only if it has the
+dimension of the name."""
 _CHANNEL_WORDS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
                        "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
-"""Names before a letter that counts and is not a unit, such as ``Channel A``."""
+"""Words before a letter that is a number and not a unit, such as ``Channel A``."""
 _TIME_AXIS_NAMES = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
-"""Names of a clock where the unit is one of time."""
+"""Names of a clock if the unit is a unit of time."""
 _NO_UNIT_MARK = "-"
-"""What recorders write where nobody said a unit."""
+"""Mark of recorders for a channel without a unit."""
 _BRACKET_PATTERN = re.compile(
     r"^(?P<name>.*?)[\s_/]*[\[(<{]\s*(?P<unit>[^\[\]()<>{}]*(?:\([^()]*\))?)\s*[\])>}]$"
 )
 _INNER_BRACKET_PATTERN = re.compile(
     r"^(?P<name>[^\[(<{]+?)[\s_/]*[\[(<{](?P<unit>[^\])>}]+)[\])>}]\s*(?P<tail>.+)$"
 )
-"""A unit in brackets before something else, such as ``I [mA] (range 2 A)``."""
+"""A unit in brackets before other text, such as ``I [mA] (range 2 A)``."""
 _UNSUPPORTED_UNIT_PATTERN = re.compile(
     r"\w\s*/\s*\(?([mk]?Nm|Nc?m+|[mk]?W|k?Ohm|Ω|rpm|[µun]?C|[kM]?V/[mc]?m)\)?$"
 )
-"""Units behind a stroke that no quantity here has."""
+"""Units after a slash that no known quantity has."""
 _PER_LENGTH_PATTERN = re.compile(r"^(.+?)[\s.·*]*(cm|mm|m|metre|meter)\s*\^?-1$")
 """A unit per length, such as ``A m^-1``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """A column header, understood."""
+    """A parsed column header."""
 
     text: str
     name: str
@@ -249,21 +251,21 @@ class Header:
     unit: Unit | None
     problem: str | None = None
     stated: str = ""  # unit as written in brackets or in a row of units
-    is_from_words: bool = False  # whether a word of the name and the unit say the quantity
-    target: str | None = None  # what the user maps the column to; None: nothing
+    is_from_words: bool = False  # whether words of the name and the unit gave the quantity
+    target: str | None = None  # name to which the user maps the column; None: not mapped
     scale: float | None = None  # value in our unit per unit in the file; None: not stated
     is_flipped: bool = False  # whether the sign is reversed
     conflict: tuple[str, ...] = ()  # two units that the header states for the same values
 
     def to_si(self, values: FloatArray) -> FloatArray:
-        """Convert values of the column to SI, by its scale, its sign and its unit."""
+        """Convert values of the column to SI by its scale, sign and unit."""
         factor = (self.scale or 1.0) * (-1.0 if self.is_flipped else 1.0)
         scaled = values if factor == 1.0 else values * factor
         return scaled if self.unit is None else self.unit.to_si(scaled)
 
     @property
     def is_certain(self) -> bool:
-        """Whether the user maps the column, or its name is our own symbol."""
+        """Whether the user maps the column, or its name is a symbol of this module."""
         return self.target is not None or split_header(_strip_count(self.text))[0] == self.name
 
     @property
@@ -278,31 +280,31 @@ class Header:
 
     @property
     def is_known(self) -> bool:
-        """Whether the column holds one of the known quantities."""
+        """Whether the column contains one of the known quantities."""
         return self.quantity is not None and self.quantity.name in QUANTITIES
 
 
 def find_unit(text: str) -> Unit | None:
-    """Look a unit up, in any common spelling: ``A_per_m``, ``A.m-1``, ``µm``, ``V s``, ``Volts``.
+    """Find a unit in any common spelling: ``A_per_m``, ``A.m-1``, ``µm``, ``V s``, ``Volts``.
 
-    Case counts for symbols (mN and MN differ), and not for words.
+    Symbols are case-sensitive (mN and MN differ), words are not.
     """
-    plain = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
-    plain = plain.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
-    plain = re.sub(r"_per_|\s+per\s+", "/", plain)
-    plain = _PER_LENGTH_PATTERN.sub(r"\1/\2", plain)
-    top, stroke, bottom = plain.partition("/")
+    normalised = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
+    normalised = normalised.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
+    normalised = re.sub(r"_per_|\s+per\s+", "/", normalised)
+    normalised = _PER_LENGTH_PATTERN.sub(r"\1/\2", normalised)
+    top, stroke, bottom = normalised.partition("/")
     return UNITS.get(_symbol(top) + stroke + _symbol(bottom))
 
 
 def _symbol(text: str) -> str:
-    """Return the symbol of a unit without a stroke; other texts without their blanks and points."""
+    """Return the symbol of a unit without a slash; other texts without blanks and points."""
     symbol = re.sub(r"[·*.\s]", "", text)
     return symbol if symbol in UNITS else symbol_of_word(text.strip(". ")) or symbol
 
 
 def require_unit(text: str) -> Unit:
-    """Look a unit up or fail."""
+    """Find a unit, or raise an error."""
     unit = find_unit(text)
     if unit is None:
         raise InputError(_unknown_unit_text(text), code="unknown-unit")
@@ -310,30 +312,32 @@ def require_unit(text: str) -> Unit:
 
 
 def _strip_count(text: str) -> str:
-    """Return a header without the count that readers add to a name that comes again."""
+    """Return a header without the count that readers append to repeated names."""
     return re.sub(r"(?<=.)#[2-9]\d*$", "", text)
 
 
 def parse_header(text: str, unit: str | None = None) -> Header:
-    """Understand a column header; ``#2`` behind it counts headers that are equal."""
+    """Parse a column header. A count such as ``#2`` at its end distinguishes equal headers."""
     text = text.strip()
     return replace(_parse_text(_strip_count(text), unit), text=text)
 
 
 def _parse_text(text: str, unit: str | None) -> Header:
-    """Understand the text of a column header without blanks around it."""
-    name, written = split_header(text, unit)
+    """Parse the text of a column header without blanks around it."""
+    name, unit_text = split_header(text, unit)
     problem, conflict = None, _find_conflict(text, unit)
     if conflict:
         problem = f"its name says {conflict[0]}, its unit {conflict[1]}"
-        name, written = split_header(split_header(text)[0] if unit is None else text)
+        name, unit_text = split_header(split_header(text)[0] if unit is None else text)
     if name.lower() == LOOP_HEADER:
         return Header(text, LOOP_HEADER, None, None)
     quantity = _find_quantity(name)
-    stated = written if unit or _BRACKET_PATTERN.match(text) or fold(written) in RAW_UNITS else ""
-    if not written and (other := _UNSUPPORTED_UNIT_PATTERN.search(text)):
-        stated = other[1]
-    axis = find_unit(written) or find_unit(written.lower())
+    stated = (
+        unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
+    )
+    if not unit_text and (unsupported := _UNSUPPORTED_UNIT_PATTERN.search(text)):
+        stated = unsupported[1]
+    axis = find_unit(unit_text) or find_unit(unit_text.lower())
     if name.lower() in _TIME_AXIS_NAMES and axis is not None and axis.dimension == "time":
         quantity = QUANTITIES["time"]
     if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
@@ -345,21 +349,21 @@ def _parse_text(text: str, unit: str | None) -> Header:
             or Quantity(name, name, "1")
         )
         return Header(text, name, quantity, None, problem, stated, conflict=conflict)
-    is_gap = not written and named_quantities(name) == {"gap"}
+    is_gap = not unit_text and named_quantities(name) == {"gap"}
     if quantity is None and is_gap and not (has_qualifier(name) or is_formula(name)):
         quantity = QUANTITIES["gap"]
-    if quantity is None and not written:
-        clock, written = _parse_clock(name)
+    if quantity is None and not unit_text:
+        clock, unit_text = _parse_clock(name)
         if clock != name:
-            unit_of_clock = find_unit(written)
+            unit_of_clock = find_unit(unit_text)
             problem = (
                 None if unit_of_clock else _describe_unit_problem(QUANTITIES["time"], "", None)
             )
             return Header(
                 text, clock, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True
             )
-    header_unit = find_unit(written) if written else None
-    if quantity is not None and quantity.unit == "1" and not written:
+    header_unit = find_unit(unit_text) if unit_text else None
+    if quantity is not None and quantity.unit == "1" and not unit_text:
         header_unit = UNITS["1"]
     if (
         quantity is None
@@ -375,16 +379,16 @@ def _parse_text(text: str, unit: str | None) -> Header:
         )
     if quantity is None:
         unknown_quantity = Quantity(name, name, header_unit.si if header_unit else "1")
-        problem = _unknown_unit_text(written) if written and not header_unit else None
+        problem = _unknown_unit_text(unit_text) if unit_text and not header_unit else None
         return Header(text, name, unknown_quantity, header_unit, problem, stated)
-    problem = _describe_unit_problem(quantity, written, header_unit)
+    problem = _describe_unit_problem(quantity, unit_text, header_unit)
     return Header(text, quantity.symbol, quantity, header_unit, problem, stated)
 
 
 def _parse_clock(name: str) -> tuple[str, str]:
-    """Name a column that can only be a clock by its name ``t`` and its unit, if that is known."""
+    """Return ``t`` and the unit, if known, of a column that can only be a clock; else the name."""
     unit = find_unit(name)
-    if name.lower() == "tout":  # of Simulink, which counts in s
+    if name.lower() == "tout":  # the clock of Simulink, in s
         return "t", "s"
     if unit is not None and unit.dimension == "time" and len(name) > len(unit.symbol):
         return "t", unit.symbol  # a column called 'Seconds'
@@ -393,7 +397,7 @@ def _parse_clock(name: str) -> tuple[str, str]:
 
 
 def _quantity_from_words(name: str, unit: Unit | None) -> Quantity | None:
-    """Return the one quantity that the words of a name and the unit agree on."""
+    """Return the only quantity that matches the words of a name and the unit, or None."""
     candidates = named_quantities(name) if unit is not None else set()
     matches = [
         key for key in candidates if unit and QUANTITY_DIMENSIONS.get(key, key) == unit.dimension
@@ -407,18 +411,18 @@ def _quantity_from_words(name: str, unit: Unit | None) -> Quantity | None:
 
 
 def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
-    """Split a header into the name and the unit as written, empty if there is none.
+    """Split a header into the name and the unit as written; the unit is empty if there is none.
 
     >>> split_header("H_A_per_m"), split_header("I [mA]"), split_header("I_A", "A")
     (('H', 'A_per_m'), ('I', 'mA'), ('I', 'A'))
     """
     text = text.strip()
     stated = (unit or "").strip(" []()")
-    name, written = _split_brackets(text)
-    if not stated or (stated == _NO_UNIT_MARK and find_unit(written)):
-        return name, written
+    name, unit_text = _split_brackets(text)
+    if not stated or (stated == _NO_UNIT_MARK and find_unit(unit_text)):
+        return name, unit_text
     return (
-        (name, stated) if _is_same_unit(find_unit(written), find_unit(stated)) else (text, stated)
+        (name, stated) if _is_same_unit(find_unit(unit_text), find_unit(stated)) else (text, stated)
     )
 
 
@@ -427,67 +431,69 @@ def join_header(name: str, unit: str) -> str:
     if not unit:
         return name
     header = f"{name}_{unit.replace('/', '_per_')}"
-    plain = (
+    is_unambiguous = (
         find_unit(unit) is not None and _split_underscore(header)[0] == name and " " not in header
     )
-    return header if plain and not _BRACKET_PATTERN.match(header) else f"{name} [{unit}]"
+    return header if is_unambiguous and not _BRACKET_PATTERN.match(header) else f"{name} [{unit}]"
 
 
 def _split_brackets(text: str) -> tuple[str, str]:
-    """Split a header at the brackets around its unit, wherever they are, or else as `_split`."""
+    """Split a header at the brackets around its unit, or else as `_split_underscore` does."""
     brackets, inner = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
     if brackets and find_unit(brackets["unit"]):
-        name, written = brackets["name"].strip(), brackets["unit"].strip()
+        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
         inner_name, inner_unit = _split_brackets(name) if name else ("", "")
         return (
-            (inner_name, written)
-            if _is_same_unit(find_unit(inner_unit), find_unit(written))
-            else (name, written)
+            (inner_name, unit_text)
+            if _is_same_unit(find_unit(inner_unit), find_unit(unit_text))
+            else (name, unit_text)
         )
     if inner and find_unit(inner["unit"]):
         return f"{inner['name']} {inner['tail']}", inner["unit"].strip()
     if brackets:
-        name, written = brackets["name"].strip(), brackets["unit"].strip()
+        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
         inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
         return (
-            (f"{inner_name} ({written})", inner_unit) if find_unit(inner_unit) else (name, written)
+            (f"{inner_name} ({unit_text})", inner_unit)
+            if find_unit(inner_unit)
+            else (name, unit_text)
         )
-    plain = re.sub(r"\s+in\s+", " ", text)
-    return _split_slash(text) or _split_underscore(plain.replace(" ", "_"))
+    without_in = re.sub(r"\s+in\s+", " ", text)
+    return _split_slash(text) or _split_underscore(without_in.replace(" ", "_"))
 
 
 def _split_slash(text: str) -> tuple[str, str] | None:
-    """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; ``None`` if the text is none of them."""
+    """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; None if the text has none of these forms."""
     pairs = [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer("/", text)]
     pairs += [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer(r"\.", text)]
     pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
     unknown_split = None
     for head, tail in pairs:
-        name, written = head.strip(" _"), tail.strip(" _")
-        unit, quantity = find_unit(written), _find_quantity(name)
+        name, unit_text = head.strip(" _"), tail.strip(" _")
+        unit, quantity = find_unit(unit_text), _find_quantity(name)
         if unit is None or not name or find_unit(text) or not _can_end_with(name, unit):
             continue
         names = {quantity.name} if quantity else named_quantities(name)
         is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
-        if unit.dimension in {QUANTITY_DIMENSIONS.get(one, one) for one in names} or (
+        if unit.dimension in {QUANTITY_DIMENSIONS.get(key, key) for key in names} or (
             is_time and is_stroke
         ):
-            return name, written
-        # 'J/T' names a column, 'F/A' and 'm/s' are ratios.
-        is_named = len(written) > 1 if quantity else find_unit(name) is None
-        if unknown_split is None and is_stroke and is_named and written != "1":
-            unknown_split = name, written
+            return name, unit_text
+        # 'J/T' is a name and a unit; 'F/A' and 'm/s' are ratios.
+        is_named = len(unit_text) > 1 if quantity else find_unit(name) is None
+        if unknown_split is None and is_stroke and is_named and unit_text != "1":
+            unknown_split = name, unit_text
     return unknown_split
 
 
 def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
-    """Return the two different units of a header, in its name and apart from it; empty if none."""
+    """Return the two different units that a header states; empty if they do not differ."""
     stated = (unit or "").strip(" []()")
-    name, written = split_header(text)
+    name, unit_text = split_header(text)
     if not stated and _BRACKET_PATTERN.match(text):
-        # Volts of 'I_A [V]' are those of a sensor; A of 'I_mA [A]' are a question.
-        inner, outer = find_unit(split_header(name)[1]), find_unit(written)
+        # The volts of 'I_A [V]' come from a sensor. The A of 'I_mA [A]' are a contradiction.
+        inner, outer = find_unit(split_header(name)[1]), find_unit(unit_text)
         if (
             inner
             and outer
@@ -495,15 +501,15 @@ def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
             and not _is_same_unit(inner, outer)
         ):
             return inner.symbol, outer.symbol
-    own = find_unit(written) if written else None
+    name_unit = find_unit(unit_text) if unit_text else None
     if (
         not stated
         or stated == _NO_UNIT_MARK
-        or own is None
-        or _is_same_unit(own, find_unit(stated))
+        or name_unit is None
+        or _is_same_unit(name_unit, find_unit(stated))
     ):
         return ()
-    return written, stated
+    return unit_text, stated
 
 
 def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
@@ -513,7 +519,7 @@ def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
 
 
 def _split_underscore(text: str) -> tuple[str, str]:
-    """Split ``name_unit`` at the longest tail that is a unit, or after a known symbol."""
+    """Split ``name_unit`` at the longest ending that is a unit, or after a known symbol."""
     parts = text.split("_")
     for cut in range(1, len(parts)):
         head, tail = "_".join(parts[:cut]), "_".join(parts[cut:])
@@ -526,13 +532,13 @@ def _split_underscore(text: str) -> tuple[str, str]:
 
 
 def _can_end_with(head: str, unit: Unit) -> bool:
-    """Whether the end of a name is its unit: not the A of 'Channel A', or the min of 'I_min'."""
+    """Whether a name can end with this unit: not the A of 'Channel A', or the min of 'I_min'."""
     if head.lower() in _CHANNEL_WORDS:
         return False
     if unit.symbol not in _AMBIGUOUS_UNITS:
         return True
-    known = _find_quantity(head)
-    names = {known.name} if known else named_quantities(head)
+    quantity = _find_quantity(head)
+    names = {quantity.name} if quantity else named_quantities(head)
     return unit.dimension in {QUANTITY_DIMENSIONS.get(name, name) for name in names}
 
 
@@ -541,14 +547,14 @@ def _find_quantity(name: str) -> Quantity | None:
     return QUANTITIES[key] if key else None
 
 
-def _describe_unit_problem(quantity: Quantity, written: str, unit: Unit | None) -> str | None:
+def _describe_unit_problem(quantity: Quantity, unit_text: str, unit: Unit | None) -> str | None:
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     examples = " or ".join(
         f"'{quantity.symbol}_{symbol}'" for symbol in _example_symbols(dimension)
     )
     if unit is None:
-        if written:
-            return f"{_unknown_unit_text(written)}; write {examples}"
+        if unit_text:
+            return f"{_unknown_unit_text(unit_text)}; write {examples}"
         return f"has no unit; call it {examples}"
     if unit.dimension != dimension:
         kind = unit.dimension.replace("_", " ")
@@ -567,13 +573,13 @@ def _example_symbols(dimension: str) -> tuple[str, ...]:
 
 
 def _unknown_unit_text(text: str) -> str:
-    near = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
-    hint = f" (did you mean {' or '.join(near)}?)" if near else ""
+    similar = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
+    hint = f" (did you mean {' or '.join(similar)}?)" if similar else ""
     return f"unknown unit '{text}'{hint}"
 
 
 def schedule_scale(quantity: Quantity | None) -> tuple[str, float]:
-    """Return the heading of a scheduling variable and what to multiply it by: gaps in mm."""
+    """Return the heading of the scheduling variable and its display factor; lengths are in mm."""
     if quantity is None:
         return "", 1.0
     if quantity.unit == "m":

@@ -1,4 +1,4 @@
-"""Which verbs are installed, and in which package a missing one is."""
+"""Find the installed commands, and the package that contains a missing one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from anhyst.support.registry import (
 
 
 def _find_in_folder(folder: object) -> dict[str, str]:
-    """Return the full name of the module of each verb in a folder; ValueError where it is none."""
+    """Return the module name of each command in a folder; raise ValueError if it is none."""
     if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
         raise ValueError("is no folder of verbs")
     names = (module.name for module in iter_modules(folder.__path__))
@@ -26,7 +26,7 @@ def _find_in_folder(folder: object) -> dict[str, str]:
 
 @cache
 def _find_all(is_project_only: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
-    """Return the module of each verb, of this project or of all packages; and what is left out."""
+    """Return the module name of each command, of this project or of all packages, and faults."""
     found = _find_in_folder(import_module("anhyst.verbs"))
     owner = dict.fromkeys(found, "anhyst")
     faults: list[str] = []
@@ -51,16 +51,16 @@ def _find_all(is_project_only: bool) -> tuple[Mapping[str, str], tuple[str, ...]
 
 
 def modules(*, is_project_only: bool = False) -> Mapping[str, str]:
-    """Return the full name of the module of each verb that is installed, or of this project's."""
+    """Return the module name of each installed command, or only of those of this project."""
     return _find_all(is_project_only)[0]
 
 
 def faults() -> tuple[str, ...]:
-    """Say which packages have verbs that are left out."""
+    """Return texts about the commands that were left out."""
     return _find_all(False)[1]
 
 
 def missing_package(name: str) -> str:
-    """Return the package of this project that has a verb and is not installed; else nothing."""
+    """Return the missing package of this project that contains a command; empty otherwise."""
     owners = (package for package, verbs in PROJECT_PACKAGES.items() if name in verbs)
     return "" if name in modules(is_project_only=True) else next(owners, "")

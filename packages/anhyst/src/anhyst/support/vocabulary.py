@@ -1,7 +1,7 @@
-"""Words of headers: quantities in six languages, and units that are written out.
+"""Words of column headers: quantities in six languages, and units that are written out.
 
-The words of a quantity decide together with the unit of the column: *tension* is a voltage in V
-and a force in N. Accents, case and the parts of German and Dutch compounds do not matter.
+The words and the unit of a column together decide the quantity: *tension* is a voltage in V and a
+force in N. Accents and case are ignored. German and Dutch compounds are split.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _WORD_LISTS = {
     "gap": "gap airgap spalt luftspalt entrefer luchtspleet spleet traferro intraferro entrehierro",
     "temperature": "temperature temperatur temperatuur temperatura temp",
 }
-"""Words of each quantity, lower case and without accents."""
+"""Words of each quantity, in lower case and without accents."""
 
 QUANTITY_WORDS = {name: frozenset(words.split()) for name, words in _WORD_LISTS.items()}
 
@@ -36,7 +36,8 @@ _COMPOUND_ENDINGS = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht
 _DRIVE_WORDS = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator", "amplifier",
                      "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
                      "of", "de", "la", "della", "del", "der"})  # fmt: skip
-"""Words beside a voltage that drives; any other word may name what a sensor measures."""
+"""Words next to a voltage that drives an actuator. With any other word it may be a sensor signal.
+"""
 
 _QUALIFIER_WORDS = (
     "supply mains netz motor drift peak spitze spitzen max maximum maximal min minimum minimal mean avg average "
@@ -50,22 +51,23 @@ _QUALIFIER_WORDS = (
     "differenz bias idle quiescent ruhe heater heiz earth inrush squared "
     "eff effective effektiv mmf ni turns durchflutung gewichts norm normalised normalized normiert"
 )
-"""Words that make another quantity of the one beside them, or not the measured one."""
+"""Words that change the meaning of the quantity next to them, or that mark values as not measured.
+"""
 
 _MEASURED_WORDS = (
     "meas measured measurement actual act ist istwert mess messwert monitor mon probe coil spule spulen "
     "bobine bobina spoel magnet feedback fb mesure gemessen gemeten"
 )
-"""Words of a column that holds what was measured."""
+"""Words of a column with measured values."""
 
 _SENSOR_WORDS = frozenset({"sensor", "sensors", "cell", "lc", "loadcell", "dms", "kmd", "messdose"})
-"""Words of a column that a sensor of an output gives."""
+"""Words of a column that comes from a sensor of the output."""
 
 _RAW_UNIT_WORDS = "count counts cts digit digits lsb adc raw inc incs increments steps pulses bits ticks au div code"
 _QUALIFIERS = frozenset(_QUALIFIER_WORDS.split())
 _MEASURED = frozenset(_MEASURED_WORDS.split())
 RAW_UNITS = frozenset(_RAW_UNIT_WORDS.split())
-"""Units of values that have no unit yet."""
+"""Units of raw values, which have no physical unit yet."""
 
 _FORMULA_PATTERN = re.compile(
     r"[*^|²³√×÷∫∂Δ]|^[-+]|^\d+\s*/|/\s*\d+(?:\.\d+)?$|[\s(]x\s?\d|^d[A-Z]\b|^d\w+\s*/\s*d\w+|"
@@ -137,7 +139,7 @@ def fold(text: str) -> str:
 
 
 def symbol_of_word(text: str) -> str | None:
-    """Return the symbol of a unit that is written out, ``None`` for other texts.
+    """Return the symbol of a unit that is written out; None for other texts.
 
     >>> symbol_of_word("Kilo-Newtons"), symbol_of_word("mn")
     ('kN', None)
@@ -146,7 +148,7 @@ def symbol_of_word(text: str) -> str | None:
 
 
 def split_words(name: str) -> list[str]:
-    """Return the words of a name, folded; those of CamelCase apart, compounds also by their end."""
+    """Return the words of a name, folded; CamelCase is split, and ends of compounds are added."""
     spaced_name = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
     words = re.findall(r"b-field|[a-z]+", fold(spaced_name).replace("b field", "b-field"))
     ends = [
@@ -156,22 +158,24 @@ def split_words(name: str) -> list[str]:
 
 
 def named_quantities(name: str) -> set[str]:
-    """Return the quantities that the words of a name may mean.
+    """Return the quantities that the words of a name can mean.
 
     >>> sorted(named_quantities("Spulenstrom 1")), sorted(named_quantities("Tension"))
     (['current'], ['force', 'voltage'])
     """
     words = set(split_words(name))
-    return {quantity for quantity, listed in QUANTITY_WORDS.items() if words & listed}
+    return {
+        quantity for quantity, quantity_words in QUANTITY_WORDS.items() if words & quantity_words
+    }
 
 
 def is_drive(name: str) -> bool:
-    """Whether a name says that its voltage drives, and does not stand for another quantity."""
-    found = split_words(name)
-    words = [word for word in found if word not in QUANTITY_WORDS["voltage"]]
+    """Whether all words of a name fit a voltage that drives an actuator."""
+    all_words = split_words(name)
+    words = [word for word in all_words if word not in QUANTITY_WORDS["voltage"]]
     heads = [next((word.removesuffix(end) for end in _COMPOUND_ENDINGS if word.endswith(end)), word)
              for word in words]  # fmt: skip
-    return bool(found) and _DRIVE_WORDS.issuperset(heads)
+    return bool(all_words) and _DRIVE_WORDS.issuperset(heads)
 
 
 def _word_parts(name: str) -> set[str]:
@@ -183,7 +187,7 @@ def _word_parts(name: str) -> set[str]:
 
 
 def has_qualifier(name: str) -> bool:
-    """Whether a word makes something else of the quantity that a name says.
+    """Whether a word of a name changes the meaning of its quantity.
 
     >>> has_qualifier("Netzstrom"), has_qualifier("Flux density"), has_qualifier("Coil current")
     (True, False, False)
@@ -195,17 +199,17 @@ def has_qualifier(name: str) -> bool:
 
 
 def is_measured(name: str) -> bool:
-    """Whether a word says that a column holds measured values."""
+    """Whether a word of a name marks measured values."""
     return bool(_word_parts(name) & (_MEASURED | _SENSOR_WORDS))
 
 
 def is_sensor(name: str) -> bool:
-    """Whether a word says that a sensor of an output gives a column."""
+    """Whether a word of a name marks the signal of a sensor of the output."""
     return bool(_word_parts(name) & _SENSOR_WORDS)
 
 
 def is_formula(name: str) -> bool:
-    """Whether a name is calculated from a quantity, and does not name the quantity itself.
+    """Whether a name is calculated from a quantity, instead of naming the quantity itself.
 
     >>> is_formula("2*F"), is_formula("I/Imax"), is_formula("Strom/Current")
     (True, True, False)
@@ -214,7 +218,7 @@ def is_formula(name: str) -> bool:
 
 
 def undo_formula(name: str) -> str:
-    """Return the factor that undoes a formula, ``FACTOR`` if the user has to know it, or nothing.
+    """Return the factor that undoes a formula; ``FACTOR`` if the user must know it; or nothing.
 
     >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
     ('0.5', '10', 'FACTOR', '')
@@ -227,5 +231,9 @@ def undo_formula(name: str) -> str:
         return match[1]
     if re.fullmatch(r"-\s*\w+", spaced_name):
         return "-1"
-    found = _FORMULA_PATTERN.search(spaced_name)
-    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name)) else ""
+    formula = _FORMULA_PATTERN.search(spaced_name)
+    return (
+        "FACTOR"
+        if formula and (formula["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name))
+        else ""
+    )

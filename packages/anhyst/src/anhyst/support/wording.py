@@ -1,7 +1,7 @@
-"""Counts in words, and messages in the form of their reader: options of a command or arguments.
+"""Word messages for their reader: with options of the command line, or with Python arguments.
 
-Messages name options as the command line does: ``--columns "I=I_A"``. A reader who works in Python
-gets the same message with arguments: ``columns={"I": "I_A"}``.
+Messages are written with options: ``--columns "I=I_A"``. In Python, the same message is shown with
+arguments: ``columns={"I": "I_A"}``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 _ARGUMENT_NAMES = {"as": "as_", "rig": "known"}
-"""Arguments that have another name than their option."""
+"""Python arguments whose name differs from their option."""
 _LIST_OPTIONS = frozenset({"clean", "flip"})
 """Options whose value is a list in Python."""
 _CHOICE_WORDS = frozenset(
@@ -36,7 +36,7 @@ _is_command_line = False
 
 @contextmanager
 def use_command_line_wording() -> Iterator[None]:
-    """Keep messages in the form of the command line."""
+    """Show messages in the form of the command line within this context."""
     global _is_command_line  # noqa: PLW0603 - who reads is the same in all threads
     previous, _is_command_line = _is_command_line, True
     try:
@@ -46,9 +46,9 @@ def use_command_line_wording() -> Iterator[None]:
 
 
 def word_for_reader(text: str) -> str:
-    """Return a message in the form of its reader.
+    """Return a message in the form for its reader.
 
-    A worker process leaves it unchanged, because its parent knows the reader.
+    A worker process leaves it unchanged, because only its parent knows the reader.
     """
     if _is_command_line or multiprocessing.parent_process() is not None:
         return text
@@ -56,7 +56,7 @@ def word_for_reader(text: str) -> str:
 
 
 def word_for_python(text: str) -> str:
-    """Return a message with arguments of Python in place of options.
+    """Return a message with Python arguments instead of options.
 
     >>> word_for_python('map it: --columns "I=I_A,F [kN]=F_N"; or leave --rate out')
     'map it: columns={"I": "I_A", "F [kN]": "F_N"}; or leave rate out'
@@ -79,18 +79,18 @@ def _python_argument(match: re.Match[str]) -> str:
     if option.startswith("no-"):
         return f"{option.removeprefix('no-').replace('-', '_')}=False"
     name = _ARGUMENT_NAMES.get(option, option.replace("-", "_"))
-    given = match["value"]
-    if given is None:
+    value_text = match["value"]
+    if value_text is None:
         return name
-    value = given.rstrip(",.:)")
-    tail = given[len(value) :]
+    value = value_text.rstrip(",.:)")
+    tail = value_text[len(value) :]
     if not _is_value(value):
-        return f"{name} {given}"
+        return f"{name} {value_text}"
     return f"{name}={_python_literal(option, value)}{tail}"
 
 
 def _is_value(text: str) -> bool:
-    """Whether a word after an option is its value: quoted, a pair, a figure or a known choice."""
+    """Whether a word after an option is its value: quoted, a pair, a number or a known choice."""
     if text[:1] in {'"', "'"} or "=" in text or "-" in text or text.isupper():
         return True
     return any(sign.isdigit() for sign in text) or set(text.split(",")) <= _CHOICE_WORDS
@@ -111,10 +111,10 @@ def _python_mapping(text: str, *, has_numbers: bool) -> str:
     for part in _PAIR_PATTERN.findall(text):
         name, _, value = part.rpartition("=")
         name = name[1:-1] if name[:1] == name[-1:] == '"' else name
-        shown = (
+        value_text = (
             value if has_numbers and _is_number(value) else json.dumps(value, ensure_ascii=False)
         )
-        pairs.append(f"{json.dumps(name, ensure_ascii=False)}: {shown}")
+        pairs.append(f"{json.dumps(name, ensure_ascii=False)}: {value_text}")
     return f"{{{', '.join(pairs)}}}"
 
 
@@ -130,13 +130,13 @@ _IRREGULAR_PLURALS = {"history": "histories", "series": "series"}
 
 
 def written_files_text(out: object, files: Sequence[str], max_named: int = 6) -> str:
-    """Say what was written into a folder; of many files the first ones are named."""
-    named, other_count = ", ".join(files[:max_named]), len(files) - max_named
-    return f"written to {out}: {named}" + f" and {other_count} more" * (other_count > 0)
+    """Return a text that names the files written into a folder, or only the first ones of many."""
+    first_names, other_count = ", ".join(files[:max_named]), len(files) - max_named
+    return f"written to {out}: {first_names}" + f" and {other_count} more" * (other_count > 0)
 
 
 def count_text(count: int, noun: str) -> str:
-    """Return a count with its noun in the right number.
+    """Return a count with its noun in the singular or plural.
 
     >>> count_text(1, "loop"), count_text(2, "loop"), count_text(0, "warning")
     ('1 loop', '2 loops', '0 warnings')

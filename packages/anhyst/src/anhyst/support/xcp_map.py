@@ -1,6 +1,7 @@
-"""What a master of XCP sees of a controller: areas of addresses, values, sizes.
+"""The XCP view of a controller: memory areas, values and sizes.
 
-They are in contract/xcp.toml and signals.toml.
+XCP is a protocol by which measurement tools read and set values of a controller. The numbers are
+read from contract/xcp.toml and signals.toml.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from anhyst.support.atomic import contract_folder
 
 
 class XcpValue(NamedTuple):
-    """A value of four bytes; `of` names the signal whose full scale 1.0 is."""
+    """A value of four bytes. `of` names the signal that has the same full scale."""
 
     name: str
     format: str
@@ -24,7 +25,7 @@ class XcpValue(NamedTuple):
 
 
 def _value_from_row(row: dict[str, Any]) -> XcpValue:
-    """Return a value from its row; that of a second magnet has the number behind its name."""
+    """Return a value from its row; values of several magnets end with the number of the magnet."""
     name = f"{row['name']}_{row['number']}" if "number" in row else row["name"]
     given = {key: row[key] for key in ("of", "low", "high", "body") if key in row}
     return XcpValue(name, row["format"], row["doc"], **given)
@@ -41,10 +42,10 @@ SEED_SECRET: int = _XCP["secret"]
 EVENT_NAME: str = _XCP["event"]
 
 HEARTBEAT_MS: int = _SIGNALS["heartbeat_ms"]
-"""Ceiling of the boards for settings in ticks."""
+"""Upper limit on the boards for settings that count ticks, ms."""
 
 AREA_ADDRESSES: dict[str, int] = {area["name"]: area["number"] << 16 for area in _XCP["area"]}
-"""Address of the first byte of each area."""
+"""Address of the first byte of each memory area."""
 
 SIGNALS = tuple(map(_value_from_row, _SIGNALS["signal"]))
 SETTINGS = tuple(map(_value_from_row, _SIGNALS["setting"]))

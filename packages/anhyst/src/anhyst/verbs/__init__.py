@@ -1,9 +1,10 @@
-"""The verbs: one file each, with the function that Python calls and the command line runs.
+"""The commands of anhyst: one module each, with the function that Python and the command line call.
 
-A file has a function of its own name, whose signature and docstring become the options and the help
-of the command. It may also say how the command presents the result: see
-:class:`anhyst.cli.generate.Verb`. A file imports what it works with inside its functions, so that
-the help is shown at once.
+Each module defines a function with the name of the module. The signature and the docstring of this
+function become the options and the help of the command. The module may also define how the terminal
+shows the result: see :class:`anhyst.cli.generate.Verb`. It imports its tools inside its functions,
+so that the help appears quickly.
 
-Another package has such a folder too, and names it in an entry point of the group ``anhyst.verbs``.
+Other packages can add commands: a folder of such modules, and an entry point of the group
+``anhyst.verbs`` that names this folder.
 """

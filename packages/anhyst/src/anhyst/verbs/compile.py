@@ -1,4 +1,4 @@
-"""The verb ``compile``: a model or a stage as C."""
+"""The command ``compile``: generate C from a model or from the rig file of a stage."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PROGRESS = "choosing tables and measuring"
 Kind = Literal["full", "simplified", "play", "single-valued"]
 """Kinds of compensator."""
 Io = Literal["q15", "q31", "f32"]
-"""Formats of the signals."""
+"""Number formats of the demand, the gap and the current."""
 
 
 def compile(  # noqa: A001
@@ -76,7 +76,7 @@ def compile(  # noqa: A001
         platformio, arduino (libraries) or cargo (a Rust no_std crate). Not for a stage. [default: C
         with fragments for make and CMake]
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def compile(  # noqa: A001
 def show(
     result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]
 ) -> Iterator[OutputPart]:
-    """Return what was compiled, how accurate it is, and where to read on."""
+    """Return the terminal output: what was compiled, its accuracy, and the guide to read next."""
     from anhyst.compilation.compiled_stage import CompiledStage
     from anhyst.compilation.play import CompiledPlay
 
@@ -138,7 +138,7 @@ def show(
     else:
         yield from _show_model(result)
     guide = "README.md" if result.manifest.get("package") else "DROP_IN.md"
-    yield f"{result.out / guide} describes how it goes into a project"
+    yield f"{result.out / guide} explains how to add it to a project"
 
 
 def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
@@ -147,10 +147,10 @@ def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
     manifest = compiled.manifest
     largest = manifest["accuracy"]["largest_output"]
     rows = TerminalTable(
-        f"force of the model less demand, per cent of {largest:.4g} N",
+        f"force of the model minus demand, in % of {largest:.4g} N",
         ("", "whole loop, rms", "worst", "cycles of 10 %, rms", "worst"),
     )
-    for title, key in (("map with one play", "play"), ("without memory", "single-valued")):
+    for title, key in (("map with one play", "play"), ("single-valued curve", "single-valued")):
         figures = manifest["accuracy"][key]
         rows.add_row(title, *(f"{value:.2g}" for value in figures.values()))
     size = manifest["memory"]["parameters_bytes"]
@@ -167,12 +167,12 @@ def _show_stage(compiled: CompiledStage) -> Iterator[str]:
     manifest, stage = compiled.manifest, compiled.manifest["stage"]
     kind, io, rate = (manifest[name] for name in ("kind", "io", "rate_Hz"))
     yield f"{compiled.out}: controller of a stage, {kind}, {io}, {rate:g} Hz"
-    yield f"force to current in {stage['force_to_current']}, as control.format of the rig file says"
+    yield f"force to current in {stage['force_to_current']}, as control.format in the rig file"
     yield (
         f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} "
         f"magnets; {manifest['memory']['parameters_bytes']} bytes of parameters"
     )
-    yield f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors"
+    yield f"{len(compiled.vectors['flags'])} ticks of a simulated motion are its golden vectors"
 
 
 def _show_model(compiled: Compiled) -> Iterator[OutputPart]:
@@ -180,8 +180,7 @@ def _show_model(compiled: Compiled) -> Iterator[OutputPart]:
 
     manifest, budget = compiled.manifest, compiled.budget
     rows = TerminalTable(
-        f"accuracy, per cent of {budget.reference_output:.4g} {budget.unit}",
-        ("part", "worst", "rms"),
+        f"accuracy, in % of {budget.reference_output:.4g} {budget.unit}", ("part", "worst", "rms")
     )
     for part in (*budget.parts, budget.compiled, budget.total, budget.drift):
         if part.worst is not None and part.rms is not None:

@@ -1,4 +1,4 @@
-"""The verb ``convert``: a measurement in another file format."""
+"""The command ``convert``: write a measurement in another file format."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     Raises
     ------
     InputError
-        The source cannot be read, the format cannot be written, or it holds nothing of the source.
+        The source cannot be read, or the format cannot be written or stores nothing of the source.
 
     Examples
     --------
@@ -50,12 +50,12 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
 
 
 def warnings(result: Conversion) -> tuple[str, ...]:
-    """Return what the format does not keep."""
+    """Return the warnings about information that the new format cannot store."""
     return result.notes
 
 
 def show(result: Conversion, _: Mapping[str, Any]) -> list[str]:
-    """Return what a terminal shows."""
+    """Return the terminal output."""
     from anhyst.support.wording import count_text
 
     channels, samples = count_text(result.channels, "channel"), count_text(result.samples, "sample")

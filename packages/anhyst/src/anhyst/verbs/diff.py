@@ -1,4 +1,4 @@
-"""The verb ``diff``: two models compared."""
+"""The command ``diff``: compare two models."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ PLACE = 16, "From measurements to a model"
 
 
 def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
-    """Show the differences between two models, in their parameters and in newtons.
+    """Show the differences between two models, in their parameters and in their output.
 
     The command compares steady-state loops over the range of the drive in which both models are
-    valid, at the gaps of both models and half-way between. The difference is in the unit of the
-    output (N for a force).
+    valid, at the gaps of both models and midway between them. Differences are in the unit of the
+    output, N for a force.
 
     Parameters
     ----------
@@ -46,26 +46,26 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     return work(first, second)
 
 
-def as_json(result: ModelDiff, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
+def as_json(result: ModelDiff, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for ``--json``."""
     from dataclasses import asdict
 
     from anhyst.model.actuator import read_model
 
-    unit = read_model(given["first"]).output.unit
+    unit = read_model(arguments["first"]).output.unit
     return asdict(result) | {"same": result.same, "unit": unit}
 
 
-def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what has changed, and by how much the predicted loops differ."""
+def show(result: ModelDiff, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output: changed parameters and the differences of the predicted loops."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.model.actuator import read_model
     from anhyst.support.units import schedule_scale
 
     if result.same:
-        yield "the two models compute the same"
+        yield "the two models give the same results"
         return
-    model, other = read_model(given["first"]), read_model(given["second"])
+    model, other = read_model(arguments["first"]), read_model(arguments["second"])
     names = {name: key for name, (_, key) in {**model.file_keys, **other.file_keys}.items()}
     changes = TerminalTable("different", ["", "A", "B", "change"])
     for change in (*result.settings, *result.parameters):
@@ -81,9 +81,15 @@ def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[OutputPart]:
         return
     unit, drive = model.output.unit, model.input
     low, high = result.drive
-    title = f"settled loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
+    title = f"steady-state loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
     schedule_heading, scale = schedule_scale(model.schedule)
-    heads = [schedule_heading, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"]
+    heads = [
+        schedule_heading,
+        f"largest [{unit}]",
+        f"mean difference [{unit}]",
+        f"worst [{unit}]",
+        "worst at",
+    ]
     loops = TerminalTable(title, heads)
     for loop in result.loops:
         loops.add_row(

@@ -1,4 +1,4 @@
-"""The verb ``example``: a copy of a bundled example."""
+"""The command ``example``: copy a bundled example."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLACE = 10, "From measurements to a model"
 Name = Literal[
     "bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"
 ]
-"""The bundled examples."""
+"""Names of the bundled examples."""
 
 
 def example(name: Name, out: PathLike) -> CopiedExample:
@@ -33,7 +33,7 @@ def example(name: Name, out: PathLike) -> CopiedExample:
     Returns
     -------
     CopiedExample
-        The folder, its files, and commands to go on with.
+        The folder, its files, and the commands to run next.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def example(name: Name, out: PathLike) -> CopiedExample:
 
 
 def show(result: CopiedExample, _: Mapping[str, Any]) -> Iterator[str]:
-    """Return what was written, and what to run next."""
+    """Return the terminal output: the files that were written, and the commands to run next."""
     from anhyst.support.wording import written_files_text
 
     yield written_files_text(result.out, result.files)

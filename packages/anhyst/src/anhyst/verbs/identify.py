@@ -1,4 +1,4 @@
-"""The verb ``identify``: measured loops to a model."""
+"""The command ``identify``: find a model from measured loops."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ PLACE = 13, "From measurements to a model"
 PROGRESS = "searching"
 
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
-"""Gap maps, and letting the cross-validation error choose."""
+"""Gap maps, or ``auto``: the map with the smallest error at withheld gaps."""
 Weights = Literal["loops", "points", "relative"]
-"""What counts the same."""
+"""Items of equal weight in the cost: loops, samples, or loops relative to their output."""
 Search = Literal["default", "paper"]
-"""Ways to search."""
+"""Methods of the search."""
 
 
 def identify(
@@ -44,8 +44,8 @@ def identify(
 ) -> IdentifyResult:
     """Find the model of an actuator from measured loops.
 
-    All loops at all gaps are fitted together. The model file keeps parameters with units, valid
-    range, fit figures, uncertainty and where it came from.
+    All loops at all gaps are fitted together. The model file contains the parameters with units,
+    the valid range, the fit figures, the uncertainty and the origin.
 
     Exit code 1: the model file is written, but the model must not be used. Either its rms deviation
     exceeds 5 % of full scale and is not noise, or its force does not rise everywhere as the gap
@@ -86,7 +86,7 @@ def identify(
     progress : callable, optional
         Called with the number of stages done and the total.
     checkpoint : path-like, optional, only in Python
-        File that keeps the finished stages of the search 'paper', so that a killed search can
+        File with the finished stages of the search 'paper', so that a stopped search can
         continue. [default: next to `out`]
     **reading
         How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
@@ -95,13 +95,13 @@ def identify(
     Returns
     -------
     IdentifyResult
-        After Ctrl-C the best model so far, marked as interrupted.
+        After Ctrl-C, the best model until then, marked as interrupted.
 
     Raises
     ------
     InputError
-        Loops that cannot be used or cannot be what they claim, or an unknown law, map, search or
-        weighting.
+        The loops cannot be used or contradict their headers, or a law, map, search or weighting is
+        unknown.
     KeyboardInterrupt
         Ctrl-C before there was a model.
 
@@ -111,8 +111,8 @@ def identify(
     """
     from dataclasses import replace
 
+    from anhyst.data.input_files import list_input_files
     from anhyst.data.loops import Loops
-    from anhyst.data.reading import list_input_files
     from anhyst.data.source import load_loops
     from anhyst.data.table import check_source, is_data_frame
     from anhyst.identification.identify import check_options
@@ -142,31 +142,33 @@ def identify(
 
 
 def _checkpoint_path(out: Path) -> Path | None:
-    """Place of the checkpoint; beside a device there is none."""
+    """Return the path of the checkpoint file; None if the output is not a regular file."""
     if out.exists() and not out.is_file():
         return None
     return out.with_name(f"{out.name}.checkpoint")
 
 
-def stopped(given: Mapping[str, Any]) -> str:
-    """Return what Ctrl-C leaves before there is a model."""
-    return f"too early for a model, nothing written{_continuation_text(given)}"
+def stopped(arguments: Mapping[str, Any]) -> str:
+    """Return the message after Ctrl-C if there is no model yet."""
+    return f"too early for a model; nothing was written{_continuation_text(arguments)}"
 
 
-def _continuation_text(given: Mapping[str, Any]) -> str:
-    """Say that a stopped search may continue, if it may."""
-    checkpoint = _checkpoint_path(given["out"]) if given["search"] == "paper" else None
+def _continuation_text(arguments: Mapping[str, Any]) -> str:
+    """Return the hint that the same command continues the search; empty if it does not."""
+    checkpoint = _checkpoint_path(arguments["out"]) if arguments["search"] == "paper" else None
     can_continue = checkpoint is not None and checkpoint.exists()
-    return "; the same command goes on from there" if can_continue else ""
+    return "; the same command continues from there" if can_continue else ""
 
 
-def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
-    """Raise an error if the search was interrupted or the model must not be used."""
+def refuse(result: IdentifyResult, arguments: Mapping[str, Any]) -> None:
+    """Raise an error if the search was interrupted or if the model must not be used."""
     from anhyst.support.errors import Interrupted, NegativeResult
 
-    out = given["out"]
+    out = arguments["out"]
     if result.interrupted:
-        raise Interrupted(f"{out} holds the best model so far{_continuation_text(given)}")
+        raise Interrupted(
+            f"{out} contains the best model until then{_continuation_text(arguments)}"
+        )
     if result.acceptance.passed is False:
         failed = result.acceptance.text(result.model.input.unit)
         reasons = "; ".join(filter(None, (failed, result.rejection)))
@@ -175,13 +177,13 @@ def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
         raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
 
 
-def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
+def as_json(result: IdentifyResult, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for ``--json``."""
     from dataclasses import asdict
 
     model = result.model
     return {
-        "out": str(given["out"]),
+        "out": str(arguments["out"]),
         "law": model.law,
         "gap_map": model.gap_map,
         "parameters": dict(model.parameters),
@@ -198,10 +200,10 @@ def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return how well the model fits, what was chosen and why."""
+def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output: the deviations, the choices and their reasons."""
     model, fit = result.model, result.model.fit
-    yield f"{given['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
+    yield f"{arguments['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
     yield from _show_fit(model)
     settings = model.provenance.settings
     if reason := settings.get("law_reason"):
@@ -213,7 +215,7 @@ def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPar
         yield f"rate: {rate_text}"
     for step in model.reduction:
         yield (
-            f"reduction: {step.frozen} made common to all nodes, mean deviation "
+            f"reduction: {step.frozen} fixed at all nodes, mean deviation "
             f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
         )
     if model.uncertainty is not None:
@@ -223,7 +225,7 @@ def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPar
 
 
 def _show_fit(model: Model) -> Iterator[OutputPart]:
-    """Return the deviations from the loops, and the candidates."""
+    """Return the deviations from the measured loops, and the table of candidates."""
     from anhyst.data.output_map import name_full_scale
 
     fit = model.fit
@@ -240,21 +242,21 @@ def _show_fit(model: Model) -> Iterator[OutputPart]:
         yield fit.left_over
     if expected := fit.cross_validation:
         scope = (
-            "between the measured values, choice of the map and all"
+            "between the measured values, including the choice of the map"
             if expected.left_out == "gap"
-            else "at other samples of such loops, not of other sizes"
+            else "at other samples of such loops, but not for other loop sizes"
         )
-        low, high = (100.0 * end for end in expected.interval)
-        yield f"expected {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
+        low, high = (100.0 * limit for limit in expected.interval)
+        yield f"expected error {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
     yield from _list_candidates(model)
 
 
 MAX_CANDIDATES = 4
-"""Candidates that are listed without ``--verbose``."""
+"""Number of candidates that are listed without ``--verbose``."""
 
 
 def _list_candidates(model: Model) -> list[str | TerminalTable]:
-    """List the candidates: the chosen one first, then by their error at withheld data."""
+    """Return a table of candidates: the chosen one first, the others by error at withheld data."""
     from anhyst.cli.printing import TerminalTable, printer
     from anhyst.support.wording import count_text
 
@@ -269,19 +271,21 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
     shown = ranked if printer.is_verbose else ranked[:MAX_CANDIDATES]
     hidden = len(ranked) - len(shown)
     rows = TerminalTable(
-        "candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"]
+        "candidates, the chosen one first", ["law", "gap map", "rms %", "withheld %", "parameters"]
     )
-    for one in shown:
-        note = f" ({one.note})" if one.note else ""
-        left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"
-        rms = "" if one.rms is None else f"{100.0 * one.rms:.3g}"
-        rows.add_row(f"{one.law}{note}", one.gap_map, rms, left_out, str(one.numbers))
+    for candidate in shown:
+        note = f" ({candidate.note})" if candidate.note else ""
+        left_out = "" if candidate.left_out is None else f"{100.0 * candidate.left_out:.3g}"
+        rms = "" if candidate.rms is None else f"{100.0 * candidate.rms:.3g}"
+        rows.add_row(
+            f"{candidate.law}{note}", candidate.gap_map, rms, left_out, str(candidate.numbers)
+        )
     more = [f"{count_text(hidden, 'more candidate')}: --verbose"] if hidden else []
     return [rows, *more] if ranked else []
 
 
 def _list_offsets(model: Model) -> list[str]:
-    """Name the offsets that were taken, and how sure they are."""
+    """Return the fitted offsets with their standard deviations."""
     uncertainty = model.uncertainty
     if uncertainty is None:
         return []
@@ -292,4 +296,4 @@ def _list_offsets(model: Model) -> list[str]:
         )
         if "offset" in name
     ]
-    return lines or ["offsets of input and output: none, the loops demand none"]
+    return lines or ["offsets of input and output: none, because the loops do not require any"]

@@ -1,4 +1,4 @@
-"""The verb ``inspect``: what was measured, and whether hysteresis matters."""
+"""The command ``inspect``: show what was measured, and whether a hysteresis model is worthwhile."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def inspect(
     plot : path-like, ``FILE``, optional
         Draw the loops (png, svg or pdf).
     progress : callable, optional
-        Called with bytes read and size of the present file.
+        Called with the bytes read and the size of the current file.
     **reading
         How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
         steps. The loops are not thinned, because that hides noise and delay.
@@ -56,7 +56,7 @@ def inspect(
     Raises
     ------
     InputError
-        The record cannot be what its headers say.
+        The record contradicts its headers.
 
     Examples
     --------
@@ -78,13 +78,13 @@ def inspect(
     return inspection
 
 
-def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
-    """Return the channels of a recording."""
+def preview(arguments: Mapping[str, Any]) -> Iterator[TerminalTable]:
+    """Return a table of the channels of a recording."""
     from anhyst.support.atomic import check_picture
 
-    if given["plot"] is not None:
-        check_picture(given["plot"])
-    if channels := _list_channels(given):
+    if arguments["plot"] is not None:
+        check_picture(arguments["plot"])
+    if channels := _list_channels(arguments):
         from anhyst.cli.printing import TerminalTable
 
         rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
@@ -95,27 +95,27 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
         yield rows
 
 
-def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
-    channels = _list_channels(given)
+def as_json(result: Inspection, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for ``--json``."""
+    channels = _list_channels(arguments)
     content = {"channels": [asdict(channel) for channel in channels]} if channels else {}
     return result.as_dict() | content
 
 
-def _list_channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
-    """Return the channels of a recording; the columns of a text are in its first line."""
+def _list_channels(arguments: Mapping[str, Any]) -> list[ChannelFigures]:
+    """Return the channels of a recording; empty for a text file, whose header names the columns."""
     from anhyst.data.formats import ChannelTable, open_table
     from anhyst.data.table import list_channels
 
-    loops: Sequence[Path] = given["loops"]
-    is_alone = len(loops) == 1 and not loops[0].is_dir() and not given["columns"]
+    loops: Sequence[Path] = arguments["loops"]
+    is_alone = len(loops) == 1 and not loops[0].is_dir() and not arguments["columns"]
     if not is_alone or not isinstance(open_table(loops[0]), ChannelTable):
         return []
     return list_channels(loops[0])
 
 
-def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the verdict, how the loops were read, and the figures of each loop."""
+def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
+    """Return the terminal output: verdict, how the loops were read, and figures of each loop."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.support.units import choose_display_unit, schedule_scale
     from anhyst.support.wording import count_text
@@ -135,7 +135,7 @@ def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPar
     figures = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
         figures.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
-    # How the columns were read matters more than the histories, which the table shows, too.
+    # The histories come last, because the table shows them, too.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
     reading = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
@@ -145,8 +145,8 @@ def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPar
     yield from _with_title("speed", (inspection.rate,) if inspection.rate else ())
     yield figures
     yield from _with_title("histories", histories)
-    if given["plot"] is not None:
-        yield f"{given['plot']} written"
+    if arguments["plot"] is not None:
+        yield f"{arguments['plot']} written"
 
 
 def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> list[str]:
@@ -157,7 +157,7 @@ def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> l
         history = f"{history[: MAX_CELL - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
-    delay = "unknown"  # in seconds, in samples without time
+    delay = "unknown"  # s, or samples without a time column
     if loop.skew is not None:
         delay = f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
     return [

@@ -1,4 +1,4 @@
-"""The verb ``invert``: demanded output to drive."""
+"""The command ``invert``: compute the drive for a demanded output."""
 
 from __future__ import annotations
 
@@ -52,17 +52,17 @@ def invert(
         repeated until it closes), or 'conditioned:0,2,0' (reversal points of the input in SI
         units). [default: as in the model]
     progress : callable, optional
-        Called with bytes read and file size.
+        Called with the bytes read and the file size.
 
     Returns
     -------
     RunSummary
-        It contains the columns of the output file, too.
+        The run, with the columns of the output file.
 
     Raises
     ------
     InputError
-        A file cannot be read or written, a column is missing, or a sample is refused.
+        A file cannot be read or written, a column is missing, or a sample is not valid.
 
     Examples
     --------

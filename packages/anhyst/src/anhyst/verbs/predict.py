@@ -1,4 +1,4 @@
-"""The verb ``predict``: drive to output."""
+"""The command ``predict``: compute the output for a given drive."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ def predict(
         repeated until it closes), or 'conditioned:0,2,0' (reversal points of the input in SI
         units). [default: as in the model]
     progress : callable, optional
-        Called with bytes read and file size.
+        Called with the bytes read and the file size.
 
     Returns
     -------
     RunSummary
-        It contains the columns of the output file, too.
+        The run, with the columns of the output file.
 
     Raises
     ------
     InputError
-        A file cannot be read or written, a column is missing, or a sample is refused.
+        A file cannot be read or written, a column is missing, or a sample is not valid.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def predict(
 
 
 def show(result: RunSummary, _: Mapping[str, Any]) -> Iterator[str]:
-    """Return what was computed, and how far it is from a measured column."""
+    """Return the terminal output: the computed column, and its deviation from a measured column."""
     from anhyst.support.wording import count_text
 
     runs = "1 run" if result.runs == 1 else f"{result.runs} runs, each"

@@ -1,4 +1,4 @@
-"""The verb ``report``: a model as a web page."""
+"""The command ``report``: write the report of a model as a web page."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str,
     Returns
     -------
     tuple of str
-        What a user should know, one sentence each: measurements that could not be read, figures
-        that are stale, an acceptance test that failed.
+        Warnings, one sentence each: measurements that could not be read, fit figures that are out
+        of date, an acceptance test that failed.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str,
 
 
 def warnings(result: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what a user should know."""
+    """Return the warnings of the report."""
     return result
 
 
-def as_json(result: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
-    return {"out": str(given["out"]), "warnings": list(result)}
+def as_json(result: tuple[str, ...], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for ``--json``."""
+    return {"out": str(arguments["out"]), "warnings": list(result)}

@@ -1,4 +1,4 @@
-"""The verb ``verify``: compiled C gives the same bits on every target."""
+"""The command ``verify``: check that compiled C gives the same bits on every target."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ def verify(
     seed : int, only in Python
         Seed of the random steps, 1 to 2^32 - 1.
     progress : callable, optional
-        Called with builds done and their number.
+        Called with the number of builds done and the total.
 
     Returns
     -------
     Verification
-        Differences included: see ``passed``, ``not_run`` and ``missing``.
+        The results on all targets: see ``passed``, ``not_run`` and ``missing``.
 
     Raises
     ------
     InputError
-        The folder is not what compile wrote, a target is unknown, no target can run, or a number
+        The folder was not written by compile, a target is unknown, no target can run, or a number
         is out of range.
 
     Examples
@@ -71,23 +71,26 @@ def verify(
 
 
 def show(result: Verification, _: Mapping[str, Any]) -> list[TerminalTable]:
-    """Return where bits are the same, and what a step costs."""
+    """Return the terminal output: a table of the results on each target, and one of the cost."""
     from anhyst.cli.printing import TerminalTable
 
     return [
-        TerminalTable(one.title, one.headings, [*map(list, one.cells)]) for one in result.tables()
+        TerminalTable(result_table.title, result_table.headings, [*map(list, result_table.cells)])
+        for result_table in result.tables()
     ]
 
 
-def refuse(result: Verification, given: Mapping[str, Any]) -> None:
-    """Raise an error if a bit differs, or if a target that was asked for did not run."""
+def refuse(result: Verification, arguments: Mapping[str, Any]) -> None:
+    """Raise an error if a bit differs, or if a requested target did not run."""
     from anhyst.support.errors import wrong_key
 
-    require_equal_bits(result, given["folder"])
-    if given["on"] is not None and result.not_run:
+    require_equal_bits(result, arguments["folder"])
+    if arguments["on"] is not None and result.not_run:
         missing_tools = [gap.text() for gap in result.missing if gap.target in result.not_run]
         raise wrong_key(
-            "--on", f"not run for want of tools: {'; '.join(missing_tools)}", code="tool-missing"
+            "--on",
+            f"not run, because tools are missing: {'; '.join(missing_tools)}",
+            code="tool-missing",
         )
 
 

@@ -1,5 +1,5 @@
-// The body of a stage in space, as its rig file places magnets and heads: its pose exaggerated, the
-// pulls as arrows; beside it wrench, errors, gaps and pulls as numbers and bars.
+// The body view of a stage: magnets and heads as the rig file places them, the pose magnified, and the
+// forces as arrows. A panel shows wrench, errors, gaps and forces as numbers and bars.
 
 import { COLOURS, ink } from "./colours.js";
 import { Figures, numbered } from "./bodyfigures.js";
@@ -16,7 +16,7 @@ const LONGEST = 0.8; // arrow of the largest force, in sizes of the body
 const THIN = 0.25; // least edge of the box, in parts of its largest
 const BARE = 0.1; // m, where all places are one
 const OF = {
-  error: ["error against the set-point", "where it is wanted"],
+  error: ["error against the set-point", "at its set-point"],
   gap: ["place in the gaps", "in the middle of its gaps"],
 };
 const SIDES = [0, 1, 2].flatMap((axis) => [0, 1].map((side) => [axis, side]));
@@ -48,11 +48,11 @@ export class BodyView {
         { className: "bar" },
         field("pose", this.what),
         field("exaggerated", this.times),
-        make("span", { className: "soft", textContent: "drag or arrow keys turn it, Home turns back" }),
+        make("span", { className: "soft", textContent: "drag or use the arrow keys to rotate; Home resets the view" }),
       ),
       make("div", { className: "beside" }, figure, this.figures.place),
     );
-    this.space = new Space(figure, "the body, its magnets, and what they pull with");
+    this.space = new Space(figure, "the body, its magnets and their forces");
     this.factor = 1;
   }
 

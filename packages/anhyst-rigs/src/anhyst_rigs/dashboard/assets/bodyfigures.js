@@ -1,4 +1,4 @@
-// Wrench, errors, gaps and pulls of a body of several coordinates, as numbers and bars.
+// Wrench, errors, gaps and forces of a body with several coordinates, as numbers and bars.
 
 import { make } from "./dom.js";
 import { columnOf } from "./signals.js";
@@ -8,7 +8,7 @@ const EVERY_MS = 100; // from one reading to the next
 const WINDOW_S = 1; // of which the largest is told
 const MANY = 1e4; // beyond so many of a fine unit the usual one is better read
 
-// What a signal of a magnet is called: of the first one without a number.
+// The name of a magnet's signal; the first magnet has no number.
 export const numbered = (name, n) => (n ? `${name}_${n + 1}` : name);
 
 export class Figures {
@@ -31,7 +31,7 @@ export class Figures {
       "div",
       { className: "scroll" },
       table("axes", ["", "asked, now", "given, now", `error, largest of ${WINDOW_S} s`], this.axes),
-      table("magnets", ["", "gap, from stop to stop", "pull", "current"], this.magnets),
+      table("magnets", ["", "gap, from stop to stop", "force", "current"], this.magnets),
     );
   }
 
@@ -79,7 +79,7 @@ export class Figures {
 
   words() {
     const row = ([name, cells]) => [[name], ...cells.map(({ text }) => [text.textContent])];
-    return [[["asked, given, largest error of a second; gap, pull, current"]], ...[...this.axes, ...this.magnets].map(row)];
+    return [[["demanded, applied, largest error of the last second; gap, force, current"]], ...[...this.axes, ...this.magnets].map(row)];
   }
 }
 

@@ -1,4 +1,4 @@
-// A plot of one quantity over another on a canvas: axes, and lines in their units.
+// Plots one quantity over another on a canvas, with axes and lines in their units.
 
 import { ink } from "./colours.js";
 

@@ -1,10 +1,10 @@
-// The switch of the compensation: on and off in the air, from one tick on.
+// Switches the compensation on and off at one tick, also during levitation.
 
 import { make } from "./dom.js";
 
 export const NAME = "compensation"; // of the parameter: 1 or 0
 
-// A button that shows and turns what is in force, whoever put it in force.
+// A button that shows and toggles the active state, whoever set it.
 export function compensationSwitch(parameters) {
   const button = make("button", { id: NAME, onclick: () => parameters.toggle(NAME) });
   const show = () => {

@@ -1,4 +1,4 @@
-// Two cursors on the scope, and what lies between them.
+// Two cursors on the scope, and the figures between them.
 
 import { make } from "./dom.js";
 import { seconds, show } from "./units.js";

@@ -1,4 +1,4 @@
-// Elements, made in one call; text is always text, never markup.
+// Creates elements in one call. Text is always text, never markup.
 
 export function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);

@@ -1,6 +1,6 @@
-// Amplitude spectral density of a stretch of samples.
+// Computes the amplitude spectral density of consecutive samples.
 
-// Windows over a part from 0 to 1.
+// Window functions over an interval from 0 to 1.
 export const WINDOWS = {
   Hann: (part) => 0.5 - 0.5 * Math.cos(2 * Math.PI * part),
   "flat top": (part) =>

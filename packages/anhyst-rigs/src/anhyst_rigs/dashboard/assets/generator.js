@@ -1,4 +1,4 @@
-// The signal generator: a shape, a sweep, or one's own table, added to the target.
+// Controls of the signal generator: a shape, a sweep or a user's table is added to the target.
 
 import { field, make, select } from "./dom.js";
 import { seconds, show, shown, usual } from "./units.js";

@@ -1,4 +1,4 @@
-// The improve view: measure, identify, compile, swap, each by one button, with what it left.
+// The improve view: a button for each of measure, identify, compile and swap, with its result.
 
 import { Plane, limits } from "./canvas.js";
 import { ink } from "./colours.js";
@@ -21,7 +21,7 @@ export class Improve {
   constructor(place, bench, order) {
     this.order = order;
     if (!bench.limits) {
-      place.textContent = "this bench was not opened from a rig file: nothing is measured from here";
+      place.textContent = "this bench was not opened from a rig file, so it cannot measure loops";
       return;
     }
     this.buttons = Object.fromEntries(STEPS.map((step) => [step, this.#button(step)]));
@@ -74,7 +74,7 @@ export class Improve {
     });
     const warm = winding
       ? `I²t: ${short(winding.continuous_A)} A for ever, ${short(winding.thermal_s)} s`
-      : "I²t: the rig file does not say what the winding stands";
+      : "I²t: the rig file states no limit of the winding";
     const where = gaps.map((gap) => short(1e3 * gap)).join(", ");
     return [...fields, make("span", { className: "soft", textContent: `${warm}; gaps ${where} mm` })];
   }

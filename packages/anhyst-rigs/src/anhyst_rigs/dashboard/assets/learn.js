@@ -1,11 +1,11 @@
-// What the motion of a stage or a bearing taught, lap after lap, and what that gained.
+// The learning view: parameters estimated from the motion over the cycles, and the error.
 
 import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
 
 const MOST = 500; // laps that are drawn
-// By the kind of a number, whichever magnet it is of: what it is called, its unit, factor from SI.
+// Name, unit and factor from SI of each kind of parameter, for every magnet.
 const KINDS = {
   scale: ["scales", "%", 100],
   gap_zero_m: ["gap zeros", "µm", 1e6],
@@ -21,7 +21,7 @@ const KINDS = {
 const FEW = 8; // numbers that are shown together, whatever they are
 const ERRORS = {
   m: { what: "moving average", axis: "moving average of the error / nm", unit: "nm", factor: 1e9 },
-  N: { what: "force off by", axis: "force off by, rms / N", unit: "N", factor: 1 },
+  N: { what: "unexplained force", axis: "unexplained force, rms / N", unit: "N", factor: 1 },
 };
 
 export class Learning {
@@ -34,7 +34,7 @@ export class Learning {
     this.of = ERRORS[bench.learns];
     this.button = make("button", { id: "learn", onclick: () => order("learn", { on: !this.#now?.on }) });
     this.back = make("button", { textContent: "revert", onclick: () => order("learn", { revert: true }) });
-    this.back.title = "forgets all that was learnt";
+    this.back.title = "discards all estimates";
     this.gained = make("output", { className: "reading", id: "gained" });
     this.said = make("output", { className: "soft", id: "learnt-said" });
     this.legend = make("span");
@@ -48,7 +48,7 @@ export class Learning {
     this.figures = make("div", { className: "scroll figures" });
     const left = make("figure");
     const right = make("figure");
-    this.values = new Plane(left, "t / s", "learnt / stated deviation");
+    this.values = new Plane(left, "t / s", "estimate / stated standard deviation");
     this.errors = new Plane(right, "t / s", this.of.axis);
     place.replaceChildren(
       make("div", { className: "bar" }, this.button, this.back, this.group, this.gained),
@@ -89,8 +89,8 @@ export class Learning {
     const last = this.#laps.at(-1);
     const left = learn.left_out ? `${learn.left_out} laps left out: to look at one takes longer than a lap` : "";
     const parts = [learn.trouble, last && learn.said[last.method], left].filter(Boolean);
-    const moved = this.bench.learns === "m" ? "a set-point was followed: press run" : "the reference moves: start the generator";
-    const waits = learn.on ? `learns once ${moved}` : "nothing was learnt yet";
+    const moved = this.bench.learns === "m" ? "press run" : "start the generator";
+    const waits = learn.on ? `waits for a motion: ${moved}` : "no estimate yet";
     this.said.textContent = parts.join("; ") || waits;
     this.#gain();
   }

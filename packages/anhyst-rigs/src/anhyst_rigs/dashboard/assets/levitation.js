@@ -1,4 +1,4 @@
-// The levitation view: where the armature is, readable at arm's length, and how still it stands.
+// The levitation view: position and position noise of the armature in large type.
 
 import { Plane, limits } from "./canvas.js";
 import { make } from "./dom.js";

@@ -1,8 +1,8 @@
-// The one WebSocket: frames of samples, messages, and orders that are answered.
+// The WebSocket: receives frames of samples and messages, and sends orders.
 
 const HEAD = 24;
 
-// A frame of frames.py: ticks that it covers, the tick of each row, and a column a signal.
+// Decodes a frame (browsers.py): its first and last tick, the tick of each row, one column per signal.
 export function decode(buffer) {
   const view = new DataView(buffer);
   const rows = view.getUint32(0, true);

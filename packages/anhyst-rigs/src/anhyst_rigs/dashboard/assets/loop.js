@@ -1,5 +1,5 @@
-// The loop view: force over current as it is drawn, over the measured loops, or position over voltage;
-// and what it is off what the controller demands, over the demand.
+// The loop view: force over current with the measured loops, or position over voltage. A second plot
+// shows the difference from the controller's demand, over the demand.
 
 import { Plane, limits } from "./canvas.js";
 import { ink } from "./colours.js";

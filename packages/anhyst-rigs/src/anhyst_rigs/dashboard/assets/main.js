@@ -1,4 +1,4 @@
-// Brings link, views and controls together.
+// Connects the link, the views and the controls.
 
 import { BodyView } from "./body.js";
 import { NAME as COMPENSATION } from "./compensation.js";
@@ -188,7 +188,7 @@ function choose(wanted) {
   const name = [wanted, wanted === "learning" ? "improve" : "scope", "scope"].find(offered);
   view = name;
   page?.bench.choices.set("view", name);
-  const none = page?.[name]?.table ? "" : "nothing is drawn in this view";
+  const none = page?.[name]?.table ? "" : "this view has no data yet";
   for (const button of [at("png"), at("csv")]) refuse(button, none);
   for (const one of VIEWS) at(one).hidden = one !== name;
   for (const tab of at("tabs").children)

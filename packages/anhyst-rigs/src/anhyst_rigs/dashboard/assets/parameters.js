@@ -56,7 +56,7 @@ export class Parameters extends EventTarget {
     const branches = [...groups].map(([name, members]) => this.#branch(name, members));
     this.tree.replaceChildren(...branches);
     if (!parameters.length)
-      this.tree.textContent = "this bench has no parameters that may be changed while it runs";
+      this.tree.textContent = "this bench has no parameters that can be changed while it runs";
     this.#refresh();
     this.dispatchEvent(new Event("shown"));
   }
@@ -114,7 +114,7 @@ export class Parameters extends EventTarget {
     const nothing = count ? "" : "nothing is staged";
     refuse(this.applyButton, this.#refused || nothing);
     refuse(this.discardButton, nothing);
-    refuse(this.backButton, this.#refused || (this.#before ? "" : "nothing was applied yet"));
+    refuse(this.backButton, this.#refused || (this.#before ? "" : "no change was applied yet"));
     for (const [name, input] of this.#inputs)
       input.classList.toggle("staged", this.#staged.has(name));
   }

@@ -1,11 +1,11 @@
-// The view that is open as a picture and as a table.
+// Saves the open view as a picture or as a table.
 
 import { ink } from "./colours.js";
 
 const EDGE = 12; // pixels around everything
 const LINE = 18; // from one line of text to the next
 
-// A PNG of all that is drawn in a view where it stands, below lines of [text, colour] parts.
+// Makes a PNG of all canvases of a view, below header lines of [text, colour] parts.
 export function picture(view, lines) {
   const drawn = [...view.querySelectorAll("canvas")].filter((one) => one.clientWidth > 0);
   const boxes = drawn.map((one) => one.getBoundingClientRect());

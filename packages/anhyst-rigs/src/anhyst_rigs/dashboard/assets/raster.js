@@ -1,4 +1,4 @@
-// Traces set pixel by pixel: a canvas takes ten times as long to stroke thousands of short lines.
+// Draws traces pixel by pixel. This is ten times faster than thousands of short strokes of a canvas.
 
 export class Raster {
   canvas = document.createElement("canvas");

@@ -1,4 +1,4 @@
-// The recorder: names a file, from when until when, and shows what is being written.
+// Controls of the recorder: file, start and end. Shows the running recording.
 
 import { field, make, select } from "./dom.js";
 import { shown } from "./units.js";

@@ -1,4 +1,4 @@
-// The scope: chosen signals over time, a strip for each unit; hold, zoom, trigger, two cursors.
+// The scope view: selected signals over time, one strip per unit, with hold, zoom, trigger and cursors.
 
 import { COLOURS, ink } from "./colours.js";
 import { Cursors } from "./cursors.js";

@@ -1,4 +1,4 @@
-// Parameter sets: save what is in force under a name, compare two, stage one.
+// Parameter sets: saves the active values under a name, compares two sets, stages a set.
 
 import { field, make, refuse } from "./dom.js";
 
@@ -21,7 +21,7 @@ export class Sets {
     const bar = make(
       "div",
       { className: "bar", id: "sets" },
-      field("what is in force as", this.name),
+      field("active values as", this.name),
       this.saveButton,
       field("compare", this.first),
       field("with", this.second),
@@ -77,7 +77,7 @@ export class Sets {
       make("tr", {}, ...head.map((text) => make("th", { textContent: text }))),
       ...differing.map((name) => row(name, first[name], second[name])),
     );
-    this.note.textContent = differing.length ? "" : "they are the same";
+    this.note.textContent = differing.length ? "" : "the values are equal";
   }
 
   async #values(name) {

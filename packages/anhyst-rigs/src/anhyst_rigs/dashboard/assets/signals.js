@@ -1,6 +1,6 @@
-// Where a signal of the bench stands in its rows.
+// Finds the column of a signal in the rows of the bench.
 
-// The column of a signal, or -1 where there is none.
+// Returns the column of a signal, or -1 if it does not exist.
 export function columnOf(bench, name) {
   return bench.signals.findIndex((signal) => signal.name === name);
 }

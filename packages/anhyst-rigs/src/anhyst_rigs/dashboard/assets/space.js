@@ -1,4 +1,4 @@
-// A picture of things in space on a canvas, seen from far away, turned by mouse, finger or arrow keys.
+// Draws objects in space on a canvas in parallel projection. Mouse, touch or arrow keys rotate it.
 
 import { ink } from "./colours.js";
 

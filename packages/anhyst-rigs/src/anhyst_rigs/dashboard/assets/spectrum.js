@@ -1,4 +1,4 @@
-// The spectrum view: amplitude spectral density of a signal, and what it is at the cursor.
+// The spectrum view: amplitude spectral density of a signal, and its value at the cursor.
 
 import { Plane } from "./canvas.js";
 import { ink } from "./colours.js";

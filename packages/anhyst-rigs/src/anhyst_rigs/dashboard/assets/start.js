@@ -1,4 +1,4 @@
-// The page while a rig is built: asks how far it is, and reloads once the rig answers.
+// The page while a rig is built: polls the progress, and reloads when the rig responds.
 
 const ASK_MS = 400;
 const part = (id) => document.getElementById(id);
@@ -23,7 +23,7 @@ async function ask() {
     show(start);
     if (start.error) return;
   } catch {
-    part("work").textContent = "No answer. Does anhyst live still run?";
+    part("work").textContent = "No answer. Is anhyst live still running?";
   }
   setTimeout(ask, ASK_MS);
 }

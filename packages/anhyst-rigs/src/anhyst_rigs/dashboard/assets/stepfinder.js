@@ -1,4 +1,4 @@
-// Finds steps of the reference in what comes in, and their figures.
+// Finds steps of the reference in the samples, and computes their figures.
 
 const BEFORE_S = 0.01; // the reference must have rested so long
 const AFTER_S = 0.06; // and rest so long afterwards

@@ -1,4 +1,4 @@
-// The step view: the last steps overlaid, by what was in force, and their figures.
+// The step view: overlays the last steps, coloured by active parameters, with their figures.
 
 import { Plane } from "./canvas.js";
 import { COLOURS } from "./colours.js";
@@ -25,7 +25,7 @@ export class StepView {
     });
     const figure = make("figure");
     this.rows = make("tbody");
-    const heads = ["", "in force", "height", "overshoot", "rise 10–90 %", "settling to 5 %"];
+    const heads = ["", "active", "height", "overshoot", "rise 10–90 %", "settling to 5 %"];
     const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text })));
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(

@@ -1,4 +1,4 @@
-// The last rows of all signals, and what of them falls on each pixel.
+// Stores the last rows of all signals, and returns their range for each pixel.
 
 const CAPACITY = 1 << 19;
 

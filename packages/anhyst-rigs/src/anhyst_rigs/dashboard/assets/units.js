@@ -1,6 +1,6 @@
-// Units in which numbers are shown: SI is what arrives, the eye prefers micrometres.
+// Units for the display. Values arrive in SI units.
 
-// Name, factor from SI, and the least range of an axis, so that noise at rest stays small.
+// Name, factor from SI, and minimum range of an axis, so that noise at standstill remains small.
 const SHOWN = {
   m: ["µm", 1e6, 0.02],
   rad: ["µrad", 1e6, 0.02],

@@ -1,4 +1,4 @@
-// The drift watch: whether the model in force still fits what the bench does.
+// The drift monitor: shows whether the active model still fits the bench.
 
 import { make, refuse } from "./dom.js";
 

@@ -1,4 +1,4 @@
-"""The structure of the simulated loop (the paper's Fig. 10), with its actual numbers."""
+"""The block diagram of the simulated loop with its actual values (paper, Fig. 10)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixe
 
 
 def diagram_blocks(rig: BodyRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
-    """Say what every block of the loop is."""
+    """Return the content of each block of the loop."""
     plant = rig.settings
     return {
         "controller": _controller(controller),
@@ -47,7 +47,7 @@ def diagram_blocks(rig: BodyRig, controller: ControllerTable) -> Mapping[str, Di
 
 
 def compensator_inputs(controller: ControllerTable) -> str:
-    """Name the inputs of the compensator beside the wanted force."""
+    """Return the inputs of the compensator in addition to the demanded force."""
     inputs = ["gap"]
     if controller.compensation.applied == "measured":
         inputs.append("current")
@@ -100,7 +100,7 @@ def _output(rig: BodyRig) -> DiagramBlock:
 
 def _amplifier(plant: RigFile) -> DiagramBlock:
     amplifier = plant.amplifier
-    loop = "own current loop" if amplifier.mode == "current" else "voltage mode"
+    loop = "current loop" if amplifier.mode == "current" else "voltage mode"
     lines = [
         f"{loop}, {_format_frequency(amplifier.bandwidth_Hz)}",
         f"supply ±{amplifier.supply:g} V",
@@ -145,7 +145,7 @@ def _mechanics(plant: RigFile) -> DiagramBlock:
         lines.append(f"guide {mechanics.damping_N_s_per_m:g} N s/m")
     if mechanics.gravity_m_per_s2:
         lines.append(f"gravity {mechanics.gravity_m_per_s2:g} m/s²")
-    lines.append(f"works at {1e3 * plant.gap_m:g} mm")
+    lines.append(f"operates at {1e3 * plant.gap_m:g} mm")
     return DiagramBlock("mechanics", tuple(lines))
 
 
@@ -183,7 +183,7 @@ def _count_text(plant: RigFile) -> str:
 
 
 def _format_gain(value: float) -> str:
-    """Write a gain: thousands and millions with their power of ten."""
+    """Return a gain as text; very large and very small ones have a power of ten."""
     if value == 0.0:
         return "0"
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
@@ -201,15 +201,18 @@ def _format_length(value: float) -> str:
     return f"{1e9 * value:.3g} nm" if value < 1e-6 else f"{1e6 * value:.3g} µm"
 
 
-_BOX_GAP_IN = 0.46  # inches
-_LEFT_EDGE_IN, _TOP_ROW_IN, _MIDDLE_ROW_IN, _LOW_ROW_IN = 0.62, 3.95, 1.95, 0.56
+_BOX_GAP_IN = 0.46
+_LEFT_EDGE_IN = 0.62
+_TOP_ROW_IN = 3.95
+_MIDDLE_ROW_IN = 1.95
+_LOW_ROW_IN = 0.56
 _LOAD_HEIGHT_IN = 0.96
 _FIGURE_SIZE_IN = (_LEFT_EDGE_IN + 4 * BOX_WIDTH_IN + 3 * _BOX_GAP_IN + 0.5, 4.8)
 
 
 @use_report_style
 def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
-    """Draw the loop: controller above, magnet and armature below."""
+    """Draw the loop: the controller above, the magnet and the armature below."""
     figure, ax = new_diagram(*_FIGURE_SIZE_IN)
     blocks = diagram_blocks(rig, controller)
     columns = [
@@ -234,9 +237,9 @@ def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
 
 
 def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
-    """Draw what goes from block to block."""
+    """Draw the signals between the blocks."""
     half_width, half_height = 0.5 * BOX_WIDTH_IN, 0.5 * BOX_HEIGHT_IN
-    for index, name in enumerate(("F wanted", "i wanted", "i ref")):
+    for index, name in enumerate(("F demand", "i demand", "i ref")):
         x = columns[index] + half_width
         draw_arrow(ax, [(x, _TOP_ROW_IN), (x + _BOX_GAP_IN, _TOP_ROW_IN)])
         draw_label(ax, (x + 0.5 * _BOX_GAP_IN, _TOP_ROW_IN + 0.08), name.replace(" ", "\n"))
@@ -254,9 +257,9 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
             FALLING_COLOUR if index == 2 else RISING_COLOUR,
         )
         draw_label(ax, (x - 0.5 * _BOX_GAP_IN, _MIDDLE_ROW_IN + 0.08), name)
-    # Reference from the left; the measured gap from below.
+    # The reference comes from the left, the measured gap from below.
     draw_arrow(ax, [(0.06, _TOP_ROW_IN), (_LEFT_EDGE_IN, _TOP_ROW_IN)])
-    draw_label(ax, (0.5 * _LEFT_EDGE_IN, _TOP_ROW_IN + 0.08), "gap\nwanted")
+    draw_label(ax, (0.5 * _LEFT_EDGE_IN, _TOP_ROW_IN + 0.08), "gap\ndemand")
     draw_arrow(
         ax, [(columns[0], _MIDDLE_ROW_IN + half_height), (columns[0], _TOP_ROW_IN - half_height)]
     )
@@ -277,14 +280,16 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
 
 
 def _draw_load_and_gap(ax: Axes, columns: Sequence[float]) -> None:
-    """Draw load and moving gap, on lanes below the plant."""
-    half, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
-    left = columns[1] - 0.5 * half
+    """Draw the load and the moving gap, below the plant."""
+    half_width, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
+    load_x = columns[1] - 0.5 * half_width
     draw_arrow(
-        ax, [(columns[0] + half, _LOW_ROW_IN), (left, _LOW_ROW_IN), (left, floor)], FALLING_COLOUR
+        ax,
+        [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, floor)],
+        FALLING_COLOUR,
     )
-    draw_label(ax, (0.5 * (columns[0] + half + left), _LOW_ROW_IN + 0.05), "load")
-    start, lane = columns[1] + 0.5 * half, 0.5 * (_LOW_ROW_IN + floor)
+    draw_label(ax, (0.5 * (columns[0] + half_width + load_x), _LOW_ROW_IN + 0.05), "load")
+    start, lane = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + floor)
     ax.plot([start, start], [floor, lane], color=RISING_COLOUR, lw=1.3)
     draw_arrow(ax, [(start, lane), (columns[3], lane), (columns[3], floor)])
     draw_arrow(ax, [(columns[2], lane), (columns[2], floor)])

@@ -1,4 +1,4 @@
-"""Figures of a simulated bearing, over time, in the plane of force and current, and over frequency."""
+"""Figures of a simulated bearing over time, in the force-current plane, and over frequency."""
 
 from __future__ import annotations
 
@@ -37,30 +37,31 @@ from anhyst_rigs.study.bearing.responses import SETTLING_BAND
 from anhyst_rigs.study.engine.table import Interval
 
 Recordings = Mapping[MethodName, Recording]
-"""Of every variant, all of the same scenario."""
+"""Recordings of the same scenario, by variant."""
 
-_SHOWN_BEFORE_S, _SHOWN_AFTER_S = 2e-3, 0.02  # shown before and after a step, s
-_MAX_SEGMENT_TICKS = 4096  # ticks of a spectrum's piece at most
-_SPECTRUM_BINS = 120  # of a spectrum
+_SHOWN_BEFORE_S = 2e-3  # time shown before a step
+_SHOWN_AFTER_S = 0.02
+_MAX_SEGMENT_TICKS = 4096  # maximum length of a segment, ticks
+_SPECTRUM_BINS = 120  # number of bins
 
 
 @dataclass(frozen=True)
 class StepPanel:
-    """One step of the reference under several variants."""
+    """One step of the reference, with several variants."""
 
-    step: ReferenceStep  # where in the recordings it stands
-    recordings: Recordings  # of every variant
-    overshoot: Mapping[MethodName, Interval]  # over the noise seeds, %; the legend names it
+    step: ReferenceStep  # step with its ticks in the recordings
+    recordings: Recordings  # recording of each variant
+    overshoot: Mapping[MethodName, Interval]  # over the noise seeds, % of the height
 
     @property
     def gap(self) -> float:
-        """Around which the step goes, m."""
+        """Mean gap of the step, m."""
         return 0.5 * (self.step.before + self.step.after)
 
 
 @use_report_style
 def figure_steps(panels: Sequence[StepPanel]) -> Figure:
-    """Draw step responses, one panel a step (the paper's Fig. 11), and what is off below each."""
+    """Draw step responses (paper, Fig. 11), one panel per step, with the deviation below each."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
@@ -75,7 +76,7 @@ def figure_steps(panels: Sequence[StepPanel]) -> Figure:
 
 
 def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
-    """Return the time since the step, ms, and what is shown of a recording."""
+    """Return the time since the step in ms, and the part of a recording that is shown."""
     step, recording = panel.step, panel.recordings[name]
     tick = recording["t_s"][1] - recording["t_s"][0]
     first = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
@@ -84,15 +85,15 @@ def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, R
 
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
-    """Draw how far beyond the end of a step it is, % of the height, as near as overshoots need."""
+    """Draw the deviation beyond the end of a step in % of its height, scaled to the overshoot."""
     step, largest = panel.step, 0.0
     direction = np.sign(step.before - step.after)
     for name in in_report_order(panel.recordings):
         time, part = _part_around_step(panel, name)
         deviation = 100.0 * direction * (step.after - part["gap_m"]) / step.height
         largest = max(largest, float(deviation.max()))
-        after = time >= 0.0
-        ax.plot(*thin_curves(time[after], deviation[after]), **line_style(name))
+        is_after_step = time >= 0.0
+        ax.plot(*thin_curves(time[is_after_step], deviation[is_after_step]), **line_style(name))
     band = 100.0 * SETTLING_BAND
     ax.axhspan(-band, band, color=SHADE_COLOUR, alpha=0.2, lw=0)
     ax.axhline(0.0, color=INK_COLOUR, lw=0.9)
@@ -100,7 +101,7 @@ def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
     ax.set_ylim(-limit, limit)
     ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
     ax.set_xlabel("time (ms)")
-    ax.set_ylabel("off (% of height)")
+    ax.set_ylabel("deviation (% of height)")
 
 
 def _draw_step(ax: Axes, panel: StepPanel) -> None:
@@ -113,8 +114,8 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
                 time, reference, color=INK_COLOUR, lw=0.9, drawstyle="steps-post", label="reference"
             )
             band = SETTLING_BAND * 1e6 * step.height
-            end = 1e6 * (step.before - step.after)
-            ax.axhspan(end - band, end + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
+            target = 1e6 * (step.before - step.after)
+            ax.axhspan(target - band, target + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
         overshoot = interval_text(panel.overshoot.get(name), "%")
         curve = thin_curves(time, 1e6 * (step.before - part["gap_m"]))
         ax.plot(*curve, **line_style(name), label=f"{name}: overshoot {overshoot}")
@@ -131,7 +132,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
 
 @use_report_style
 def figure_forces(recordings: Recordings) -> Figure:
-    """Draw wanted and true force over time, and by how much they differ, one column a variant."""
+    """Draw demanded and true force over time and their difference, one column per variant."""
     names = in_report_order(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(
@@ -147,7 +148,7 @@ def figure_forces(recordings: Recordings) -> Figure:
             color=INK_COLOUR,
             lw=0.8,
             ls=(0, (4, 3)),
-            label="wanted force",
+            label="demanded force",
         )
         error = force - demand
         below.plot(*thin_curves(time, error), **line_style(name))
@@ -158,14 +159,14 @@ def figure_forces(recordings: Recordings) -> Figure:
         )
         below.set_xlabel("time (ms)")
     axes[0, 0].set_ylabel("force (N)")
-    axes[1, 0].set_ylabel("true - wanted force (N)")
+    axes[1, 0].set_ylabel("true - demanded force (N)")
     legend_below(figure, *axes[0])
     return figure
 
 
 @use_report_style
 def figure_tracking(recordings: Recordings, title: str) -> Figure:
-    """Draw the error of the position under a moving reference or a load, and what moves."""
+    """Draw the position error with a moving reference or a load, and the position or current."""
     names = in_report_order(recordings)
     first = recordings[names[0]]
     factor = 1e3 if first["t_s"][-1] - first["t_s"][0] < 0.5 else 1.0
@@ -178,7 +179,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
         error = 1e9 * (run["reference_m"] - run["gap_m"])
         label = (
             f"{name}: error {format_number(float(np.sqrt(np.mean(error**2))))} nm rms, "
-            f"{format_number(float(np.abs(error).max()))} nm at most"
+            f"{format_number(float(np.abs(error).max()))} nm maximum"
         )
         second = 1e6 * (first["reference_m"][0] - run["gap_m"]) if is_moving else run["current_A"]
         above.plot(*thin_curves(time, error), **line_style(name), label=label)
@@ -199,7 +200,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
 
 @use_report_style
 def figure_standstill(recordings: Recordings) -> Figure:
-    """Draw the position at a standstill over time, and its spectrum."""
+    """Draw the position at standstill over time, and its spectrum."""
     names = in_report_order(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)
@@ -229,12 +230,12 @@ def figure_standstill(recordings: Recordings) -> Figure:
 def _amplitude_density(
     recording: Recording, deviation: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    from scipy.signal import welch  # slow to load, and used here alone
+    from scipy.signal import welch  # slow to import
 
     rate = 1.0 / (recording["t_s"][1] - recording["t_s"][0])
     frequency, power = welch(deviation, rate, nperseg=min(_MAX_SEGMENT_TICKS, deviation.size))
     frequency, power = frequency[1:], power[1:]
-    # As many means as can be distinguished on a logarithmic axis.
+    # Average in as many bins as are visible on a logarithmic axis.
     bin_of = np.digitize(
         frequency, np.geomspace(frequency[0], frequency[-1] * 1.001, _SPECTRUM_BINS + 1)
     )
@@ -244,20 +245,20 @@ def _amplitude_density(
     return middle, np.sqrt(mean)
 
 
-_BRANCH_SAMPLES = 400  # of an identified loop, one way
+_BRANCH_SAMPLES = 400  # samples per branch of an identified loop
 
 
 @dataclass(frozen=True)
 class LoopCurve:
-    """A loop in the plane."""
+    """A loop in the force-current plane."""
 
     gap: float  # m
-    current: FloatArray  # A, N
+    current: FloatArray  # current in A, force in N
     force: FloatArray
 
 
 def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
-    """Return the measured loops of the nearest gaps, one to either side where there are two."""
+    """Return the measured loops of the nearest gaps: one on each side, if there are two."""
     loops_by_gap = [(loop.schedule_value, loop) for loop in loops.loops]
     gaps = sorted({value for value, _ in loops_by_gap if value is not None})
     below = [value for value in gaps if value <= gap][-1:]
@@ -270,9 +271,9 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
 
 
 def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
-    """Return the settled loop of a model between two currents."""
-    half = np.linspace(low, high, _BRANCH_SAMPLES)
-    current = np.concatenate([half, half[-2::-1]])
+    """Return the steady-state loop of a model between two currents."""
+    rising = np.linspace(low, high, _BRANCH_SAMPLES)
+    current = np.concatenate([rising, rising[-2::-1]])
     force = model.predict(current, gap, history="settled").output
     return LoopCurve(gap, current, np.asarray(force, dtype=np.float64))
 
@@ -281,28 +282,30 @@ def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCu
 def figure_force_current(
     recordings: Recordings, measured: Sequence[LoopCurve], identified: LoopCurve | None
 ) -> Figure:
-    """Draw true force over true current of a run, over measured and identified loops.
+    """Draw true force over true current of a run, with measured and identified loops.
 
-    Below, the loops by themselves, less the single-valued curve through each: their width is a
-    few per cent of the force.
+    Below, the loops are drawn minus the single-valued curve through each. Their width is a few per
+    cent of the force.
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-    whole, detail = (figure.add_subplot(grid[0, column]) for column in range(2))
+    overview, detail = (figure.add_subplot(grid[0, column]) for column in range(2))
     _draw_widths(figure.add_subplot(grid[1, :]), measured, identified)
-    for ax in (whole, detail):
+    for ax in (overview, detail):
         _draw_loops(ax, measured, identified)
         for name in in_report_order(recordings):
             run = recordings[name]
             ax.plot(run["current_A"], run["force_N"], **line_style(name), label=f"run, {name}")
         ax.set_xlabel("current (A)")
         ax.set_ylabel("force (N)")
-    ends = [_axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS]
-    detail.set_xlim(*ends[0])
-    detail.set_ylim(*ends[1])
-    whole.set_title("whole range")
-    detail.set_title("where the run goes")
-    legend_below(figure, whole, columns=3)
+    limits = [
+        _axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS
+    ]
+    detail.set_xlim(*limits[0])
+    detail.set_ylim(*limits[1])
+    overview.set_title("whole range")
+    detail.set_title("range of the run")
+    legend_below(figure, overview, columns=3)
     return figure
 
 
@@ -310,13 +313,13 @@ _AXIS_COLUMNS = ("current_A", "force_N")
 
 
 def _draw_widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    """Draw loops less the curve through those of their gap."""
+    """Draw loops minus the single-valued curve of their gap."""
     differences = []
     for gap in dict.fromkeys(loop.gap for loop in measured):
         differences += _subtract_curve([loop for loop in measured if loop.gap == gap])
     ax.axhline(0.0, color=SHADE_COLOUR, lw=0.7)
     _draw_loops(ax, differences, None if identified is None else _subtract_curve([identified])[0])
-    ax.set_title("loops less the single-valued curve of their gap")
+    ax.set_title("loops minus the single-valued curve of their gap")
     ax.set_xlabel("current (A)")
     ax.set_ylabel("force (N)")
 
@@ -352,16 +355,17 @@ def _axis_limits(rows: Sequence[FloatArray]) -> tuple[float, float]:
 
 
 _ZONE_COLOURS = ("#E4F2EC", "#FFF7DC", "#FCE6D2", "#F8D7DA")
-_MIN_LEVEL_DB, _MAX_LEVEL_DB = -40.0, 20.0  # dB, at least shown
+_MIN_LEVEL_DB = -40.0
+_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless the peak is higher
 
 
 @dataclass(frozen=True)
 class Response:
-    """A complex number over frequency."""
+    """A complex frequency response."""
 
-    frequency: FloatArray  # Hz, rising; shape (n,)
+    frequency: FloatArray  # Hz, ascending; shape (n,)
     value: NDArray[np.complex128]  # sensitivity or loop gain; shape (n,)
-    note: str = ""  # for the legend, such as that the loop is unstable
+    note: str = ""  # remark for the legend, such as an unstable loop
 
     @property
     def decibel(self) -> FloatArray:
@@ -375,12 +379,12 @@ class Response:
 
 
 Responses = Mapping[MethodName, Response]
-"""Of every variant."""
+"""Frequency responses by variant."""
 
 
 @use_report_style
 def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
-    """Draw the sensitivity of the running loop, the linearised one, and the zones."""
+    """Draw the sensitivity of the running loop and of the linearised loop, with the zones."""
     figure = new_figure(4.4)
     ax = figure.add_subplot()
     highest = max((curve.decibel.max() for curve in measured.values()), default=0.0)
@@ -404,8 +408,10 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
     if linear:
         ax.plot([], [], color=INK_COLOUR, lw=0.7, ls=":", label="linearised loop")
     ax.set_ylim(_MIN_LEVEL_DB, top)
-    ends = [end for curve in measured.values() for end in curve.frequency[[0, -1]]]
-    ax.set_xlim(min(ends), max(ends))
+    frequencies = [
+        frequency for curve in measured.values() for frequency in curve.frequency[[0, -1]]
+    ]
+    ax.set_xlim(min(frequencies), max(frequencies))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("sensitivity (dB)")
     legend_below(figure, ax, columns=2)
@@ -413,8 +419,8 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
 
 
 def _draw_zones(ax: Axes, top: float) -> None:
-    """Shade and name the zones, which a sensitivity is judged by."""
-    edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(one) for one in ZONE_LIMITS.values()), top]
+    """Shade and name the zones by which a sensitivity is evaluated."""
+    edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top]
     names = [*ZONE_LIMITS, "D"]
     for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
         ax.axhspan(low, high, color=fill, lw=0, zorder=0)
@@ -455,7 +461,7 @@ def figure_bode(loops: Responses) -> Figure:
 
 @use_report_style
 def figure_nyquist(loops: Responses) -> Figure:
-    """Draw the loop gain in the complex plane, with the circle that the best zone keeps clear."""
+    """Draw the loop gain in the complex plane, with the circle that zone A does not enter."""
     figure = new_figure(5.2, width=7.2)
     ax = figure.add_subplot()
     unit_circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))

@@ -1,4 +1,4 @@
-"""The report of a simulated bearing: one page that needs nothing else."""
+"""The report of a simulated bearing: a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _MAX_TILES = 4
 
 
 def render(subject: SimulationSubject) -> str:
-    """Return the text of the report; the same for the same subject."""
+    """Return the text of the report; equal subjects give equal texts."""
     sections = (
         structure_section(subject.rig, subject.controller, subject.all_variants),
         _step_section(subject),
@@ -78,13 +78,13 @@ def _headline(subject: SimulationSubject) -> Headline:
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=benefit_table(subject),
-        validity="These figures hold for this plant and these settings, and for no other iron: what "
-        "compensation gains depends on loop width, reversible fraction and step height.",
+        validity="These figures apply only to this plant, its iron and these settings. The gain "
+        "of compensation depends on loop width, reversible fraction and step height.",
     )
 
 
 def plant_text(rig: BodyRig) -> str:
-    """Say in a few words what a bearing is."""
+    """Return a short description of a bearing."""
     plant = rig.settings
     arrangement = "A pair of magnets" if plant.opposite is not None else "One magnet"
     return (
@@ -94,7 +94,7 @@ def plant_text(rig: BodyRig) -> str:
 
 
 def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
-    """Overshoot at every height at the operating gap, beside the strongest of the others."""
+    """Return the overshoot of each step height at the operating gap, and of the best baseline."""
     tiles = []
     gap = subject.rig.settings.gap_m
     for step in subject.steps:
@@ -113,17 +113,17 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
 
 
 def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable[str]:
-    """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
+    """Yield the overshoot of a variant, of the strongest baseline and with measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
-    other = strongest_baseline(step.figure(OVERSHOOT))
-    if other not in (None, variant):
-        yield f"strongest without hysteresis model ({other}): {overshoot_text(step, other)}"
+    baseline = strongest_baseline(step.figure(OVERSHOOT))
+    if baseline not in (None, variant):
+        yield f"best without hysteresis model ({baseline}): {overshoot_text(step, baseline)}"
     if "flux" in step.cells and variant != "flux":
         yield f"measured flux: {overshoot_text(step, 'flux')}"
 
 
 def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
-    """Say where levitation was lost."""
+    """Yield a note about the runs that lost levitation."""
     runs = [
         f"{name} at {subject.step_text(step)}: {cell.lost} of {subject.seeds} runs"
         for step in subject.steps
@@ -131,7 +131,7 @@ def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
         if cell.lost
     ]
     if runs:
-        text = f"{'; '.join(runs)}. A figure of which a run was lost has no mean."
+        text = f"{'; '.join(runs)}. A figure has no mean if one of its runs was lost."
         yield Note("bad", "Levitation lost", text)
 
 
@@ -142,10 +142,10 @@ def _capitalise(text: str) -> str:
 def structure_section(
     rig: BodyRig, controller: ControllerTable, variants: Iterable[MethodName | None]
 ) -> Section:
-    """Draw the loop with its numbers, and say what the variants are."""
+    """Return the section with the block diagram and the variants."""
     caption = (
         "Structure of the simulation (the paper's Fig. 10) with the numbers of rig and controller "
-        "file. Blue boxes are the compiled program, as it would be flashed; grey ones the plant."
+        "file. Blue: the compiled program, as on a controller. Grey: the plant."
     )
     alt = (
         "Block diagram: controller, force to current, DAC and delay, amplifier, electrical "
@@ -158,7 +158,7 @@ def structure_section(
         "Structure and numbers",
         (
             picture(figure, "structure", alt, caption),
-            legend_table(in_report_order(one for one in variants if one)),
+            legend_table(in_report_order(variant for variant in variants if variant)),
         ),
     )
 
@@ -175,8 +175,8 @@ def _step_section(subject: SimulationSubject) -> Section:
                 "Step responses with and without compensation (the paper's Fig. 11), one run of "
                 f"{subject.seeds}; overshoot in the legends is the mean over all of them, in % of "
                 "the height. The grey band is 2 % of the height. True position; upwards closes "
-                "the gap. Below each, how far it is from the reference, enlarged: above zero it is "
-                "beyond its end.",
+                "the gap. Below each, how far it is from the reference, enlarged. Above zero, it is "
+                "beyond the reference.",
             )
         )
     if sentence := settling_sentence(subject):
@@ -192,14 +192,14 @@ def _force_section(subject: SimulationSubject) -> Section:
             picture(
                 figure_forces(subject.forces),
                 "forces",
-                "Wanted and true force over time and their difference, one column a variant: "
+                "Demanded and true force over time and their difference, one column a variant: "
                 f"{', '.join(in_report_order(subject.forces))}.",
-                "What the position controller wants and what the magnet gives. The difference "
-                "holds hysteresis, but the lag of amplifier and delay as well, and for a constant "
-                "ratio the force that the motion of the armature adds.",
+                "The force that the position controller demands and the force of the magnet. The "
+                "difference includes hysteresis, the lag of the amplifier and the delay. With a "
+                "constant ratio, it also includes the effect of the armature motion.",
             )
         )
-    return Section("forces", "Wanted and true force", tuple(blocks))
+    return Section("forces", "Demanded and true force", tuple(blocks))
 
 
 def _loop_section(subject: SimulationSubject) -> Section | None:
@@ -210,16 +210,16 @@ def _loop_section(subject: SimulationSubject) -> Section | None:
     figure = figure_force_current(subject.run, subject.measured, subject.identified)
     return Section(
         "loops",
-        "In the plane of force and current",
+        "Force over current",
         (
             picture(
                 figure,
                 "loops",
-                f"Force over current: measured loops at {gaps}, and where the run goes: "
+                f"Force over current: measured loops at {gaps}, and the run: "
                 f"{', '.join(in_report_order(subject.run))}.",
                 f"True force over true current of the run, over the loops measured at {gaps}, the "
                 "nearest gaps, and the identified loop at the gap of the run. Below, the loops "
-                "less the single-valued curve of their gap: hysteresis by itself.",
+                "minus the single-valued curve of their gap: only hysteresis remains.",
             ),
         ),
     )
@@ -253,7 +253,7 @@ def _standstill_section(subject: SimulationSubject) -> Section:
                 "standstill",
                 "Position at a standstill over time, and its spectrum: "
                 f"{', '.join(in_report_order(subject.standstill))}.",
-                f"True position at rest in the air, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
+                f"True position at standstill, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
                 f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
             )
         )
@@ -268,7 +268,8 @@ def _frequency_section(subject: SimulationSubject) -> Section:
         peaks = [
             f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
             for name, curve in (
-                (one, subject.sensitivity[one]) for one in in_report_order(subject.sensitivity)
+                (variant, subject.sensitivity[variant])
+                for variant in in_report_order(subject.sensitivity)
             )
         ]
         blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))
@@ -278,7 +279,7 @@ def _frequency_section(subject: SimulationSubject) -> Section:
                 "sensitivity",
                 "Sensitivity over frequency, measured by injection of a sine into the running "
                 f"nonlinear loop, with the zones A to D: {', '.join(in_report_order(subject.sensitivity))}",
-                "What the controller sees over what was injected, a stepped sine in the running "
+                "Signal of the controller over the injected one, a stepped sine in the running "
                 "nonlinear loop; dotted: linearised. Zones of ISO 14839-3: A up to 3 (9.5 dB), "
                 "B up to 4 (12 dB), C up to 5 (14 dB).",
             )
@@ -291,10 +292,10 @@ def _frequency_section(subject: SimulationSubject) -> Section:
                 "bode",
                 f"Bode plot of the linearised loop gain, magnitude and phase: {names}.",
                 "Loop gain of the loop linearised at the operating point, delay, amplifier and "
-                "sensor included. A variant that is no constant is shown as if it knew the "
-                "static slopes and cancelled them exactly: hysteresis drops out, all of these have "
-                "one loop, and margins are given only for constants. The magnet is unstable by "
-                "itself, at low frequencies the gain must stay above 1.",
+                "sensor included. A variant with a model is shown as if it knew the static "
+                "slopes and cancelled them exactly. Then hysteresis has no effect, and all these "
+                "variants have the same loop. Margins are given only for constants. The magnet itself "
+                "is unstable, so that the gain must be above 1 at low frequencies.",
             )
         )
         blocks.append(
@@ -302,7 +303,7 @@ def _frequency_section(subject: SimulationSubject) -> Section:
                 figure_nyquist(subject.loop_gain),
                 "nyquist",
                 f"Nyquist plot of the linearised loop gain around the critical point: {names}.",
-                "The same in the complex plane; within the red circle around -1 the sensitivity "
+                "The same in the complex plane; inside the red circle around -1, the sensitivity "
                 "is beyond zone A.",
             )
         )

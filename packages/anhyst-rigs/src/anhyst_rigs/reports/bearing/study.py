@@ -1,4 +1,4 @@
-"""A bearing simulated: the study with its page, and the firmware in the air."""
+"""The study of a simulated bearing with its page, and the test of its firmware in levitation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from anhyst_rigs.study.bearing.simulate import Simulation, simulate_bearing
 
 
 def simulate(task: SimulationTask) -> Simulation:
-    """Step, load and disturb a bearing, with and without compensation."""
+    """Simulate steps, loads and disturbances of a bearing, with and without compensation."""
     out = task.out if task.writes_files else None
     return task.study(
         lambda: simulate_bearing(task.rig, out, task.controller, task.progress),
@@ -20,7 +20,7 @@ def simulate(task: SimulationTask) -> Simulation:
 
 
 def run_firmware(task: SimulationTask, board: str) -> BoardComparison:
-    """Run the firmware on a board, and inject faults while it levitates."""
+    """Run the firmware on a board, and inject faults while the bearing levitates."""
     comparison = run_board(task.rig, task.out, board, task.controller, task.progress)
     write_json(task.out, comparison.as_dict())
     return comparison

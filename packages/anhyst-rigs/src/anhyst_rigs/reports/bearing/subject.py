@@ -1,4 +1,4 @@
-"""What a report of a simulation is about, plain data parts of which may be absent; its tables and sentences."""
+"""Data, tables and sentences of the report of a bearing; any part of the data can be missing."""
 
 from __future__ import annotations
 
@@ -60,75 +60,81 @@ from anhyst_rigs.study.engine.table import CaseFigures, ComparedFigure, Metric, 
 
 @dataclass(frozen=True)
 class Tracking:
-    """One thing that was tried, under every variant: a trajectory, a load step, a recovery."""
+    """One experiment with every variant: a trajectory, a load step, or a recovery."""
 
-    title: str  # what was tried
-    recordings: Mapping[MethodName, Recording]  # as long as they are to be shown
+    title: str  # name of the experiment
+    recordings: Mapping[MethodName, Recording]  # recordings, cut to the part that is shown
 
 
 @dataclass(frozen=True)
 class SimulationSubject:
-    """All there is to say about a simulation."""
+    """All data of the report of a simulation."""
 
-    rig: BodyRig  # the bearing
-    # its controller; the variant it names is the one that others are held against
+    rig: BodyRig
+    # controller; the others are compared with its variant
     controller: ControllerTable
-    seeds: int  # noise seeds behind every interval
-    panels: tuple[StepPanel, ...] = ()  # fig. 11
-    steps: tuple[StepComparison, ...] = ()  # the figures of all steps
-    experiments: Experiments | None = None  # those of all else
-    # in which wanted and true force are shown
+    seeds: int  # noise seeds for each interval
+    panels: tuple[StepPanel, ...] = ()  # panels of the step responses (paper, Fig. 11)
+    steps: tuple[StepComparison, ...] = ()  # figures of all steps
+    experiments: Experiments | None = None  # all other experiments
+    # runs for demanded and true force
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
-    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # shown over the loops
-    measured: tuple[LoopCurve, ...] = ()  # loops of the nearest gaps
+    run: Mapping[MethodName, Recording] = field(
+        default_factory=dict
+    )  # runs that are drawn with the loops
+    measured: tuple[LoopCurve, ...] = ()  # measured loops of the nearest gaps
     identified: LoopCurve | None = None  # loop of the model at the gap of the run
     tracked: tuple[Tracking, ...] = ()  # trajectories, load steps, recoveries
-    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # at rest in the air
-    # measured; of the linearised loop; its loop gain
+    standstill: Mapping[MethodName, Recording] = field(
+        default_factory=dict
+    )  # runs at standstill, levitated
+    # measured sensitivity; sensitivity and loop gain of the linearised loop
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
-    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # of the linearised loop
-    notes: tuple[Note, ...] = ()  # what a reader must know first, such as a loop that was unstable
-    # where it comes from: names of files and their SHA-256
+    margins: Mapping[MethodName, Margins] = field(
+        default_factory=dict
+    )  # margins of the linearised loop
+    notes: tuple[Note, ...] = ()  # for the head of the page
+    # SHA-256 of the input files by name
     files: Mapping[str, str] = field(default_factory=dict)
-    command: str = ""  # what makes it again
+    command: str = ""  # command that repeats the study
 
     @property
     def variant(self) -> MethodName:
-        """MethodName of the controller, that others are held against."""
+        """Variant of the controller, with which the others are compared."""
         return self.controller.compensation.variant
 
     @property
     def baselines(self) -> list[MethodName]:
-        """The other variants of the steps, in order."""
+        """The other variants of the steps, in report order."""
         methods = {name for step in self.steps for name in step.cells}
         return [name for name in in_report_order(methods) if name != self.variant]
 
     @property
     def all_variants(self) -> list[MethodName]:
-        """All that the page speaks of."""
-        shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
-        return in_report_order({self.variant, *shown})
+        """All variants that the page shows."""
+        variants = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
+        return in_report_order({self.variant, *variants})
 
     def step_text(self, step: StepComparison) -> str:
-        """Say in words what a step was; the load only if there are several."""
+        """Return a step as text, with the load only if there are several loads."""
         place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
-        several = len({one.load for one in self.steps}) > 1
-        return f"{place}, {step.load:g}{NBSP}N" if several else place
+        has_several_loads = len({other.load for other in self.steps}) > 1
+        return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
 
 
-_SHOWN_S = 0.03  # of a step, s
+_SHOWN_S = 0.03  # length of the shown part of a step, s
 _FORCE_VARIANTS = (
     "ratio",
     "single-valued",
     "full",
-)  # whose forces are shown, beside the controller's own
+)  # variants whose forces are shown, in addition to that of the controller
 _FREQUENCY_COUNT = 400
 
 
 def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
-    """Gather what the report of a simulation shows; trajectories and loads are run once more."""
+    """Gather the data of a report; trajectories and loads are simulated once more."""
     rig, settings = simulation.rig, simulation.rig.settings
     steps = group_by_step(simulation.cells)
     upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
@@ -142,8 +148,8 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
             step,
             complete_runs,
             next(
-                found.figure(OVERSHOOT)
-                for height, found in steps_at_gap.items()
+                step_figures.figure(OVERSHOOT)
+                for height, step_figures in steps_at_gap.items()
                 if np.isclose(height, step.height)
             ),
         )
@@ -178,7 +184,8 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         ),
         standstill=_run_variants(simulation.setups, *standstill),
         sensitivity={
-            name: Response(one.frequency, one.ratio) for name, one in simulation.sensitivity.items()
+            name: Response(response.frequency, response.ratio)
+            for name, response in simulation.sensitivity.items()
         },
         linear_sensitivity=linear_sensitivity,
         loop_gain=linear_gain,
@@ -200,7 +207,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
 def _cut_around_step(
     runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
 ) -> Mapping[MethodName, Recording]:
-    """Cut out what happens around a step."""
+    """Return the part of each recording around a step."""
     first, last = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
     return {name: run.slice_ticks(first, min(last, step.end)) for name, run in runs.items()}
 
@@ -208,14 +215,17 @@ def _cut_around_step(
 def _linear_responses(
     simulation: Simulation,
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
-    """Return linearised loop gain and sensitivity: own variant, as if of static slopes; the paper's."""
+    """Return loop gain and sensitivity of the linearised loop, for `ratio` and the own variant.
+
+    The own variant is treated as if it knew the static slopes, unless it consists of constants.
+    """
     frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCY_COUNT)
     gains: dict[MethodName, Response] = {}
     sensitivities: dict[MethodName, Response] = {}
     for name in ("ratio", simulation.main_variant):
         loop = simulation.loops[name]
         assumption = (
-            "" if has_constant_gains(simulation.setups[name]) else "as if it knew the static slopes"
+            "" if has_constant_gains(simulation.setups[name]) else "assuming exact static slopes"
         )
         note = assumption if loop.is_stable else f"{assumption}, unstable".removeprefix(", ")
         gains[name] = Response(frequency, loop.loop_gain(frequency), note)
@@ -226,12 +236,12 @@ def _linear_responses(
 def _run_variants(
     setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
 ) -> Mapping[MethodName, Recording]:
-    """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
+    """Simulate a scenario with every variant; return the part after a tick, without lost runs."""
     parts = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
-        lost = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
-        if lost is None and len(recording) == scenario.ticks:
+        loss_time = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
+        if loss_time is None and len(recording) == scenario.ticks:
             parts[name] = recording.slice_ticks(begin, len(recording))
     return parts
 
@@ -239,7 +249,7 @@ def _run_variants(
 def _run_tracking(
     setups: Mapping[MethodName, BearingSetup], settings: RigFile
 ) -> Iterator[Tracking]:
-    """Run trajectories and load steps for the eye."""
+    """Simulate trajectories and load steps for figures."""
     setup = next(iter(setups.values()))
     for shape in settings.trajectories:
         recordings = _run_variants(setups, *experiments.plan_trajectory(setup, shape))
@@ -256,26 +266,26 @@ def _run_tracking(
 
 
 WITHIN_NOISE = "≤ noise"
-"""Beside an overshoot that is not certainly more than what the standstill adds to it."""
+"""Remark on an overshoot that is not certainly larger than the noise at standstill."""
 SETTLING = Metric("settling_in_noise_s", "Settling time", "ms", 1e3)
 STANDSTILL_OF_STEP = Metric("standstill_rms_m", "Standstill", "nm", 1e9)
 STEADY_ERROR = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
 FORCE_ERROR = "force_error_rms_N"
 _DELAY_NOTE = (
-    "True less wanted force of the same tick: it holds the tick of delay and the lag of the "
-    "amplifier, which no compensation takes away."
+    "True minus demanded force of the same tick. It includes the delay of one tick and the lag of "
+    "the amplifier, which no compensation removes."
 )
 STEP_TABLES: Mapping[Metric, str] = {
-    Metric(OVERSHOOT, "Overshoot", "%"): "Of the height of the step, noise included; of a step up "
-    f"and one down, the larger. “{WITHIN_NOISE}”: not certainly more than the noise below, so that "
-    "it shows nothing of the step.",
+    Metric(OVERSHOOT, "Overshoot", "%"): "Of the height of the step, noise included; the larger "
+    f"of a step up and one down. “{WITHIN_NOISE}”: not significantly above the noise below, so that "
+    "it is no property of the step.",
     Metric(NOISE, "Noise in the overshoot", "%"): "Largest deviation of the gap from its mean in "
-    "the last half of the hold, to both sides, of the height of the step; of a step up and one "
-    "down, the larger.",
+    "the last half of the hold, to both sides, of the height of the step; the larger of a step up "
+    "and one down.",
     Metric("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3): "",
     SETTLING: f"Until the gap stays within {100.0 * SETTLING_BAND:g} % of the height, or three times the "
-    "resolution of the position sensor (rms of its noise and its steps) where that is more: one "
-    "band for all variants.",
+    "resolution of the position sensor (rms of its noise and its steps) if that is more. The "
+    "band is the same for all variants.",
     STEADY_ERROR: "Of the gap, over the end of the hold.",
     Metric(
         "tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6
@@ -284,46 +294,46 @@ STEP_TABLES: Mapping[Metric, str] = {
     Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
     "current's rate of change.",
 }
-"""Figures of steps, and what their tables say of them."""
+"""Figures of steps, and the captions of their tables."""
 STANDSTILL_METRICS = (
     Metric("rms_m", "Position at a standstill, rms", "nm", 1e9),
     Metric("mean_error_m", "Mean error at a standstill", "nm", 1e9),
 )
 TRACKING_METRICS = (
     Metric("tracking_rms_m", "Deviation from the trajectory, rms", "nm", 1e9),
-    Metric("tracking_peak_m", "Deviation from the trajectory, largest", "nm", 1e9),
+    Metric("tracking_peak_m", "Largest deviation from the trajectory", "nm", 1e9),
     Metric(FORCE_ERROR, "Force error on the trajectory, rms", "N"),
 )
-LOAD_STEP_PEAK = Metric("peak_m", "Deviation after a load step, largest", "µm", 1e6)
+LOAD_STEP_PEAK = Metric("peak_m", "Largest deviation after a load step", "µm", 1e6)
 RECOVERY = Metric("recovery_s", "Time until the error stays within 1 µm", "ms", 1e3)
 EVENT_EXCESS = (
-    Metric("excess_peak_m", "Deviation that the event makes, largest", "µm", 1e6),
-    Metric("excess_s", "Time until the event no longer shows", "ms", 1e3),
+    Metric("excess_peak_m", "Largest deviation after the event", "µm", 1e6),
+    Metric("excess_s", "Time until the event has no effect", "ms", 1e3),
 )
 
 
 def difference_text(figure: ComparedFigure) -> str:
-    """Write such as "54 % less"."""
+    """Return a comparison as text, such as "54 % less"."""
     if figure.is_better:
         return f"{format_number(100.0 * (1.0 - figure.ratio), 2)}{NBSP}% less"
     if figure.is_worse:
         return f"+{format_number(figure.model_value - figure.baseline_value, 2)} points"
-    return "alike" if math.isfinite(figure.model_value + figure.baseline_value) else UNKNOWN_TEXT
+    return "equal" if math.isfinite(figure.model_value + figure.baseline_value) else UNKNOWN_TEXT
 
 
 def _noise_remark(cell: CaseFigures) -> str:
-    """Return what is to stand beside an overshoot that is the noise of a standstill."""
+    """Return the remark on an overshoot that is not larger than the noise at standstill."""
     is_noise = isinstance(cell, StepCell) and not cell.has_overshoot and not cell.lost
     return WITHIN_NOISE if is_noise else ""
 
 
 def overshoot_text(step: StepComparison, name: MethodName) -> str:
-    """Write the overshoot of a variant, and whether it is noise."""
+    """Return the overshoot of a variant, and whether it is noise."""
     return f"{interval_text(step.figure(OVERSHOOT)[name], '%')} {_noise_remark(step.cells[name])}".rstrip()
 
 
 def benefit_table(subject: SimulationSubject) -> PageTable | None:
-    """Say for every step and baseline how much overshoot is gone."""
+    """Return a table with the reduction of the overshoot for each step and baseline."""
     steps = [step for step in subject.steps if subject.variant in step.cells]
     baselines = subject.baselines
     if not steps or not baselines:
@@ -338,40 +348,42 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
             row.append(Cell(text, strong=difference is not None and difference.is_better))
         rows.append(row)
     return make_table(
-        f"Overshoot of {subject.variant} against that of each baseline",
+        f"Overshoot of {subject.variant} compared with each baseline",
         ["step", "overshoot", *baselines],
         rows,
-        f"Overshoot of {subject.variant} in % of the height, and what it is against each baseline: "
-        f"same gains, same plant, same {subject.seeds} noise seeds. “54 % less”: that part of the "
-        "overshoot of the baseline in the head of the column is gone. “+0.5 points”: more than the "
-        "baseline, by so many percentage points of the height. “Alike”: the 95 % confidence "
-        "intervals leave both signs open, or the difference is less than one of the two moves "
-        f"about at a standstill. “{WITHIN_NOISE}”: not certainly more than that. The overshoot of "
-        "every baseline stands in section 2.",
+        f"Overshoot of {subject.variant} in % of the height, compared with each baseline: "
+        f"same gains, same plant, same {subject.seeds} noise seeds. “54 % less”: reduction from the "
+        "overshoot of the baseline in the heading of the column. “+0.5 points”: more than the "
+        "baseline, in percentage points of the height. “Equal”: the difference is within the 95 % "
+        "confidence intervals, or less than the noise of one of the two at standstill. "
+        f"“{WITHIN_NOISE}”: not significantly more than this noise. Section 2 lists the "
+        "overshoot of each baseline.",
     )
 
 
 def terminal_summary(simulation: Simulation) -> TerminalSummary:
-    """Return what a terminal shows of a simulation."""
+    """Return the terminal output of a simulation."""
     file, iron = simulation.rig.settings, simulation.operating_point.slopes
     steps = [step for step in group_by_step(simulation.cells) if step.gap == file.gap_m]
     rows = []
     for name in simulation.setups:
         last = steps[-1].cells[name]
-        rest = (
+        other_cells = (
             interval_text(last.interval(metric.key), factor=metric.factor)
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
         mark = " *" if name == simulation.main_variant else ""
-        rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *rest])
+        rows.append(
+            [f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *other_cells]
+        )
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
     overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",
         ["", *heights, SETTLING.heading, STANDSTILL_OF_STEP.heading],
         rows,
         f"* of the controller file; mean of {file.noise_seeds} noise seeds with its 95 % interval; "
-        f"settling and standstill at the highest step; {WITHIN_NOISE}: not certainly more than the "
-        "armature moves about at a standstill",
+        f"settling and standstill at the highest step; {WITHIN_NOISE}: not significantly more than "
+        "the noise at standstill",
     )
     slope = (
         f"{iron.label} iron: just after a reversal {100.0 * iron.slope_ratio:.0f} % of the static N/A; "
@@ -386,22 +398,19 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
     return [
         case_table(metric, steps, caption, _noise_remark if metric.key == OVERSHOOT else None)
         for metric, caption in STEP_TABLES.items()
-        if any(metric.key in one.figures for row in steps.values() for one in row.values())
+        if any(metric.key in cell.figures for row in steps.values() for cell in row.values())
     ]
 
 
 def standstill_tables(figures: VariantFigures) -> list[PageTable]:
-    """Return the figures of a standstill, and under which variants the armature never came to rest."""
+    """Return the figures at standstill, and the variants whose armature has a limit cycle."""
     cycles = make_table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
         [[name, *_cycle_row(figures[name])] for name in in_report_order(figures)],
         "Amplitude and period: medians of the runs that have a cycle.",
     )
-    return [
-        *(case_table(metric, {"hanging still": figures}) for metric in STANDSTILL_METRICS),
-        cycles,
-    ]
+    return [*(case_table(metric, {"standstill": figures}) for metric in STANDSTILL_METRICS), cycles]
 
 
 def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
@@ -416,7 +425,7 @@ def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
 
 
 def experiment_tables(experiments: Experiments) -> list[PageTable]:
-    """Return the figures of trajectories, load steps, and what goes wrong."""
+    """Return the figures of trajectories, load steps and disturbing events."""
     trajectories = {
         f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": one
         for shape, one in experiments.trajectories
@@ -441,7 +450,7 @@ def experiment_tables(experiments: Experiments) -> list[PageTable]:
 
 
 def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
-    """Return the margins of linearised loops."""
+    """Return the stability margins of the linearised loops."""
     rows = [
         [
             name,
@@ -459,7 +468,7 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
         (
             "variant",
             "stable",
-            "gain may change by",
+            "gain can change by",
             "phase margin (°)",
             "more delay (µs)",
             "crossover (Hz)",
@@ -471,7 +480,7 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
 
 
 def settling_sentence(subject: SimulationSubject) -> str:
-    """Say whether settling and steady-state error change, which the paper found not to."""
+    """Return a sentence about settling time and steady-state error, as in the paper."""
     if "ratio" not in subject.baselines:
         return ""
     counts = []
@@ -481,14 +490,14 @@ def settling_sentence(subject: SimulationSubject) -> str:
             for row in [step.figure(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
-        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # lost
+        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # runs that were lost
         if pairs:
-            mine, other = (
-                _range_text([metric.factor * one for one in ones], metric.unit)
-                for ones in zip(*pairs, strict=True)
+            own_range, ratio_range = (
+                _range_text([metric.factor * value for value in values], metric.unit)
+                for values in zip(*pairs, strict=True)
             )
             counts.append(
-                f"{metric.title.lower()}: {mine} with {subject.variant}, {other} with ratio"
+                f"{metric.title.lower()}: {own_range} with {subject.variant}, {ratio_range} with ratio"
             )
     if not counts:
         return ""

@@ -1,1 +1,1 @@
-"""What the pages and figures of all studies share."""
+"""Parts that the pages and figures of all studies share."""

@@ -1,4 +1,4 @@
-"""What pages and figures of all studies share: a colour for every variant, diagrams, tables, origin."""
+"""Parts of the pages of all studies: a colour for each variant, diagrams, tables, origin."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ INK_COLOUR = "#000000"
 SHADE_COLOUR = "#8C8C8C"
 PALE_COLOUR = "#C4C4C4"
 
-# Okabe and Ito, and dashes beside them, for print without colour.
+# Okabe-Ito colours, and dashes for print without colour.
 _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
     "ratio": (FALLING_COLOUR, "-"),
     "secant": ("#7A4B21", (0, (1, 1))),
@@ -67,19 +67,21 @@ _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
 }
 COLOURS = {name: colour for name, (colour, _) in _LINE_STYLES.items()}
 DASHES = {name: dashes for name, (_, dashes) in _LINE_STYLES.items()}
-_INTERVAL_DIGITS, _MEAN_DIGITS, _MAX_DECIMALS = 2, 4, 3
+_INTERVAL_DIGITS = 2
+_MEAN_DIGITS = 4
+_MAX_DECIMALS = 3
 MAX_CURVE_POINTS = 1200
-"""Points of a curve in a figure at most."""
+"""Maximum number of points per curve in a figure."""
 
 
 def line_style(variant: MethodName) -> dict[str, Any]:
-    """Return how the line of a variant is drawn."""
+    """Return the line style of a variant."""
     width = 1.6 if variant == "full" else 1.2
     return {"color": COLOURS[variant], "ls": DASHES[variant], "lw": width}
 
 
 def in_report_order(variants: Iterable[str]) -> list[MethodName]:
-    """Return variants in the order in which every figure and table has them."""
+    """Return variants in the order of all figures and tables."""
     present = set(variants)
     return [name for name in COLOURS if name in present]
 
@@ -87,7 +89,8 @@ def in_report_order(variants: Iterable[str]) -> list[MethodName]:
 def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
     """Return rows of equal length with no more points than a figure can show.
 
-    From every stretch the lowest and the highest value of the last row are kept: peaks stay.
+    In each stretch, the lowest and the highest value of the last row are kept, so that peaks
+    remain.
     """
     values = rows[-1]
     stretch = math.ceil(2 * values.size / MAX_CURVE_POINTS)
@@ -103,9 +106,9 @@ def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0) -> str:
-    """Write a mean with the half width of its confidence interval, rounded up.
+    """Return a mean with the half width of its confidence interval, rounded up.
 
-    An infinite time is "never"; where levitation was lost, how often.
+    An infinite time is "never". If levitation was lost, the number of losses is returned.
 
     >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
     '8.12 ± 0.22 %'
@@ -127,15 +130,15 @@ def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0
         digits = _INTERVAL_DIGITS - 1 - math.floor(math.log10(width))
         if mean != 0.0:
             digits = min(digits, _MEAN_DIGITS - 1 - math.floor(math.log10(abs(mean))))
-        places = min(max(digits, 0), _MAX_DECIMALS)
-        half_width = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
-        rounded = round(mean, places) + 0.0  # a negative zero becomes a plain one
-        text = f"{rounded:.{places}f} ± {half_width:.{places}f}".replace("-", MINUS)
+        decimals = min(max(digits, 0), _MAX_DECIMALS)
+        half_width = math.ceil(width * 10.0**decimals - 1e-9) / 10.0**decimals
+        rounded = round(mean, decimals) + 0.0  # -0.0 becomes 0.0
+        text = f"{rounded:.{decimals}f} ± {half_width:.{decimals}f}".replace("-", MINUS)
     return f"{text}{NBSP}{unit}".rstrip()
 
 
 def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
-    """Put one legend for several panels below them, each label once."""
+    """Add one legend for several panels below them, with each label once."""
     labels: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -152,30 +155,33 @@ _TONE_OF_LEVEL: Mapping[Level, Tone] = {
 
 
 def verdict_note(judgement: Judgement) -> Note:
-    """Return it as a box."""
+    """Return a verdict as a note."""
     text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
     return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
 
 
-BOX_WIDTH_IN, BOX_HEIGHT_IN = 2.02, 1.28
-SOFTWARE_FILL, PLANT_FILL = "#EAF3FA", "#F4F6F8"
+BOX_WIDTH_IN = 2.02
+BOX_HEIGHT_IN = 1.28
+SOFTWARE_FILL = "#EAF3FA"
+PLANT_FILL = "#F4F6F8"
 _BOX_EDGE_COLOUR = "#333333"
-_TITLE_SIZE_PT, _TEXT_SIZE_PT = 8.5, 7.5  # points
-_LINE_SPACING_IN = 0.155  # inches from line to line
-_MAX_TEXT_SHARE = 0.86  # of the width of a box that a text may take up
+_TITLE_SIZE_PT = 8.5
+_TEXT_SIZE_PT = 7.5
+_LINE_SPACING_IN = 0.155  # distance of lines
+_MAX_TEXT_SHARE = 0.86  # share of the width of a box
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class DiagramBlock:
-    """A block of the diagram."""
+    """A block of a diagram."""
 
-    title: str  # what it is
-    lines: tuple[str, ...]  # its numbers
+    title: str  # title
+    lines: tuple[str, ...]  # values
 
 
 def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
-    """Start a diagram: text and boxes keep their proportion."""
+    """Create a diagram with a scale of one unit per inch."""
     figure = new_figure(height, width=width)
     figure.set_layout_engine("none")
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -213,8 +219,8 @@ def draw_box(
     )
     text.set_gid(f"title-{name}")
     _shrink_to_box(text)
-    spare = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
-    first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE_SPACING_IN
+    free_height = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
+    first = top - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
         text = ax.text(
             x,
@@ -229,7 +235,7 @@ def draw_box(
 
 
 def _shrink_to_box(text: Text) -> None:
-    """Make a text smaller until it keeps within its box, with room for a wider typeface."""
+    """Reduce the size of a text until it fits into its box, with a margin for wider fonts."""
     figure = text.get_figure(root=True)
     assert figure is not None
     width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
@@ -241,7 +247,7 @@ def _shrink_to_box(text: Text) -> None:
 def draw_arrow(
     ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any
 ) -> None:
-    """Go along corners, with a head at the last one."""
+    """Draw an arrow along several points, with its head at the last one."""
     xs, ys = zip(*corners, strict=True)
     if len(corners) > 2:
         ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
@@ -250,59 +256,56 @@ def draw_arrow(
 
 
 def draw_label(ax: Axes, at: Point, text: str, across: str = "center", up: str = "bottom") -> None:
-    """Write a label at a place."""
+    """Write a label at a point."""
     ax.text(*at, text, ha=across, va=up, fontsize=_TEXT_SIZE_PT)
 
 
 REPORT_NAME = "report.html"
-"""The page, beside what a study writes."""
+"""File name of the page, in the folder of the recording."""
 _METHOD_REMARKS: Mapping[MethodName, str] = {
-    "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
-    "secant": "the same, read as a line through the origin",
+    "ratio": "the paper's case without compensation; the negative stiffness remains",
+    "secant": "the same, as a line through the origin",
     "linearised": "cancels the negative stiffness at the operating point: standard practice",
-    "single-valued": "the honest baseline of hysteresis: all that a curve without memory can do",
-    "play": "the least that knows hysteresis: width of the loops and one state, no law of iron",
+    "single-valued": "best possible curve without hysteresis",
+    "play": "simplest hysteresis model: the width of the loops and one state",
     "simplified": "inverse of the simplified law",
-    "at-rest": "the same as full, but for iron that answers late: taken as if it did not",
+    "at-rest": "as full, but without the eddy-current lag",
     "full": "inverse of the identified law, its state advanced with what was applied",
-    "flux": "needs a Hall probe in the gap, and measures instead of modelling",
+    "flux": "measures the flux density with a Hall probe in the gap instead of a model",
     "fused": "full, corrected by a Hall probe in the gap",
 }
 
 
 class TerminalSummary(NamedTuple):
-    """What a terminal shows of a study, beside losses and verdict."""
+    """Terminal output of a study, except losses and verdict."""
 
     tables: Sequence[PageTable]
     lines: Sequence[str]
 
 
 def page_text(
-    kind: str,
-    head: Headline,
-    sections: Sequence[Section | None],
-    source: str = "a simulation",
+    kind: str, head: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
-    """Return the page of a study; sections with nothing in them are left out."""
+    """Return the page of a study; empty sections are left out."""
     nonempty = [section for section in sections if section is not None and section.blocks]
     return render_page(head, nonempty, running_version(), kind=kind, source=source)
 
 
 def write_page(path: PathLike, text: str) -> None:
-    """Write a page: one HTML file that needs nothing else."""
+    """Write a page as a self-contained HTML file."""
     with atomic_writer(path) as stream:
         stream.write(text)
 
 
 def origin_section(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
-    """Return the section that says of which files a page is, with their SHA-256, and how it is made."""
+    """Return the section with the files of a study, their SHA-256 and the command for it."""
     rows: list[list[str | Cell]] = [
         [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
     ]
     texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same figures."]
     texts += [f"Made by: {command}"] if command else []
     blocks = [make_table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
-    items = [Items("How to make it again", tuple(texts))] if texts else []
+    items = [Items("How to repeat the study", tuple(texts))] if texts else []
     return Section("origin", "Origin", (*blocks, *items))
 
 
@@ -312,12 +315,12 @@ def file_hashes(files: Sequence[Path]) -> dict[str, str]:
 
 
 def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
-    """Return a figure with what it shows in words, and its caption."""
+    """Return a figure with its description in words and its caption."""
     return Picture(svg_text(figure, key), alt, caption)
 
 
 def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
-    """Return one large figure, beside that of what it is compared with."""
+    """Return a large figure with the value that it is compared with."""
     texts = [
         f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}"
         for value in (own_value, other_value)
@@ -331,10 +334,13 @@ def method_table(
     methods: Mapping[str, Callable[[str], Interval | None]],
     caption: str = "",
 ) -> PageTable:
-    """Return a table of one case: a row a method, which gives its figures by key, a column a metric."""
+    """Return a table of one case: one row per method and one column per metric.
 
-    def cell(of: Callable[[str], Interval | None], metric: Metric) -> str:
-        return interval_text(of(metric.key), factor=metric.factor).replace(" ", NBSP)
+    Each method is a function that returns its figure by the key of the metric.
+    """
+
+    def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
+        return interval_text(interval_of(metric.key), factor=metric.factor).replace(" ", NBSP)
 
     rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
     return make_table(title, ["variant", *(metric.heading for metric in metrics)], rows, caption)
@@ -346,11 +352,11 @@ def case_table(
     caption: str = "",
     remark: Callable[[CaseFigures], str] | None = None,
 ) -> PageTable:
-    """Return a table of one metric: a row a case, a column a method."""
+    """Return a table of one metric: one row per case and one column per method."""
     methods = in_report_order(name for row in cases.values() for name in row)
 
     def cell(case: str, name: MethodName) -> str:
-        """Write a figure and its remark, between which alone a line may end."""
+        """Return a figure and its remark; a line can break only between them."""
         if name not in cases[case]:
             return interval_text(None)
         figures = cases[case][name]
@@ -359,22 +365,24 @@ def case_table(
         return " ".join(part.replace(" ", NBSP) for part in parts if part)
 
     rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
-    counts = [one.interval(metric.key).count for row in cases.values() for one in row.values()]
-    ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)}))
-    interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
+    counts = [
+        figures.interval(metric.key).count for row in cases.values() for figures in row.values()
+    ]
+    count_range = " to ".join(str(count) for count in sorted({min(counts), max(counts)}))
+    interval = f"Mean and 95 % confidence interval over {count_range} noise seeds."
     return make_table(metric.heading, ["", *methods], rows, f"{caption} {interval}".strip())
 
 
 def legend_table(methods: Sequence[MethodName]) -> PageTable:
-    """Say what the variants are."""
+    """Return a table that explains the variants."""
     rows: list[list[str | Cell]] = [
         [Cell(name, code=True), METHOD_TITLES[name], _METHOD_REMARKS[name]] for name in methods
     ]
     return make_table(
         "Variants",
-        ["name", "from wanted force to current", "remark"],
+        ["name", "from demanded force to current", "remark"],
         rows,
-        "All are fitted to the same measured loops, except flux, which has a static series of its "
-        "probe.",
+        "All are fitted to the same measured loops, except flux, which uses static measurements "
+        "with its probe.",
         texts=3,
     )

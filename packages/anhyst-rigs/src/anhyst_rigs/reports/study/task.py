@@ -1,4 +1,4 @@
-"""The task of simulating a rig file: where its study goes, and what is written of it."""
+"""The task of simulating a rig file, and the files that its study writes."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
 from anhyst_rigs.study.engine.table import FIGURES_FILE, StudyResult
 
 MONTE_CARLO_NAME = "montecarlo.json"
-"""Figures of drifted plants, beside their results."""
+"""File name of the figures of drifted plants, in the folder of their results."""
 Result = TypeVar("Result", bound=StudyResult)
 
 
 @dataclass(frozen=True)
 class SimulationTask:
-    """A rig file, and where its study goes."""
+    """A rig file, and the place for the results of its study."""
 
     rig: PathLike
     controller: PathLike | None
@@ -32,11 +32,11 @@ class SimulationTask:
 
     @property
     def report_path(self) -> Path:
-        """The page beside the recording."""
+        """Path of the page, in the folder of the recording."""
         return self.out.parent / REPORT_NAME
 
     def command(self, option: str = "") -> str:
-        """Return what makes the study again."""
+        """Return the command that repeats the study."""
         chosen = "" if self.controller is None else f" --controller {self.controller}"
         return f"anhyst simulate {self.rig}{chosen} --out {self.out}{option}"
 
@@ -46,7 +46,7 @@ class SimulationTask:
         render: Callable[[Result, str], str],
         input_files: Sequence[PathLike],
     ) -> Result:
-        """Explore a rig, and write recording, figures and page if that is asked for."""
+        """Run the study of a rig, and write the recording, the figures and the page on request."""
         if not self.writes_files:
             return explore()
         check_recording(self.out, input_files)
@@ -56,14 +56,14 @@ class SimulationTask:
             result = explore()
             text = render(result, self.command())
         except NegativeResult:
-            self.report_path.unlink(missing_ok=True)  # of another recording
+            self.report_path.unlink(missing_ok=True)  # it belongs to another recording
             raise
         result.save(self.out)
         write_page(self.report_path, text)
         return result
 
     def require_suffix(self, suffix: str, what: str) -> None:
-        """Refuse a file to write with another ending."""
+        """Raise an error if the output file has another suffix."""
         if self.out.suffix != suffix:
             raise InputError(
                 f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending"
@@ -71,6 +71,6 @@ class SimulationTask:
 
 
 def files_written(result: StudyResult, out: Path) -> str:
-    """Say what was written of a study: recording, figures and page."""
+    """Return a text that names the files of a study: recording, figures and page."""
     figures = MONTE_CARLO_NAME if isinstance(result, MonteCarlo) else FIGURES_FILE
     return ", ".join(map(str, (out, out.parent / figures, out.parent / REPORT_NAME)))

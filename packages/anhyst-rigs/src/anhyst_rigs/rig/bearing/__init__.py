@@ -1,1 +1,1 @@
-"""The rig of a magnetic bearing: plant, instruments and controller, in lock-step."""
+"""The rig of a magnetic bearing: plant, instruments and controller in lock-step."""

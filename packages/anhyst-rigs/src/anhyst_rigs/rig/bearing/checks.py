@@ -1,4 +1,4 @@
-"""Whether a controller file belongs to the rig file of a bearing."""
+"""Check that a controller file fits the rig file of a bearing."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from anhyst_rigs.rig.bearing.scenario import land_time, lift_time
 from anhyst_rigs.rig.body import BodyRig, step_ends
 
 MAX_RAMP_S = 60.0
-"""Longest time that lifting off or landing may take, s."""
+"""Longest duration of lift-off or landing, s."""
 
 
 def check_controller(controller: ControllerFile, rig: BodyRig) -> None:
-    """Refuse a controller that does not belong to the rig."""
+    """Raise an error that lists all conflicts between a controller file and a rig."""
     if faults := list(_rig_faults(controller.settings, rig)):
         raise faults_error(controller.path, faults)
 
@@ -43,12 +43,12 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
     if variant in FLUX_PROBE_METHODS and plant.hall_probe is None:
-        text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
+        text = f'"{variant}" needs a [[sensor]] of = "flux" in {rig.path}; add it'
         yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
     yield from _amplifier_faults(settings, rig)
     steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
     lows = [step_ends(gap, height)[1] for gap, height in steps]
-    lowest = min(lows + [plant.gap_m - one.amplitude_m for one in plant.trajectories])
+    lowest = min(lows + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
     highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
@@ -64,22 +64,22 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
 
 
 def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
-    """Find ramps so slow that nobody waits for them."""
-    way = rig.settings.body.stop_high_m - lowest
-    for table, what, ramp, seconds in (
+    """Find ramps whose lift-off or landing would take too long to simulate."""
+    travel = rig.settings.body.stop_high_m - lowest
+    for table, action, ramp, seconds in (
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
         ("landing", "landing", settings.landing, land_time(rig, settings)),
     ):
         if seconds > MAX_RAMP_S:
             forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
-            longer = forces > way / ramp.speed_m_per_s
+            longer = forces > travel / ramp.speed_m_per_s
             key = "force_rate_N_per_s" if longer else "speed_m_per_s"
-            text = f"{what} takes {seconds:.4g} s, at most {MAX_RAMP_S:g} s are simulated"
+            text = f"{action} takes {seconds:.4g} s, but at most {MAX_RAMP_S:g} s are simulated"
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
 
 def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
-    """Say where the file contradicts the rig on amplifiers or a second magnet."""
+    """Find conflicts about the amplifier's converter and about the second magnet of a pair."""
     converter, amplifier = settings.converter, rig.settings.amplifier
     if converter is not None:
         ends = {
@@ -93,7 +93,7 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
                 yield FileFault(("converter", key), text, code="differs-from-rig")
     pair = pair_table(rig)
     if settings.pair is not None and pair is None:
-        text = f"the magnet of {rig.path} is a single one; take it out"
+        text = f"{rig.path} has a single magnet; remove it"
         yield FileFault(("pair",), text, code="differs-from-rig")
     elif settings.pair is not None and pair is not None:
         for key in type(pair).model_fields:

@@ -1,4 +1,4 @@
-"""Whether a bearing was held: when levitation was lost in a recording, and why."""
+"""Determine from a recording whether and why a bearing lost levitation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from anhyst_rigs.rig.recording import (
 
 
 def levitation_loss_time(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
-    """Return when levitation was lost: a stop was touched, or the controller gave up."""
+    """Return when a stop was touched or the controller gave up, s; None if never."""
     body = rig.settings.body
     fault = recording["state"] >= FAULT_CODE
     if fault.any():
@@ -38,33 +38,34 @@ def levitation_loss_time(rig: BodyRig, recording: Recording, since: int = 0) -> 
 
 
 _MAX_HOVER_RMS_SHARE = 0.01
-"""Part of the travel: an armature that moves by more in its hover, rms, is not held."""
+"""Largest rms motion of a hovering armature, relative to the travel; a larger one is an
+oscillation."""
 
 
 def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> str | None:
-    """Say why the armature was not held from lift-off to the last step, or None if it was."""
+    """Return why levitation failed between lift-off and the last step; None if it did not."""
     rig, lifted, run = setup.rig, steps.lift_end_tick, run.slice_ticks(0, steps.ticks)
     gap, time = run["gap_m"], run["t_s"]
-    lost = levitation_loss_time(rig, run, lifted)
+    loss_time = levitation_loss_time(rig, run, lifted)
     not_lifted = _rejection_failure(setup, run) or _lift_failure(setup, run, lifted)
     if not_lifted is not None:
         return not_lifted
-    if lost is None and len(run) < steps.ticks:
-        lost = float(time[-1])
-    if lost is not None:
-        return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
+    if loss_time is None and len(run) < steps.ticks:
+        loss_time = float(time[-1])
+    if loss_time is not None:
+        return f"levitation was lost at {loss_time:.4f} s: the gains do not stabilise this bearing"
     body = rig.settings.body
-    swing = float(np.std(gap[lifted - lifted // 8 : lifted]))
-    if swing > _MAX_HOVER_RMS_SHARE * (body.stop_high_m - body.stop_low_m):
+    hover_rms = float(np.std(gap[lifted - lifted // 8 : lifted]))
+    if hover_rms > _MAX_HOVER_RMS_SHARE * (body.stop_high_m - body.stop_low_m):
         return (
-            f"the armature oscillates by {1e6 * swing:.3g} um rms at "
-            f"{lifted * rig.dt:.2f} s: the gains do not hold this bearing"
+            f"the armature oscillates by {1e6 * hover_rms:.3g} um rms at "
+            f"{lifted * rig.dt:.2f} s: the gains do not stabilise this bearing"
         )
     return None
 
 
 def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | None:
-    """Say what kept the armature from its hover, or None if it rose at all and in time."""
+    """Return why the armature did not reach its hover; None if it did in time."""
     state, time = run["state"], run["t_s"]
     if not ((state >= RISE_CODE) & (state <= HOVER_CODE)).any():
         faults = state >= FAULT_CODE
@@ -85,10 +86,11 @@ def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | Non
 
 
 def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
-    """Say whether rejected samples, and no armature out of control, ended the run."""
+    """Return a text if rejected samples ended the run of a controlled armature."""
     implausible = (run["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
     missing = setup.controller.safety.max_missing_samples
-    # Whether every one of the last samples, and this one, was implausible: the position is lost.
+    # Whether this sample and the `missing` samples before it were implausible: the position is
+    # lost.
     row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
     if (run["state"] >= RUN_CODE).any():
         row &= run["state"][missing:] >= FAULT_CODE
@@ -107,7 +109,7 @@ def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
 
 
 def losses_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
-    """Say whether the armature was lost in the load steps or the landing that a recording ends with."""
+    """Return whether the recording's load steps or landing lost levitation, in words."""
     loads, landed = run.slice_ticks(begin, landing), run.slice_ticks(landing, len(run))
     if len(loads) and levitation_loss_time(rig, loads) is not None:
         return ["load steps of the recording"]

@@ -1,4 +1,4 @@
-"""A bearing behind its controller: how a setup is made of what is known of its magnets."""
+"""Build the setup of a bearing: fit compensators and combine them with a controller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from anhyst_rigs.rig.recording import COLUMNS
 
 
 def pair_table(rig: BodyRig) -> PairTable | None:
-    """Return what a controller has to know of a second magnet, or None where there is none."""
+    """Return the controller's parameters of a pair of magnets; None for a single magnet."""
     bias, total = rig.settings.bias_N, rig.settings.gap_total_m
     if bias is None or total is None:
         return None
@@ -35,14 +35,14 @@ _CONTROLLER_CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPositi
 
 @dataclass(frozen=True)
 class BearingSetup(Setup):
-    """All that a run of a bearing needs."""
+    """Everything that a run of a bearing needs."""
 
     recorded_columns = COLUMNS
-    controller: ControllerTable  # gains, limits, lift-off
+    controller: ControllerTable  # gains, limits and lift-off
 
     @cached_property
     def position_control(self) -> PositionControl:
-        """The controller in SI units."""
+        """Controller in SI units."""
         amplifier, parameters = self.rig.settings.amplifier, self.compensator.parameters
         return self.controller.position_control(
             parameters.scales,
@@ -54,7 +54,7 @@ class BearingSetup(Setup):
         )
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
-        """Return the controller, just switched on."""
+        """Return the controller as it is after power-on."""
         number_format, control = self.compensator.format, self.position_control
         natives = [drive.native for drive in drives or self.make_compensators()]
         controller: LoopController = _CONTROLLER_CLASSES[number_format](
@@ -70,14 +70,19 @@ def make_setup(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> BearingSetup:
-    """Fit one variant to what is known, and to what motion taught of it, behind the controller."""
+    """Fit a variant with the calibration of the rig, and combine it with a controller."""
     magnets = calibrated_magnets(rig, magnet, variant)
-    each = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
-    chosen = controller.compensation.model_copy(
+    compensators = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
+    compensation = controller.compensation.model_copy(
         update={"variant": variant, "format": number_format}
     )
-    behind = controller.model_copy(update={"compensation": chosen})
-    return BearingSetup(rig, each[0], behind, own_compensators=tuple(each) if len(each) > 1 else ())
+    table = controller.model_copy(update={"compensation": compensation})
+    return BearingSetup(
+        rig,
+        compensators[0],
+        table,
+        own_compensators=tuple(compensators) if len(compensators) > 1 else (),
+    )
 
 
 def fit_bearing_compensators(
@@ -87,43 +92,45 @@ def fit_bearing_compensators(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> list[ForceController]:
-    """Fit one variant to what is known of each magnet."""
-    where = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
-    return fit_compensators(rig, where, magnets, variant, number_format)
+    """Fit a variant to each magnet."""
+    point = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
+    return fit_compensators(rig, point, magnets, variant, number_format)
 
 
 def calibrated_magnets(
     rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName
 ) -> list[IdentifiedMagnet]:
-    """Return what is known of each magnet by what motion taught of a variant, or of all at once.
+    """Return each magnet with the calibration of a variant, or a single uncorrected one without it.
 
-    The second magnet's gap is what is left of both: it is read too small by what the first one's is
-    read too large.
+    The gap of the second magnet is the total minus that of the first. Therefore, its zero error has
+    the opposite sign.
     """
     calibration = rig.method_calibration(variant)
     if calibration is None or not calibration.is_applied:
         return [magnet]
-    widths, zero = (
-        calibration.width_changes(len(rig.settings.body_magnets)),
-        calibration.value("gap_zero_m"),
-    )
-    # one range of gaps for both of a pair
-    over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
+    widths = calibration.width_changes(len(rig.settings.body_magnets))
+    gap_zero = calibration.value("gap_zero_m")
+    # the same range of gaps for both magnets of a pair
+    gap_margin = 2.0 * abs(gap_zero) if len(widths) > 1 else 0.0
     return [
         calibrate_magnet(
-            magnet, calibration.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over
+            magnet,
+            calibration.value(f"scale_{number + 1}"),
+            (gap_zero, -gap_zero)[number],
+            width_change,
+            gap_margin,
         )
-        for number, wider in enumerate(widths)
+        for number, width_change in enumerate(widths)
     ]
 
 
 def model_to_compile(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
-    """Return the model of which a block is compiled: with what motion taught of it."""
+    """Return the model that is compiled to a parameter block, with the calibration of a variant."""
     magnets = calibrated_magnets(rig, magnet, variant)
     if len(magnets) > 1:
         raise InputError(
-            f"{rig.path}: control.calibration: both magnets of a pair share one block, and each was "
-            "calibrated for itself; leave it out",
+            f"{rig.path}: control.calibration: both magnets of a pair share one block, but each "
+            "was calibrated separately; omit it",
             code="calibration-not-compiled",
             key="control.calibration",
         )
@@ -136,7 +143,7 @@ def make_setups(
     magnet: IdentifiedMagnet,
     variants: tuple[MethodName, ...],
 ) -> Mapping[MethodName, BearingSetup]:
-    """Fit several variants in the number format of a controller file that belongs to the rig."""
+    """Fit several variants with the number format of a controller file that fits the rig."""
     table = controller.settings
     setups = {}
     for variant in variants:
@@ -147,7 +154,7 @@ def make_setups(
             raise error.with_location(
                 controller.model if modelled else rig.measured_loops.description
             ) from error
-        with error_at_key(controller):  # where it fits neither its compensator nor its format
+        with error_at_key(controller):  # gains that do not fit the compensator or format
             control = setups[variant].position_control
             control.gains(table.compensation.format)
             control.settings(table.compensation.format)
@@ -155,7 +162,7 @@ def make_setups(
 
 
 def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> OperatingRange:
-    """Return where a bearing works, over all loops: each magnet of a pair around its bias."""
+    """Return the operating point and ranges of a bearing, for a pair at its bias force."""
     pair = pair_table(rig)
     measured = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
     return OperatingRange(

@@ -1,4 +1,4 @@
-"""What happens to a bearing tick by tick: references, loads, commands, events."""
+"""Build scenarios of a bearing, tick by tick: references, loads, commands and disturbances."""
 
 from __future__ import annotations
 
@@ -16,30 +16,29 @@ from anhyst_rigs.rig.loop import ReferenceStep, Scenario
 from anhyst_rigs.rig.tables import DisturbanceTable
 
 SELFTEST_TICKS = 25
-"""Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""
+"""Smallest number of ticks of the self-test: the plausible samples that it counts plus filter
+settling."""
 
 MIN_LIFT_S = 0.45
-"""Least time from power on until the armature counts as hanging still, s."""
+"""Shortest time from power-on until the armature counts as levitated and settled, s."""
 
 MIN_LAND_S = 0.5
-"""Least time from the command to land until the armature counts as landed, s."""
+"""Shortest time from the landing command until the armature counts as landed, s."""
 
 _SELFTEST_S = 0.005
-_REST_S = 0.1  # the last current falls to zero
+_REST_S = 0.1  # time for the last current to decay to zero
 _MIN_SETTLE_S = 0.07
 _MAX_SETTLE_S = 1.0
-_SETTLE_INTEGRAL_TIMES = (
-    10.0  # times K_p/K_i, the time in which the integral takes over what is left
-)
+_SETTLE_INTEGRAL_TIMES = 10.0  # times K_p/K_i, for the integral to take over the residual force
 
 
 @dataclass
 class ScenarioBuilder:
-    """Writes a scenario piece by piece."""
+    """Builds a scenario step by step."""
 
     rig: BodyRig  # for the rate, the load and its disturbances
-    gap: float  # first wanted gap, m
-    load: float | None = None  # force of the load drive, N; that of the rig file if left out
+    gap: float  # present reference, m
+    load: float | None = None  # force of the load drive, N; default: that of the rig file
     _target: list[FloatArray] = field(default_factory=list)
     _load: list[FloatArray] = field(default_factory=list)
     _inject: list[FloatArray] = field(default_factory=list)
@@ -53,18 +52,18 @@ class ScenarioBuilder:
             self.load = self.rig.settings.load.force_N
 
     def tick_count(self, seconds: float) -> int:
-        """Return the ticks of a time."""
+        """Return the number of ticks of a time, s; at least 1."""
         return max(round(seconds * self.rig.settings.timing.rate_Hz), 1)
 
     def command(self, command: int, ticks: int = 1) -> ScenarioBuilder:
-        """Give a command from here on for some ticks."""
+        """Give a command at the next ticks, without advancing."""
         self._marks += [(self.ticks + tick, command) for tick in range(ticks)]
         return self
 
     def lift_off(self, controller: ControllerTable) -> ScenarioBuilder:
         """Power on, declare the iron demagnetised, lift off and settle.
 
-        Commands come after the self-test, which counts ticks and no seconds.
+        The commands follow the self-test, whose duration is given in ticks.
         """
         end = self.ticks + self.tick_count(lift_time(self.rig, controller, self.gap))
         self._add(np.full(_selftest_ticks(self.rig), self.gap), None)
@@ -74,19 +73,19 @@ class ScenarioBuilder:
         return self
 
     def hold(self, seconds: float, inject: FloatArray | None = None) -> ScenarioBuilder:
-        """Let time pass, perhaps with something added to the sensor."""
+        """Hold the reference for a time, s, optionally with a signal added to the sensor."""
         count = self.tick_count(seconds) if inject is None else inject.size
         return self._add(np.full(count, self.gap), inject)
 
     def step(self, gap: float, seconds: float) -> ScenarioBuilder:
-        """Step the reference and let time pass."""
+        """Step the reference to a gap, m, and hold it."""
         begin, before, self.gap = self.ticks, self.gap, gap
         self.hold(seconds)
         self._steps.append(ReferenceStep(begin, self.ticks, before, gap))
         return self
 
     def follow(self, target: FloatArray) -> ScenarioBuilder:
-        """Let the reference follow a trajectory, m of gap."""
+        """Move the reference along a trajectory of gaps, m."""
         self.gap = float(target[-1])
         return self._add(np.asarray(target, dtype=np.float64), None)
 
@@ -104,7 +103,7 @@ class ScenarioBuilder:
         return self
 
     def build(self) -> Scenario:
-        """Return what was written."""
+        """Return the scenario, with the disturbances of the rig file."""
         command = np.zeros(self.ticks, dtype=np.uint32)
         for tick, value in self._marks:
             command[tick] |= value
@@ -122,26 +121,28 @@ class ScenarioBuilder:
 
 
 def lift_time(rig: BodyRig, controller: ControllerTable, gap: float) -> float:
-    """Return how long self-test, ramp of the force, way and settling take at most, s."""
+    """Return the longest duration of self-test, force ramp, motion and settling, s."""
     gains, ramp = controller.pidd2_gains(), controller.lift_off
-    settle = _MIN_SETTLE_S
+    settling_time = _MIN_SETTLE_S
     if gains.K_i > 0.0:
-        settle = max(settle, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S))
-    # A drive that makes less force than it is asked for leaves the rest late, but no later than
-    # at the largest demand: with more the controller says that it does not lift.
-    force = controller.limits.force_high_N / ramp.force_rate_N_per_s
-    way = max(rig.settings.body.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
-    begin = _selftest_ticks(rig) * rig.dt + max(0.001, rig.dt)
-    return max(begin + force + way + settle, MIN_LIFT_S)
+        settling_time = max(
+            settling_time, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S)
+        )
+    # A drive with less force than demanded lifts off later, but at the largest demand at the
+    # latest. Beyond it the controller reports that the armature does not lift.
+    force_time = controller.limits.force_high_N / ramp.force_rate_N_per_s
+    travel_time = max(rig.settings.body.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
+    selftest_time = _selftest_ticks(rig) * rig.dt + max(0.001, rig.dt)
+    return max(selftest_time + force_time + travel_time + settling_time, MIN_LIFT_S)
 
 
 def land_time(rig: BodyRig, controller: ControllerTable) -> float:
-    """Return how long landing takes at most, s: the way down, the ramp of the force, and rest."""
+    """Return the longest duration of a landing, s: motion, force ramp and rest."""
     body, ramp = rig.settings.body, controller.landing
     limits = controller.limits
-    way = (body.stop_high_m - body.stop_low_m) / ramp.speed_m_per_s
-    force = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
-    return max(way + force + _REST_S, MIN_LAND_S)
+    travel_time = (body.stop_high_m - body.stop_low_m) / ramp.speed_m_per_s
+    force_time = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
+    return max(travel_time + force_time + _REST_S, MIN_LAND_S)
 
 
 def _selftest_ticks(rig: BodyRig) -> int:
@@ -156,7 +157,7 @@ def plan_steps(
     load: float | None = None,
     rest: float = 0.0,
 ) -> Scenario:
-    """Lift off, then a step up and down of every height, half of it to either side of a gap."""
+    """Lift off, then step up and down by every height, half of it on either side of a gap."""
     hold = rig.settings.step.hold_s
     script = ScenarioBuilder(rig, gap, load).lift_off(controller)
     for height in heights:
@@ -169,7 +170,7 @@ def plan_steps(
 
 
 def plan_recorded_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, Scenario, int]:
-    """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
+    """Return lift-off with steps, loads with landing, and the landing tick."""
     cases, load = rig.settings, rig.settings.load.force_N
     steps = plan_steps(rig, controller, cases.gap_m, cases.step.heights_m)
     script = ScenarioBuilder(rig, float(steps.target[-1]))
@@ -180,19 +181,21 @@ def plan_recorded_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenar
     return steps, script.build(), landing
 
 
-def _disturbance_force(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
-    time = np.arange(ticks) * rig.dt - what.start_s
-    after = time >= 0.0
-    if what.kind == "step":
-        return np.where(after, what.force_N, 0.0)
-    assert what.frequency_Hz is not None
-    if what.kind == "sine":
-        wave: FloatArray = what.force_N * sine(what.frequency_Hz * time) * after
+def _disturbance_force(
+    rig: BodyRig, table: DisturbanceTable, ticks: int, number: int
+) -> FloatArray:
+    time = np.arange(ticks) * rig.dt - table.start_s
+    is_active = time >= 0.0
+    if table.kind == "step":
+        return np.where(is_active, table.force_N, 0.0)
+    assert table.frequency_Hz is not None
+    if table.kind == "sine":
+        wave: FloatArray = table.force_N * sine(table.frequency_Hz * time) * is_active
         return wave
-    from scipy.signal import lfilter  # slow to load, and rarely used
+    from scipy.signal import lfilter  # imported here because it loads slowly and is rarely used
 
-    share = first_order_share(2.0 * math.pi * what.frequency_Hz * rig.dt)
+    share = first_order_share(2.0 * math.pi * table.frequency_Hz * rig.dt)
     white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
     coloured = lfilter([share], [1.0, share - 1.0], white)
-    # A low-pass of first order leaves share/(2 - share) of the power of white noise.
-    return np.asarray(what.force_N * coloured * math.sqrt((2.0 - share) / share) * after)
+    # A first-order low-pass passes share/(2 - share) of the power of white noise.
+    return np.asarray(table.force_N * coloured * math.sqrt((2.0 - share) / share) * is_active)

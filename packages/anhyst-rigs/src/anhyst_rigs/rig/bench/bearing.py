@@ -1,4 +1,4 @@
-"""The virtual bench of a bearing: its plant, and the firmware that levitates it."""
+"""Simulate a bearing and its firmware interactively, in lock-step."""
 
 from __future__ import annotations
 
@@ -52,75 +52,93 @@ from anhyst_rigs.rig.recording import Recording, column_name
 
 
 class LoadDrive:
-    """What pulls at the armature: force, damping, stiffness, a disturbance."""
+    """The load drive of a bearing: force, damping, stiffness and a sinusoidal disturbance."""
 
     def __init__(self, rig: BodyRig, bearing: Plant) -> None:
         load, mass = rig.settings.load, rig.settings.body.mass_kg
         self.force = load.force_N
         self._bearing = bearing
         self._dt = rig.dt
-        self._phase_zero_tick = 0  # tick of the disturbance's phase zero
-        # Rendered by a drive that is late: beyond a part of its bandwidth it would shake by itself.
-        damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
-        stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
-        most = rig.settings.timing.rate_Hz / 4.0
-        force = max(abs(load.force_N), mass * 9.81)
-        renders, about = "damping that the load drive renders", "stiffness that it renders about "
-        about += "the operating gap"
-        of_sine = "amplitude of a sine on its force"
+        self._phase_zero_tick = 0  # tick at which the phase of the disturbance is zero
+        # The drive renders both with a lag. Values beyond these fractions of its bandwidth would
+        # make it unstable.
+        max_damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
+        max_stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
+        max_frequency = rig.settings.timing.rate_Hz / 4.0
+        max_force = max(abs(load.force_N), mass * 9.81)
+        damping_doc = "damping that the load drive renders"
+        stiffness_doc = "stiffness that it renders about "
+        stiffness_doc += "the operating gap"
+        amplitude_doc = "amplitude of a sine added to its force"
         self._knobs = Knobs(
-            Parameter("load_damping", "N s/m", -damping, damping, renders, load.damping_N_s_per_m),
             Parameter(
-                "load_stiffness", "N/m", -stiffness, stiffness, about, load.stiffness_N_per_m
+                "load_damping",
+                "N s/m",
+                -max_damping,
+                max_damping,
+                damping_doc,
+                load.damping_N_s_per_m,
             ),
-            Parameter("disturbance_force", "N", 0.0, force, of_sine, 0.0),
-            Parameter("disturbance_frequency", "Hz", 0.0, most, "of this sine", 10.0),
+            Parameter(
+                "load_stiffness",
+                "N/m",
+                -max_stiffness,
+                max_stiffness,
+                stiffness_doc,
+                load.stiffness_N_per_m,
+            ),
+            Parameter("disturbance_force", "N", 0.0, max_force, amplitude_doc, 0.0),
+            Parameter(
+                "disturbance_frequency", "Hz", 0.0, max_frequency, "frequency of this sine", 10.0
+            ),
         )
         self.parameters = self._knobs.parameters
 
     def apply(self, values: Mapping[str, float], tick: int) -> None:
-        """Put values in force from a tick on; what is no parameter of it is left alone."""
+        """Set values from a tick on; names of other parameters are ignored."""
         self._knobs.apply(values)
         if "disturbance_frequency" in values:
             self._phase_zero_tick = tick
         self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
     def forces(self, first: int, ticks: int) -> FloatArray:
-        """Return what is commanded at some ticks from one on, N, shape (ticks,)."""
+        """Return the commanded force at some ticks, N, shape (ticks,)."""
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        numbers = np.arange(first - self._phase_zero_tick, first - self._phase_zero_tick + ticks)
-        turns = self._knobs["disturbance_frequency"] * self._dt * numbers
-        wave: FloatArray = self.force + amplitude * sine(turns)
+        ticks_since = np.arange(
+            first - self._phase_zero_tick, first - self._phase_zero_tick + ticks
+        )
+        phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
+        wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
 
 
 _PLANT_SIGNALS = {
     "gap_m": Signal("gap", "m", "true gap"),
-    "gap_read_m": Signal("gap_read", "m", "gap as its sensor says"),
-    "velocity_m_per_s": Signal("velocity", "m/s", "true, of the gap"),
-    "reference_m": Signal("reference", "m", "gap controlled to"),
-    "demand_N": Signal("demand", "N", "net force that the controller wants"),
+    "gap_read_m": Signal("gap_read", "m", "measured gap"),
+    "velocity_m_per_s": Signal("velocity", "m/s", "true rate of change of the gap"),
+    "reference_m": Signal("reference", "m", "reference gap"),
+    "demand_N": Signal("demand", "N", "demanded net force"),
     "force_N": Signal("force", "N", "true net force of the magnets"),
     "load_N": Signal("load", "N", "true force of the load drive"),
     **current_signals(1, 1),
-    "current_read_A": Signal("current_read", "A", "the same as its sensor says"),
-    "voltage_V": Signal("voltage", "V", "at the first winding"),
-    "flux_Wb": Signal("flux", "Wb", "linked with the first winding"),
-    "flux_density_T": Signal("flux_density", "T", "in the gap of the first magnet"),
+    "current_read_A": Signal("current_read", "A", "measured current of magnet 1"),
+    "voltage_V": Signal("voltage", "V", "voltage at the first winding"),
+    "flux_Wb": Signal("flux", "Wb", "flux linkage of the first winding"),
+    "flux_density_T": Signal("flux_density", "T", "flux density in the gap of the first magnet"),
     **current_signals(2, POSITION_MAGNETS),
 }
-"""Columns of a simulated loop, and what they are called here."""
+"""Signals of the plant, by the columns of a simulated loop."""
 _FIRMWARE_SIGNALS = (
-    Signal("expected", "N", "force that the first magnet's model expects after the tick"),
+    Signal("expected", "N", "force that the first magnet's model predicts after the tick"),
     Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
-    Signal("state", "", "of the controller: State of anhyst.support.states"),
-    Signal("phase", "", "what its currents do: Phase"),
-    Signal("fault", "", "its latched reason: Fault"),
-    Signal("flags", "", "what was in the way: Flag"),
+    Signal("state", "", "state of the controller: State of anhyst.support.states"),
+    Signal("phase", "", "phase of the controller: Phase"),
+    Signal("fault", "", "latched fault: Fault"),
+    Signal("flags", "", "flags of this tick: Flag"),
 )
-"""Signals that the controller alone knows."""
+"""Signals that only the controller provides."""
 _FULL_SCALE_NAMES = (
     "gap_middle",
     "position_full",
@@ -132,47 +150,48 @@ _FULL_SCALE_NAMES = (
 _STATE_COLUMN = (
     1 + len(_PLANT_SIGNALS) + [signal.name for signal in _FIRMWARE_SIGNALS].index("state")
 )
-"""In rows of a bench; the fault stands two places behind the state."""
+"""Column of the state in the rows of a bench; the fault is two columns after it."""
 _WORD_INDEX = {field.name: at for at, field in enumerate(fields(PlantDrive))}
 _TickFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class BusTap:
-    """A firmware on any board, whose samples may be changed or kept from it."""
+    """A firmware on any board whose samples may be changed or withheld."""
 
     def __init__(self, exchange: Exchange) -> None:
-        self.change_sample: Callable[[PlantSample], PlantSample] | None = (
-            None  # what sensors say instead
-        )
-        self.ticks_to_skip = 0  # ticks that the firmware does not see from now on
+        # changes a sensor sample; None: unchanged
+        self.change_sample: Callable[[PlantSample], PlantSample] | None = None
+        self.ticks_to_skip = 0  # number of next ticks that are withheld from the firmware
         self.exchange, self._call = exchange, _TickFunction(self._exchange_tick)
         self._last_answer = PlantDrive(*(0 for _ in fields(PlantDrive)))
 
     @property
     def tick(self) -> tuple[int, int]:
-        """Addresses of a function of a tick and of no memory, for `anhyst._core.BusController`."""
+        """Addresses of the tick function and of its memory (0) for the core's BusController."""
         return ctypes.cast(self._call, ctypes.c_void_p).value or 0, 0
 
     def _exchange_tick(self, memory: int | None, sample: int, drive: int) -> None:
-        del memory  # the firmware's own is behind the exchange
-        ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer
-        words = ctypes.string_at(sample, PlantSample.FIXED.size)
-        seen = PlantSample(*PlantSample.FIXED.unpack(words))
+        del memory  # the exchange has the memory of the firmware
+        ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer yet
+        sample_bytes = ctypes.string_at(sample, PlantSample.FIXED.size)
+        received = PlantSample(*PlantSample.FIXED.unpack(sample_bytes))
         if self.ticks_to_skip:
             self.ticks_to_skip -= 1
-            self._last_answer = replace(self._last_answer, tick=seen.tick)
+            self._last_answer = replace(self._last_answer, tick=received.tick)
         else:
-            shown = seen if self.change_sample is None else self.change_sample(seen)
+            changed_sample = (
+                received if self.change_sample is None else self.change_sample(received)
+            )
             try:
-                self._last_answer = self.exchange(shown)
+                self._last_answer = self.exchange(changed_sample)
             except (OSError, ValueError):
-                return  # the loop sees that none came
+                return  # the loop detects the missing answer
         answer = self._last_answer.FIXED.pack(*vars(self._last_answer).values())
         ctypes.memmove(drive, answer, len(answer))
 
 
 class _NoPlant:
-    """What the bus of a board leads to whose plant is computed in a loop."""
+    """Placeholder for the plant of a board's bus, because the loop computes the plant."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         raise NotImplementedError
@@ -181,16 +200,17 @@ class _NoPlant:
 class BearingBench(LockStepBench):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    The firmware runs in this process, or behind a tap on one of
-    :data:`anhyst_rigs.link.virtual_boards.VIRTUAL_BOARDS`; its heartbeat counts ticks.
+    The firmware runs in this process, or with a :class:`BusTap` on one of
+    :data:`anhyst_rigs.link.virtual_boards.VIRTUAL_BOARDS`. Its heartbeat period counts ticks.
     """
 
     signals = (*_PLANT_SIGNALS.values(), *_FIRMWARE_SIGNALS)
     commands = BEARING_COMMANDS
     _bus: BusController
-    state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
-    gap = math.nan  # m, at the last tick
-    sends_heartbeat = True  # whether its operator says that he is there
+    state = State.INIT  # of the controller after the last tick
+    fault = Fault.NONE  # of the controller after the last tick
+    gap = math.nan  # gap at the last tick, m
+    sends_heartbeat = True  # whether heartbeats of the operator are sent
 
     def __init__(
         self, setup: BearingSetup, firmware: Path, board: str = "", bearing: Plant | None = None
@@ -237,24 +257,24 @@ class BearingBench(LockStepBench):
             raise
 
     def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks, one after the other."""
+        """Compute some ticks and return their rows."""
         load = self.load_drive.forces(self.tick + 1, ticks)
         return self._run_with_heartbeat(Scenario(np.zeros(ticks), load))
 
     def step(self) -> dict[str, float]:
-        """Go on by one tick, and return what is measured, by the names of signals."""
+        """Advance by one tick and return its signals by name."""
         names = (signal.name for signal in self.signals)
         return dict(zip(names, self.advance(1)[0, 1:].tolist(), strict=True))
 
     def run(self, scenario: Scenario, progress: Progress | None = None) -> Recording:
-        """Go through a scenario, its targets and commands over the link.
+        """Run a scenario, with its targets and commands sent over the link.
 
-        The columns of the plant are those of a simulated loop.
+        The recording has the columns of a simulated loop for the plant, and those of the firmware.
         """
-        same = np.diff(scenario.target, prepend=np.nan) == 0.0
-        begins = np.flatnonzero(~same | (scenario.command & 0xFF > 0)).tolist()
+        is_unchanged = np.diff(scenario.target, prepend=np.nan) == 0.0
+        change_ticks = np.flatnonzero(~is_unchanged | (scenario.command & 0xFF > 0)).tolist()
         rows = []
-        for begin, end in pairwise([*begins, scenario.ticks]):
+        for begin, end in pairwise([*change_ticks, scenario.ticks]):
             command = Command(int(scenario.command[begin]) & 0xFF)
             if command is not Command.NONE:
                 self.command(command)
@@ -262,35 +282,35 @@ class BearingBench(LockStepBench):
             rows.append(self._run_with_heartbeat(scenario.slice_ticks(begin, end)))
             if progress is not None:
                 progress(end, scenario.ticks)
-        own = [column_name(signal.name, signal.unit) for signal in _FIRMWARE_SIGNALS]
-        return Recording.from_table(np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *own])
+        firmware_columns = [column_name(signal.name, signal.unit) for signal in _FIRMWARE_SIGNALS]
+        return Recording.from_table(
+            np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *firmware_columns]
+        )
 
     def _run_with_heartbeat(self, scenario: Scenario) -> FloatArray:
-        """Let a scenario happen without its targets and commands, with the signs of life it needs."""
+        """Run a scenario without its targets and commands, and send the heartbeats that are due."""
         parts, begin = [], 0
         while begin < scenario.ticks:
-            left = scenario.ticks - begin
-            count = self._heartbeat.count_ticks(left) if self.sends_heartbeat else left
+            remaining = scenario.ticks - begin
+            count = self._heartbeat.count_ticks(remaining) if self.sends_heartbeat else remaining
             parts.append(self._run(scenario.slice_ticks(begin, begin + count)))
             begin += count
         return np.concatenate(parts)
 
     def _run(self, scenario: Scenario) -> FloatArray:
-        first = self.tick + 1
+        first_tick = self.tick + 1
         run = self._loop.run(scenario)
         if len(run) < scenario.ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
-        numbers = np.arange(first, first + len(run), dtype=np.float64)
+        numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
         rows = np.column_stack((numbers, run.table, self._firmware_columns(self._bus.take())))
         self.gap = float(run["gap_m"][-1])
-        self.state, self.fault = (
-            State(int(rows[-1, _STATE_COLUMN])),
-            Fault(int(rows[-1, _STATE_COLUMN + 2])),
-        )
+        self.state = State(int(rows[-1, _STATE_COLUMN]))
+        self.fault = Fault(int(rows[-1, _STATE_COLUMN + 2]))
         return rows
 
     def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:
-        """Return what answers of the firmware say, column by column as the signals name them."""
+        """Return the signals of the firmware, one column each, from the words of its answers."""
         signed = words.view(np.int32).astype(np.float64)
         state, mode = words[:, _WORD_INDEX["state"]], words[:, _WORD_INDEX["mode"]]
         return np.column_stack(
@@ -305,7 +325,7 @@ class BearingBench(LockStepBench):
         )
 
     def command(self, command: Command) -> None:
-        """Give a command over the link."""
+        """Send a command over the link."""
         self.link.command(command)
         self._heartbeat.restart()
 
@@ -319,15 +339,15 @@ class BearingBench(LockStepBench):
             self._heartbeat.restart()
 
     def load(self, force: float) -> None:
-        """Command a force to the load drive, N; positive pulls the gap open."""
+        """Command a force of the load drive, N; positive opens the gap."""
         self.load_drive.force = force
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return those of the controller and of the load drive."""
+        """Return the parameters of the controller and of the load drive."""
         return (*self._settings.parameters(), *self.load_drive.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force together, from the next tick on."""
+        """Set parameters together from the next tick on, and return this tick."""
         check_values(values, self.parameters())
         self._settings.write(values, is_running=True)
         self._heartbeat.restart()

@@ -1,4 +1,4 @@
-"""What the live page shows of the body of a stage: where things are, and what is read when it lies."""
+"""Provide the data for the live picture of a stage's body, and its readings at rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from anhyst_rigs.rig.stage.geometry import head_lines, magnet_rows, scan_directi
 
 
 def body_layout(file: RigFile) -> dict[str, Any]:
-    """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
+    """Return magnets and heads; the matrix `see` converts gap reductions to a pose."""
     return {
         "free": list(file.body.free),
         "along": list(file.scan.direction),
@@ -21,44 +21,48 @@ def body_layout(file: RigFile) -> dict[str, Any]:
         "stops": [file.body.stop_low_m - file.gap_m, file.body.stop_high_m - file.gap_m],
         "magnets": [
             {
-                "name": one.name,
-                "at": one.position_m,
-                "direction": one.direction,
-                "gap": one.gap_m or file.gap_m,
+                "name": magnet.name,
+                "at": magnet.position_m,
+                "direction": magnet.direction,
+                "gap": magnet.gap_m or file.gap_m,
             }
-            for one in file.body_magnets
+            for magnet in file.body_magnets
         ],
-        "heads": [{"at": at, "direction": direction} for at, direction in head_lines(file)],
+        "heads": [{"at": point, "direction": direction} for point, direction in head_lines(file)],
         "see": np.linalg.pinv(magnet_rows(file)).tolist(),
     }
 
 
 def resting_values(file: RigFile, place: float) -> dict[str, float]:
-    """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
-    free = file.body.free
-    along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
-    falls = file.body.weight_N > 0.0 and down.any()
-    off = -travel_m(file) * (down if falls else along)
-    way = float(off @ along)
-    values = {"reference": place, "position": place + way, "error": -way}
-    values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
-    pose = zip(free, (place * along + off).tolist(), strict=True)
-    values |= {f"pose_read_{axis}": one for axis, one in pose}
-    nearer = (magnet_rows(file) @ off).tolist()
-    for number, (magnet, by) in enumerate(zip(file.body_magnets, nearer, strict=True), 1):
-        gap = (magnet.gap_m or 0.0) - by
+    """Return the readings of a body that lies at rest on an end stop.
+
+    It lies at the lower end in z if its weight acts there, and otherwise at the lower end of the
+    set-point's direction.
+    """
+    axes = file.body.free
+    along, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])
+    is_pulled_down = file.body.weight_N > 0.0 and down_direction.any()
+    offset = -travel_m(file) * (down_direction if is_pulled_down else along)
+    scan_offset = float(offset @ along)
+    values = {"reference": place, "position": place + scan_offset, "error": -scan_offset}
+    values |= {f"error_{axis}": -value for axis, value in zip(axes, offset.tolist(), strict=True)}
+    pose_values = zip(axes, (place * along + offset).tolist(), strict=True)
+    values |= {f"pose_read_{axis}": value for axis, value in pose_values}
+    gap_reductions = (magnet_rows(file) @ offset).tolist()
+    for number, (magnet, reduction) in enumerate(
+        zip(file.body_magnets, gap_reductions, strict=True), 1
+    ):
+        gap = (magnet.gap_m or 0.0) - reduction
         values |= {column_name(name, "", number): gap for name in ("gap", "gap_read")}
     return values
 
 
 def magnet_pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
-    """Return what each magnet pulls with in a loop's own record."""
+    """Return the pull of each magnet, N, from the signals of a simulated loop."""
     forces, poles = {}, file.magnet.poles
     for number, magnet in enumerate(file.body_magnets, 1):
-        density, gap = (
-            run[column_name("flux_density", "T", number)],
-            run[column_name("gap", "m", number)],
-        )
+        density = run[column_name("flux_density", "T", number)]
+        gap = run[column_name("gap", "m", number)]
         forces[column_name("pull", "N", number)] = poles.pull_force(
             density, gap, magnet.gap_m or file.gap_m
         )

@@ -1,4 +1,8 @@
-"""One contact with a controller on a board: open a line, see that it is the right one, read."""
+"""Open a line to a controller on a board, check that it is the expected one, and read it.
+
+The manifest of the compiled folder gives the scale of each signal. A controller with other scales
+or another rate is rejected.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +34,11 @@ from anhyst_rigs.rig.bench.settings import (
 from anhyst_rigs.rig.recording import column_name
 
 _NO_VALUE_CODE = -(1 << 31)
-"""Code of a sensor that had no value."""
+"""Code of a sensor without a value."""
 
 
 class _Column(NamedTuple):
-    """A signal of the bench, and of which of the controller's it is made: slope*code + offset."""
+    """A signal of the bench, computed from a signal of the controller as slope*code + offset."""
 
     signal: Signal
     source: str
@@ -48,39 +52,43 @@ class BoardColumns:
     def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
         columns = _force_columns(manifest) if force else _position_columns(manifest)
-        known = [one for one in columns if one.source in sources]
+        columns_available = [
+            column_spec for column_spec in columns if column_spec.source in sources
+        ]
         self._codes_per_unit: float
-        self.signals = tuple(one.signal for one in known)
-        self._source_columns = [1 + sources.index(one.source) for one in known]
-        self._slopes = np.array([one.slope for one in known])
-        self._offsets = np.array([one.offset for one in known])
+        self.signals = tuple(column_spec.signal for column_spec in columns_available)
+        self._source_columns = [
+            1 + sources.index(column_spec.source) for column_spec in columns_available
+        ]
+        self._slopes = np.array([column_spec.slope for column_spec in columns_available])
+        self._offsets = np.array([column_spec.offset for column_spec in columns_available])
         signals = manifest["signals"]
         if force:
             demand = signals["demand"]["scale"]
             low, high = manifest["limits"]["demand"]
             self._demand_range = DemandRange("force", "demand", "N", low, high, 0.0)
             self._codes_per_unit, self._zero = Q31 / demand, 0.0
-            own = force_settings(demand, signals["current"]["scale"], rate)
+            setting_specs = force_settings(demand, signals["current"]["scale"], rate)
         else:
             position = manifest["controller"]["signals"]["position"]
             low, high = position["low_gap"], position["high_gap"]
             self._demand_range = DemandRange("gap", "reference", "m", low, high, 0.0)
             self._codes_per_unit, self._zero = -Q31 / position["scale"], position["zero_gap"]
-            own = position_settings(tuple(manifest["controller"]["gains"].values()))
-        self.settings: tuple[SettingSpec, ...] = (*own, heartbeat_setting(rate))
+            setting_specs = position_settings(tuple(manifest["controller"]["gains"].values()))
+        self.settings: tuple[SettingSpec, ...] = (*setting_specs, heartbeat_setting(rate))
 
     def values(self, codes: NDArray[np.int64]) -> FloatArray:
-        """Return rows of tick and signals for rows of tick and codes."""
+        """Convert rows of tick and codes to rows of tick and signals in SI units."""
         mine = codes[:, self._source_columns]
         values = np.where(mine == _NO_VALUE_CODE, np.nan, mine * self._slopes + self._offsets)
         return np.column_stack((codes[:, 0].astype(np.float64), values))
 
     def demand_range(self, code: int) -> DemandRange:
-        """Return what may be demanded, with what is: q31 of full scale."""
+        """Return the range of the demand, with the present demand given as q31 of full scale."""
         return self._demand_range._replace(value=float(code / self._codes_per_unit + self._zero))
 
     def demand_code(self, value: float) -> int:
-        """Return a force, N, or a gap, m, as a controller takes it: q31 of full scale."""
+        """Return a force, N, or a gap, m, as q31 of full scale."""
         code = round((value - self._zero) * self._codes_per_unit)
         return max(-int(Q31), min(int(Q31) - 1, code))
 
@@ -91,9 +99,9 @@ def _force_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
     gap = signals["gap"] or {"low": 0.0, "high": 1.0}
     span = gap["high"] - gap["low"]
     return (
-        _Column(Signal("gap", "m", "as its sensor says"), "gap", span / Q30, gap["low"]),
-        _Column(Signal("demand", "N", "force demanded, in force"), "demand", force / Q31),
-        _Column(Signal("force", "N", "as its sensor says"), "force", force / Q30),
+        _Column(Signal("gap", "m", "measured gap"), "gap", span / Q30, gap["low"]),
+        _Column(Signal("demand", "N", "active force demand"), "demand", force / Q31),
+        _Column(Signal("force", "N", "measured force"), "force", force / Q30),
         *_current_columns(current),
         *_common_columns(force),
     )
@@ -105,50 +113,54 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
     current = controller["signals"]["current"]["scale"]
     slope, zero = -position["scale"] / Q31, position["zero_gap"]
     return (
-        _Column(Signal("gap", "m", "as its sensor says"), "position", slope, zero),
-        _Column(Signal("reference", "m", "gap controlled to"), "reference", slope, zero),
-        _Column(Signal("demand", "N", "force that the controller wants"), "demand", force / Q31),
+        _Column(Signal("gap", "m", "measured gap"), "position", slope, zero),
+        _Column(Signal("reference", "m", "reference gap"), "reference", slope, zero),
+        _Column(Signal("demand", "N", "demanded force"), "demand", force / Q31),
         *(
-            one
+            spec
             for number in range(controller["magnets"])
-            for one in _current_columns(current, number + 1)
+            for spec in _current_columns(current, number + 1)
         ),
         *_common_columns(manifest["signals"]["demand"]["scale"]),
-        _Column(Signal("phase", "", "what the currents do: Phase"), "phase", 1.0),
+        _Column(Signal("phase", "", "phase of the controller: Phase"), "phase", 1.0),
     )
 
 
 def _current_columns(full: float, number: int = 1) -> tuple[_Column, ...]:
-    of = f", of magnet {number}" if number > 1 else ""
-    read, asked, driven = (
+    magnet_text = f", of magnet {number}" if number > 1 else ""
+    read_name, command_name, drive_name = (
         column_name(name, "", number) for name in ("current", "command", "drive")
     )
     return (
-        _Column(Signal(read, "A", f"as its sensor says{of}"), read, full / Q30),
-        _Column(Signal(asked, "A", f"current asked for{of}"), driven, full / Q31),
+        _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full / Q30),
+        _Column(
+            Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full / Q31
+        ),
     )
 
 
 def _common_columns(force: float) -> tuple[_Column, ...]:
     return (
-        _Column(Signal("expected", "N", "force that the model expects"), "expected", force / Q31),
-        _Column(Signal("model_flux", "", "of the model, of full scale"), "flux", 1.0 / Q30),
-        _Column(Signal("state", "", "of the controller: State"), "state", 1.0),
-        _Column(Signal("fault", "", "its latched reason: Fault"), "fault", 1.0),
-        _Column(Signal("flags", "", "what was in the way: Flag"), "flags", 1.0),
+        _Column(Signal("expected", "N", "force predicted by the model"), "expected", force / Q31),
+        _Column(
+            Signal("model_flux", "", "flux of the model, relative to full scale"), "flux", 1.0 / Q30
+        ),
+        _Column(Signal("state", "", "state of the controller: State"), "state", 1.0),
+        _Column(Signal("fault", "", "latched fault: Fault"), "fault", 1.0),
+        _Column(Signal("flags", "", "flags of this tick: Flag"), "flags", 1.0),
     )
 
 
 OpenLine = Callable[[], XcpMaster]
-"""Opens a line; an InputError where nobody answers."""
+"""Function that opens a line; it raises an InputError if no controller responds."""
 
 
-class OtherFirmware(InputError):  # noqa: N818 - it answers well, and is not the one
-    """A controller answers, and it is not the one that the folder was compiled for."""
+class OtherFirmware(InputError):  # noqa: N818 - not an error of the controller
+    """The controller that responds is not the one for which the folder was compiled."""
 
 
 class Contact:
-    """A controller that answers, and what it said at first. Nothing is commanded."""
+    """An open line to a controller, with its first readings; nothing is commanded."""
 
     def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
         _check(line, manifest)
@@ -162,26 +174,26 @@ class Contact:
 
     @property
     def state(self) -> State:
-        """The state of the controller at the last sample."""
+        """State of the controller at the last sample."""
         return State(self._last_value("state"))
 
     @property
     def fault(self) -> Fault:
-        """Its latched reason of a fault."""
+        """Latched fault of the controller."""
         return Fault(self._last_value("fault"))
 
     def _last_value(self, signal: str) -> int:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
     def check_same_controller(self, before: Contact) -> None:
-        """Refuse another controller than that of a contact before."""
-        mine, other = self.line, before.line
-        facts = attrgetter("name", "body", "signals", "every")
-        if facts(mine) != facts(other):
+        """Raise OtherFirmware if this controller differs from that of an earlier contact."""
+        line, earlier_line = self.line, before.line
+        identity = attrgetter("name", "body", "signals", "tick_interval")
+        if identity(line) != identity(earlier_line):
             raise OtherFirmware(
-                f"{mine.url}: '{mine.name}' answers with {len(mine.signals)} signals instead of "
-                f"'{other.name}' with {len(other.signals)}; it is another firmware, start again "
-                "with its folder",
+                f"{line.url}: '{line.name}' answers with {len(line.signals)} signals instead of "
+                f"'{earlier_line.name}' with {len(earlier_line.signals)}; "
+                "this is another firmware, restart with its folder",
                 code="other-firmware",
             )
 
@@ -189,43 +201,43 @@ class Contact:
 def open_contact(
     open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None
 ) -> Contact:
-    """Open a line and return the contact, the same controller as before; closed where it is not."""
+    """Open a line and return the contact; close it if it is not the expected controller."""
     line = open_line()
     try:
-        found = Contact(line, manifest)
+        contact = Contact(line, manifest)
         if before is not None:
-            found.check_same_controller(before)
+            contact.check_same_controller(before)
     except BaseException:
         line.close()
         raise
-    return found
+    return contact
 
 
 def active_block_checksum(line: XcpMaster) -> list[int]:
-    """Return the checksum of the parameter block in force, which tells one from another."""
+    """Return the checksum of the active parameter block, which identifies the block."""
     return line.read_words(CRC_INDEX, 2)
 
 
 def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
-    """Refuse a folder whose numbers would be wrong for the signals of this controller."""
+    """Raise OtherFirmware if the controlled quantity, scales or rate differ from the folder's."""
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):
         raise OtherFirmware(
-            f"{line.url}: controls a {line.body.name.lower()}, the folder does not",
+            f"{line.url}: controls a {line.body.name.lower()}, but the folder does not",
             code="other-firmware",
         )
-    wanted = {
+    expected = {
         "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),
         "SCALE_CURRENT": ("full scale of the current", signals["current"]["scale"]),
         "SCALE_RATE": ("rate", manifest["rate_Hz"]),
     }
-    for word, (name, value) in wanted.items():
+    for word, (name, value) in expected.items():
         words = line.read_words(WORD_INDEX[word], 2)
         (found,) = struct.unpack("<f", struct.pack("<2h", *words))
         if not abs(found - value) <= 1e-6 * abs(value):
             raise OtherFirmware(
-                f"{line.url}: the {name} of its block is {found:g}, that of the folder {value:g}; "
-                "name the folder that the firmware is built around",
+                f"{line.url}: the {name} of its block is {found:g}, but {value:g} in the folder; "
+                "name the folder from which the firmware was built",
                 code="other-firmware",
                 key=name,
             )

@@ -1,7 +1,4 @@
-"""The virtual bench of a force rig: the actuator, and the firmware that drives it.
-
-An operator works at it, or a demand is run through it from power on.
-"""
+"""Simulate a force rig and its firmware interactively, or run a demand through the firmware."""
 
 from __future__ import annotations
 
@@ -37,23 +34,21 @@ _MAX_FREQUENCY = 20.0
 
 
 class Armature(Knobs):
-    """Goes to a gap at a speed, and to and fro about it."""
+    """An armature that moves to a gap at a given speed, with a sinusoidal motion about it."""
 
     def __init__(self, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._dt = low, high, 1.0 / rate
         self._position = middle = 0.5 * (low + high)
         self._phase, swing = 0.0, 0.5 * (high - low)
         super().__init__(
-            Parameter("gap", "m", low, high, "where the armature is held", middle),
-            Parameter(
-                "gap_speed", "m/s", 1e-4, _MAX_SPEED, "at which it goes there", _DEFAULT_SPEED
-            ),
-            Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about it", 0.0),
-            Parameter("gap_frequency", "Hz", 0.0, _MAX_FREQUENCY, "of this sine", 1.0),
+            Parameter("gap", "m", low, high, "gap of the armature", middle),
+            Parameter("gap_speed", "m/s", 1e-4, _MAX_SPEED, "speed of its motion", _DEFAULT_SPEED),
+            Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about this gap", 0.0),
+            Parameter("gap_frequency", "Hz", 0.0, _MAX_FREQUENCY, "frequency of this sine", 1.0),
         )
 
     def move(self) -> float:
-        """Go on by a tick, and return the gap there, m."""
+        """Advance by one tick and return the gap, m."""
         step = self["gap_speed"] * self._dt
         self._position += min(max(self["gap"] - self._position, -step), step)
         self._phase = (self._phase + self["gap_frequency"] * self._dt) % 1.0
@@ -65,30 +60,30 @@ class Armature(Knobs):
 
 _SIGNALS = (
     Signal("gap", "m", "true gap"),
-    Signal("gap_read", "m", "gap as its sensor says"),
-    Signal("demand", "N", "force demanded, in force"),
+    Signal("gap_read", "m", "measured gap"),
+    Signal("demand", "N", "active force demand"),
     Signal("force", "N", "true force"),
-    Signal("force_read", "N", "force as its sensor says"),
-    Signal("command", "A", "current that the controller asks for"),
+    Signal("force_read", "N", "measured force"),
+    Signal("command", "A", "commanded current"),
     Signal("current", "A", "true current"),
-    Signal("current_read", "A", "current as its sensor says"),
-    Signal("expected", "N", "force that the model expects after the tick"),
+    Signal("current_read", "A", "measured current"),
+    Signal("expected", "N", "force that the model predicts after the tick"),
     Signal("model_flux", "", "flux of the model, as a fraction of its full scale"),
-    Signal("state", "", "of the controller: State of anhyst.support.states"),
-    Signal("fault", "", "its latched reason: Fault"),
-    Signal("flags", "", "what was in the way: Flag"),
+    Signal("state", "", "state of the controller: State of anhyst.support.states"),
+    Signal("fault", "", "latched fault: Fault"),
+    Signal("flags", "", "flags of this tick: Flag"),
 )
 
 
 class PrescribedMotion(Knobs):
-    """Leads the armature from gap to gap, m, once it may begin."""
+    """An armature that follows given gaps, m, once ``has_begun`` is set."""
 
     def __init__(self, gap: FloatArray) -> None:
         super().__init__()
         self._gap, self._next, self.has_begun = gap.tolist(), 0, False
 
     def move(self) -> float:
-        """Go on by a tick, and return the gap there, m."""
+        """Return the gap of this tick, m, and advance by one tick."""
         gap: float = self._gap[self._next]
         if self.has_begun:
             self._next = min(self._next + 1, len(self._gap) - 1)
@@ -96,7 +91,7 @@ class PrescribedMotion(Knobs):
 
 
 class StandPlant:
-    """The actuator as the plant bus knows it."""
+    """The actuator in the form that the plant bus needs."""
 
     def __init__(
         self, stand: ActuatorStand, scales: Scales, armature: Armature | PrescribedMotion
@@ -108,14 +103,14 @@ class StandPlant:
 
     @classmethod
     def with_operator(cls, rig: ForceControlRig, program: Program, seed: int) -> Self:
-        """Return it with an armature that an operator moves."""
+        """Return a plant whose armature is moved by an operator."""
         low, high = program.scales.gap_low, program.scales.gap_high
         armature = Armature(low, high, rig.settings.timing.rate_Hz)
         return cls(ActuatorStand(rig, [2, seed]), program.scales, armature)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Go on by one tick."""
-        del tick  # it counts for itself
+        """Advance by one tick with currents relative to full scale; return the readings."""
+        del tick  # the stand counts its own ticks
         self.gap = self.armature.move()
         self.last_tick = self._stand.step(currents[0] * self._scales.current, self.gap)
         scales = self._scales
@@ -127,9 +122,9 @@ class StandPlant:
 
 
 class ForceBench(LockStepBench):
-    """An actuator whose armature is moved from outside, and the firmware that controls its force.
+    """An actuator with a held or moving armature, and the firmware that controls its force.
 
-    Virtual time passes in :meth:`advance` alone. The motion of the armature is among the parameters.
+    Virtual time passes only in :meth:`advance`. The motion of the armature is set by parameters.
     """
 
     _bus: PlantBus
@@ -158,38 +153,38 @@ class ForceBench(LockStepBench):
             self._heartbeat = Heartbeat(self.link)
             slew = rig.settings.amplifier.slew
             set_expected_amplifier(self.link, rig.settings, slew, self._scales.current)
-            known = force_settings(self._scales.demand, self._scales.current, self.rate)
-            self._settings = ControllerSettings(self.link, known)
+            setting_specs = force_settings(self._scales.demand, self._scales.current, self.rate)
+            self._settings = ControllerSettings(self.link, setting_specs)
             self._state = State.INIT
         except BaseException:
             self._resources.close()
             raise
 
     def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks, one after the other."""
+        """Compute some ticks and return their rows."""
         rows = np.empty((ticks, 1 + len(self.signals)))
-        done = 0
-        while done < ticks:
-            for _ in range(self._heartbeat.count_ticks(ticks - done)):
+        row = 0
+        while row < ticks:
+            for _ in range(self._heartbeat.count_ticks(ticks - row)):
                 self._bus.step()
                 self._state = self._bus.state
-                rows[done] = self._row()
-                done += 1
+                rows[row] = self._row()
+                row += 1
         return rows
 
     def _row(self) -> tuple[float, ...]:
-        at, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
+        stand_tick, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
         assert answer is not None
         return (
             self._bus.tick,
             self._stand.gap,
-            at.gap_read,
+            stand_tick.gap_read,
             answer.demand / Q31 * scales.demand,
-            at.force,
-            at.force_read,
+            stand_tick.force,
+            stand_tick.force_read,
             answer.drive / Q31 * scales.current,
-            at.current,
-            at.current_read,
+            stand_tick.current,
+            stand_tick.current_read,
             answer.expected / Q31 * scales.demand,
             answer.flux / Q30,
             answer.state & 0xFF,
@@ -198,7 +193,7 @@ class ForceBench(LockStepBench):
         )
 
     def command(self, command: Command) -> None:
-        """Give a command over the link."""
+        """Send a command over the link."""
         self._state = self.link.command(command)
         self._heartbeat.restart()
 
@@ -209,17 +204,17 @@ class ForceBench(LockStepBench):
         self._heartbeat.restart()
 
     def load(self, force: float) -> None:
-        """Refuse: the armature is held."""
+        """Raise an InputError: a force rig has no load drive."""
         del force
         text = "load: a force rig has no load drive; move the armature by its gap"
         raise InputError(text, code="no-load-drive", key="load")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the motion of the armature and the settings of the controller."""
+        """Return the parameters of the armature's motion and the settings of the controller."""
         return (*self._stand.armature.parameters(), *self._settings.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force together, from the next tick on."""
+        """Set parameters together from the next tick on, and return this tick."""
         check_values(values, self.parameters())
         self._settings.write(values, self._state is State.RUN)
         self._stand.armature.apply(values)
@@ -228,27 +223,27 @@ class ForceBench(LockStepBench):
 
 
 def check_demand(demand_range: DemandRange, value: float, state: State) -> None:
-    """Refuse a force that a controller would not take."""
+    """Raise an InputError if a controller would refuse a force, N."""
     demand_range.check(value)
-    if why := demand_refusal(state):
-        raise InputError(f"demand: {why}", code="wrong-state", key="demand")
+    if reason := demand_refusal(state):
+        raise InputError(f"demand: {reason}", code="wrong-state", key="demand")
 
 
 def demand_refusal(state: State) -> str:
-    """Return why a controller of force takes no demand in a state; empty where it does."""
+    """Return why a force controller accepts no demand in a state; empty if it does."""
     if state is State.RUN:
         return ""
     return f"a force is demanded in the state run, not in {state.name.lower()}"
 
 
 _SELFTEST_TICKS = 40
-"""Ticks after power on until the self-test must have passed."""
+"""Ticks after power-on until the self-test must have passed."""
 _POLL_TICKS = 40
-"""Ticks from one look at a controller that gets ready to the next."""
+"""Ticks between two queries of the state during start-up."""
 _MAX_START_UP_TICKS = 200_000
-"""Ticks of a start-up sequence after which something is wrong."""
+"""Largest number of ticks of a start-up sequence; a longer one is a failure."""
 _RECORDED_SIGNALS = ("command", "current", "force", "gap", "gap_read", "force_read", "current_read")
-"""Signals of the bench that a recording has."""
+"""Signals of the bench in a recording."""
 
 
 def run_firmware(
@@ -260,7 +255,7 @@ def run_firmware(
     board: str,
     is_demagnetised: bool,
 ) -> tuple[Recording, FirmwareSession]:
-    """Run a demand through a firmware from power on: one command over the link at every tick."""
+    """Run a demand through a firmware from power-on, with one demand request per tick."""
     motion = PrescribedMotion(gap)
     plant = StandPlant(stand, program.scales, motion)
     with closing(ForceBench(rig, program, plant, board)) as bench:
@@ -275,10 +270,10 @@ def run_firmware(
             text = f"the controller left its run for {_state_text(status)}"
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
-    everything = np.concatenate([start_up, run])
-    drive = _columns(everything, "command")[:, 0]
+    all_rows = np.concatenate([start_up, run])
+    drive = _columns(all_rows, "command")[:, 0]
     return bench_recording(_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
-        program.gap_codes(_columns(everything, "gap_read")[:, 0]),
+        program.gap_codes(_columns(all_rows, "gap_read")[:, 0]),
         np.rint(drive / program.scales.current * Q31_ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),
@@ -292,13 +287,13 @@ def _columns(rows: FloatArray, *names: str) -> FloatArray:
 
 
 def _start_up(bench: ForceBench, is_demagnetised: bool) -> FloatArray:
-    """Take a controller from power on to ready, and return the rows until there."""
+    """Bring a controller from power-on to the state ready, and return the rows of all ticks."""
     rows = [bench.advance(_SELFTEST_TICKS)]
     bench.command(Command.DEMAGNETISED if is_demagnetised else Command.CONDITION)
     end = bench.tick + _MAX_START_UP_TICKS
     while (status := bench.link.status()).state is not State.READY:
         if status.state is State.FAULT or bench.tick > end:
-            text = f"the controller did not get ready: it is in {_state_text(status)}"
+            text = f"the controller did not reach the state ready: it is in {_state_text(status)}"
             raise NegativeResult(text, code="wrong-state")
         rows.append(bench.advance(_POLL_TICKS))
     return np.concatenate(rows)

@@ -1,4 +1,8 @@
-"""The bench of a controller on a board, or of any firmware that keeps its own time; lost, it is looked for."""
+"""Bench of a controller on a board, or of other firmware with its own clock.
+
+The bench reads and commands the controller over a line. If the controller stops responding, the
+bench searches for it and reconnects.
+"""
 
 from __future__ import annotations
 
@@ -27,23 +31,28 @@ from anhyst_rigs.rig.bench.protocol import BEARING_COMMANDS, FORCE_COMMANDS, Ben
 from anhyst_rigs.rig.bench.settings import check_values
 
 _HEARTBEAT_PERIOD_S = 0.02
-"""Between two signs of life to a controller, s; it waits for 0.1 s."""
+"""Time between two heartbeats to a controller, s; it waits for 0.1 s."""
 SEARCH_TIME_S = 600.0
-"""How long a controller that was lost is looked for, s."""
-_MAX_CLOCK_RATIO, _MIN_CLOCK_RATIO, _CLOCK_MARGIN_S = 1.01, 0.9, 1.0
-"""A clock that went on has counted as many ticks as passed here, within these shares and so many
-seconds; one that began anew has not."""
+"""How long the bench searches for a controller that stopped responding, s."""
+_MAX_CLOCK_RATIO = 1.01
+_MIN_CLOCK_RATIO = 0.9
+_CLOCK_MARGIN_S = 1.0
+"""Margin of the test whether a controller continued to count.
+
+It did if its ticks correspond to the elapsed time times a ratio within both limits, with this
+margin. Otherwise it was restarted.
+"""
 _TICK_MODULUS = 1 << 32
-"""Ticks after which a controller's count begins again."""
+"""Number of ticks after which the counter of a controller starts again at 0."""
 
 
 class HardwareBench(Bench):
-    """A controller that runs by itself, seen and operated over a line.
+    """A controller with its own clock, which is read and commanded over a line.
 
-    It keeps time. The controller's operator is whoever
-    calls :meth:`advance`: without it there is no sign of life, and the controller goes to its safe
-    state by itself. One that is lost is looked for, and no row comes meanwhile; when it is back,
-    nothing is commanded or set: its settings are read anew.
+    Whoever calls :meth:`advance` is the controller's operator. Without these calls there is no
+    heartbeat, and the controller goes to its safe state. A lost controller is searched for, and
+    :meth:`advance` returns no rows meanwhile. After its return the bench only reads its settings,
+    and sends no command or setting.
     """
 
     has_own_clock = True
@@ -68,24 +77,24 @@ class HardwareBench(Bench):
         self._adopt_contact(contact, 0)
 
     def advance(self, ticks: int) -> FloatArray:
-        """Wait until some ticks have passed, and return all that came since; none while lost."""
+        """Wait for some ticks and return all new rows; none while the controller is lost."""
         if self._search is not None:
-            found = self._search.wait(ticks / self.rate)
-            if found is None:
+            contact = self._search.wait(ticks / self.rate)
+            if contact is None:
                 return self._columns.values(np.empty((0, 1 + len(self._sources)), dtype=np.int64))
-            self._resume(found)
-        parts, end = [self._new_rows(self._first_rows)], self.tick + ticks
+            self._resume(contact)
+        parts, end_tick = [self._new_rows(self._first_rows)], self.tick + ticks
         self._first_rows = self._first_rows[:0]
         try:
-            while self.tick < end:
-                now = time.monotonic()
-                if now - self._last_heartbeat > _HEARTBEAT_PERIOD_S:
+            while self.tick < end_tick:
+                present_time = time.monotonic()
+                if present_time - self._last_heartbeat > _HEARTBEAT_PERIOD_S:
                     self._line.send_heartbeat()
-                    self._last_heartbeat = now
-                until = max(
-                    self.tick + self.ticks_per_row, min(end, self.tick + self._max_wait_ticks)
+                    self._last_heartbeat = present_time
+                wait_tick = max(
+                    self.tick + self.ticks_per_row, min(end_tick, self.tick + self._max_wait_ticks)
                 )
-                parts.append(self._new_rows(self._line.take_samples(until - self._offset)))
+                parts.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
         except InputError as error:
             self._start_search(error)
         codes = np.concatenate(parts)
@@ -94,7 +103,7 @@ class HardwareBench(Bench):
         return self._columns.values(codes)
 
     def _new_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return rows with ticks as the bench counts them, behind those that came before."""
+        """Return the rows after the last one, with ticks as the bench counts them."""
         codes = codes + np.eye(1, codes.shape[1], dtype=np.int64) * self._offset
         codes = codes[codes[:, 0] > self.tick]
         if len(codes):
@@ -102,7 +111,7 @@ class HardwareBench(Bench):
         return codes
 
     def _adopt_contact(self, contact: Contact, offset: int) -> None:
-        """Go on with a contact; `offset` leads from its ticks to those of the bench."""
+        """Use a contact; `offset` converts its ticks to those of the bench."""
         self._contact, self._line, self._offset = contact, contact.line, offset
         self._columns, self._settings = contact.columns, contact.settings
         self._sources = contact.line.signals
@@ -112,11 +121,11 @@ class HardwareBench(Bench):
         self.demand_range = contact.columns.demand_range(contact.demand_code)
 
     def _start_search(self, error: InputError) -> None:
-        """Look for a controller that does not answer any more."""
+        """Search for a controller that does not respond any more."""
         before = self._contact
         self.loss_reason = str(error)
         self._messages.append(
-            f"lost: {error}; it is looked for, for {self._search_time / 60.0:g} min at most"
+            f"lost: {error}; searching for at most {self._search_time / 60.0:g} min"
         )
         self._search = ContactSearch(
             lambda: open_contact(self._open_line, self._manifest, before),
@@ -125,45 +134,49 @@ class HardwareBench(Bench):
         )
 
     def _resume(self, found: Contact) -> None:
-        """Go on with a controller that was lost, and say how it is."""
-        newest = int(found.rows[-1, 0])
-        away = found.contact_time - self._last_row_time
-        ahead = (newest - (self.tick - self._offset)) % _TICK_MODULUS
-        counted = ahead / self.rate
-        goes_on = (
-            _MIN_CLOCK_RATIO * away - _CLOCK_MARGIN_S
-            <= counted
-            <= _MAX_CLOCK_RATIO * away + _CLOCK_MARGIN_S
+        """Continue with a controller that responds again, and add a message about its state."""
+        newest_tick = int(found.rows[-1, 0])
+        lost_time = found.contact_time - self._last_row_time
+        counted_ticks = (newest_tick - (self.tick - self._offset)) % _TICK_MODULUS
+        counted_time = counted_ticks / self.rate
+        has_continued = (
+            _MIN_CLOCK_RATIO * lost_time - _CLOCK_MARGIN_S
+            <= counted_time
+            <= _MAX_CLOCK_RATIO * lost_time + _CLOCK_MARGIN_S
         )
-        passed = ahead if goes_on else max(1, round(away * self.rate))
-        ticks = "its ticks went on" if goes_on else f"it began anew and is at its tick {newest}"
-        parts = [f"back after {away:.1f} s, {_state_text(found)}", ticks]
+        passed_ticks = counted_ticks if has_continued else max(1, round(lost_time * self.rate))
+        ticks = (
+            "its tick counter continued"
+            if has_continued
+            else f"it was restarted and is at its tick {newest_tick}"
+        )
+        parts = [f"back after {lost_time:.1f} s, {_state_text(found)}", ticks]
         if found.block != self._block:
-            parts.append("another parameter block is in force than before")
-        before = {one.name: one.value for one in self.parameters()}
+            parts.append("the active parameter block has changed")
+        old_values = {parameter.name: parameter.value for parameter in self.parameters()}
         self._search, self.loss_reason = None, ""
-        self._adopt_contact(found, self.tick + passed - newest)
+        self._adopt_contact(found, self.tick + passed_ticks - newest_tick)
         parts += [
-            f"{one.name} is {one.value:g} and was {before[one.name]:g}"
-            for one in self.parameters()
-            if one.value != before[one.name]
+            f"{parameter.name} changed from {old_values[parameter.name]:g} to {parameter.value:g}"
+            for parameter in self.parameters()
+            if parameter.value != old_values[parameter.name]
         ]
         self._messages.append("; ".join(parts))
 
     def take_messages(self) -> Sequence[str]:
-        """Return what happened to the controller since this was last asked."""
-        news, self._messages = self._messages, []
-        return news
+        """Return messages about loss and return of the controller since the last call."""
+        messages, self._messages = self._messages, []
+        return messages
 
     def _connected_line(self) -> XcpMaster:
         if self._search is not None:
             raise InputError(
-                f"{self.loss_reason}; it is looked for, wait until it is back", code="port-gone"
+                f"{self.loss_reason}; searching for it, wait until it is back", code="port-gone"
             )
         return self._line
 
     def command(self, command: Command) -> None:
-        """Give a command."""
+        """Send a command."""
         self._state = self._connected_line().command(command)
 
     def demand(self, value: float) -> None:
@@ -174,7 +187,7 @@ class HardwareBench(Bench):
         line.write_demand(self._columns.demand_code(value))
 
     def load(self, force: float) -> None:
-        """Refuse: nothing of the load is known here."""
+        """Raise an InputError: this bench has no load drive."""
         del force
         raise InputError(
             "load: the bench of a board has no load drive", code="no-load-drive", key="load"
@@ -185,29 +198,29 @@ class HardwareBench(Bench):
         return self._settings.parameters()
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Write settings one after the other; returns the first tick with all of them in force."""
+        """Write settings one after the other; return the first tick with all of them active."""
         self._connected_line()
         check_values(values, self.parameters())
         self._settings.write(values, self._state is State.RUN)
         return self._next_tick()
 
     def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
+        """Return the active parameter block."""
         return self._connected_line().read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
-        """Put another parameter block in force; returns the first tick that uses it for certain."""
+        """Activate another parameter block; return the first tick that is certain to use it."""
         line = self._connected_line()
         line.swap_block(words)
         self._block = active_block_checksum(line)
         return self._next_tick()
 
     def _next_tick(self) -> int:
-        passed = (self._line.read_clock() + self._offset - self.tick) % _TICK_MODULUS
-        return self.tick + passed + 1
+        passed_ticks = (self._line.read_clock() + self._offset - self.tick) % _TICK_MODULUS
+        return self.tick + passed_ticks + 1
 
     def close(self) -> None:
-        """Hang up; a controller that drives current goes to its safe state by itself."""
+        """Close the line; a controller that drives current goes to its safe state by itself."""
         if self._search is not None:
             self._search.close()
         else:
@@ -222,14 +235,16 @@ def _state_text(found: Contact) -> str:
     return f"{state} ({found.fault.name.lower().replace('_', ' ')})"
 
 
-_FIRST_PAUSE_S, _PAUSE_GROWTH, _MAX_PAUSE_S = 0.1, 1.5, 2.0
-"""Pauses between two tries: the first, by how much each is longer, and the longest."""
+_FIRST_PAUSE_S = 0.1
+_PAUSE_GROWTH = 1.5
+_MAX_PAUSE_S = 2.0
+"""Longest pause between two attempts; each pause is longer than the last by the factor above."""
 _JOIN_TIME_S = 1.0
-"""How long whoever ends a search waits for a try that is under way, s."""
+"""How long the end of a search waits for an attempt in progress, s."""
 
 
 class ContactSearch:
-    """Tries to get into contact again, with growing pauses, until a time is over."""
+    """Try to reconnect with increasing pauses, in a thread, for a limited time."""
 
     def __init__(
         self,
@@ -248,19 +263,19 @@ class ContactSearch:
         self._thread.start()
 
     def wait(self, seconds: float) -> Contact | None:
-        """Return the contact, or None where there is none after so long."""
+        """Return the contact, or None if there is none after this time."""
         self._finished.wait(seconds)
         if self._failure is not None:
             raise self._failure
         return self._found
 
     def close(self) -> None:
-        """End it; a line that it opened, or opens meanwhile, is closed."""
+        """End the search; a line that it has opened or still opens is closed."""
         with self._lock:
             self._cancelled.set()
-            found, self._found = self._found, None
-        if found is not None:
-            found.line.close()
+            contact, self._found = self._found, None
+        if contact is not None:
+            contact.line.close()
         self._thread.join(_JOIN_TIME_S)
 
     def _run(self) -> None:
@@ -269,23 +284,23 @@ class ContactSearch:
         while not self._cancelled.wait(pause):
             pause = min(_PAUSE_GROWTH * pause, _MAX_PAUSE_S)
             try:
-                found = self._find_contact()
+                contact = self._find_contact()
             except OtherFirmware as other:
                 self._failure = other
             except InputError as error:
                 if time.monotonic() > self._end:
                     self._failure = error
             else:
-                self._deliver(found)
+                self._deliver(contact)
             if self._found is not None or self._failure is not None:
                 self._finished.set()
                 return
 
     def _deliver(self, found: Contact) -> None:
-        """Hand a contact over, unless nobody wants it any more."""
+        """Store the contact, or close its line if the search was cancelled."""
         with self._lock:
-            wanted = not self._cancelled.is_set()
-            if wanted:
+            is_wanted = not self._cancelled.is_set()
+            if is_wanted:
                 self._found = found
-        if not wanted:
+        if not is_wanted:
             found.line.close()

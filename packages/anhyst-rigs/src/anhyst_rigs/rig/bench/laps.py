@@ -1,4 +1,4 @@
-"""What benches of stages have in common: a set-point is followed over and over, in process."""
+"""Share the code of virtual benches that repeat a set-point in this process."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from anhyst.support.states import Fault, State
 from anhyst_rigs.rig.bench.protocol import Bench
 
 MAX_PIECE_S = 0.01
-"""After so long at most it is seen whether the loop was lost, s."""
+"""Longest time that is simulated before the bench checks for a loss of control, s."""
 
 
 class CycleBench(Bench):
-    """A stage that follows its set-point over and over."""
+    """A stage that repeats its set-point."""
 
     tick = 0
     _state, _fault = State.READY, Fault.NONE
 
     def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks, one after the other."""
+        """Compute some ticks and return their rows."""
         parts, piece = [], max(1, round(MAX_PIECE_S * self.rate))
         while ticks > 0:
             if self._state is State.FAULT:
@@ -35,15 +35,15 @@ class CycleBench(Bench):
 
     @abstractmethod
     def _lost_rows(self, n: int) -> FloatArray:
-        """Return the rows of a stage that was lost: it is not simulated."""
+        """Return the rows of a stage that was lost and is not simulated."""
 
     @abstractmethod
     def _apply_staged(self) -> None:
-        """Put in force what was staged, if a lap is over or none is under way."""
+        """Activate staged changes if a cycle has ended or none is active."""
 
     @abstractmethod
     def _run_ticks(self, n: int) -> FloatArray:
-        """Return the rows of at most so many ticks."""
+        """Return the rows of at most n ticks."""
 
     def close(self) -> None:
-        """Nothing runs beside it."""
+        """Do nothing; the bench runs no thread or process."""

@@ -1,8 +1,8 @@
-"""A bench paced to the clock.
+"""Run a bench in step with the clock.
 
-The pacer alone touches the bench, in a thread of its own. Ticks become due by the clock; those of
-about 10 ms are run together once the last of them is due, and handed on as one chunk. What is to be
-done to the bench is done between two chunks, so that all of it acts on one tick.
+Only the thread of the pacer uses the bench. It computes the ticks of about 10 ms together, as soon
+as the last of them is due, and distributes them as one chunk. Actions on the bench are executed
+between two chunks, so that each action takes effect on one tick.
 """
 
 from __future__ import annotations
@@ -25,43 +25,44 @@ from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import PlantBus
 from anhyst_rigs.rig.bench.protocol import Bench, Subscription
 
-MIN_SPEED, MAX_SPEED = 0.01, 1.0
-"""Speeds that can be asked for, in units of the clock's."""
+MIN_SPEED = 0.01
+MAX_SPEED = 1.0
+"""Limits of the speed relative to the clock."""
 CHUNK_S = 0.01
-"""Of the clock that the ticks of a chunk take."""
+"""Duration of a chunk on the clock, s."""
 MAX_LATENESS_S = 0.1
-"""Of the clock: a bench that is later gives up the time it lost instead of running after it."""
+"""Largest lateness, s on the clock; a later bench skips the lost time instead of catching up."""
 _PACER_PRIORITY = 2
-"""The pacer's order among threads that go first."""
+"""Real-time priority of the pacer's thread."""
 _REST_SHARE = 0.05
-"""Sleep after each chunk where the bench goes before all other work, of the time it took."""
+"""Sleep after each chunk relative to its computing time, if the thread has real-time priority."""
 _WINDOW_S = 1.0
-"""Over which speed and lateness are stated, s of the clock."""
+"""Time window of the measured speed and lateness, s on the clock."""
 
 _Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, slots=True)
 class Pacing:
-    """How a bench keeps up with the clock."""
+    """How closely a bench follows the clock."""
 
     tick: int  # number of the last tick
     is_paused: bool
-    speed: float  # asked for, in units of the clock's
-    measured_speed: float  # run in the last second, likewise; 0 while it is paused
-    # mean and largest lateness of the chunks of the last second, s: from when the last tick of a
-    # chunk was due until the chunk was handed on
+    speed: float  # requested speed relative to the clock
+    measured_speed: float  # speed in the last second relative to the clock; 0 while paused
+    # mean and largest lateness of the chunks of the last second, s: time from when the last tick of
+    # a chunk was due until the chunk was distributed
     mean_lateness: float
     max_lateness: float
-    # how often time was given up since the start, because the bench was late by :data:`BEHIND_S`
+    # number of times since the start that lateness above :data:`MAX_LATENESS_S` was skipped
     slip_count: int
-    lost_time: float  # all the time given up, s of the clock
-    # recorder that has no room for the next chunk, so that time stands; empty where none
+    lost_time: float  # total skipped time, s on the clock
+    # recorder whose full queue stops the bench; empty if there is none
     awaited_recorder: str
 
 
 class PacedBench:
-    """Runs a bench by the clock, or as its own ticks come, until it is closed."""
+    """Run a bench in step with the clock, or with its own clock, until it is closed."""
 
     def __init__(self, bench: Bench, speed: float = 1.0, is_paused: bool = False) -> None:
         self.error: InputError | None = None
@@ -81,10 +82,10 @@ class PacedBench:
         self._thread.start()
 
     def subscribe(
-        self, name: str, max_chunks: int = 100, is_complete: bool = False
+        self, name: str, max_chunks: int = 100, needs_every_tick: bool = False
     ) -> Subscription:
-        """Let somebody look on, from the next chunk on."""
-        subscription = Subscription(name, max_chunks, is_complete)
+        """Add a subscriber that receives all chunks from the next one on."""
+        subscription = Subscription(name, max_chunks, needs_every_tick)
         with self._wake:
             if self._is_closing:
                 subscription.close()
@@ -92,120 +93,123 @@ class PacedBench:
         return subscription
 
     def execute(self, action: Callable[[Bench], _Result]) -> _Result:
-        """Do something to the bench between two chunks, and return what it returned.
+        """Execute an action on the bench between two chunks, and return its result.
 
-        Whatever it does acts from one tick on, also while time stands. What it raises is raised here.
+        The action takes effect on one tick, also while the bench is paused. Its exception is raised
+        here.
         """
-        done: Future[_Result] = Future()
+        future: Future[_Result] = Future()
 
         def work() -> None:
             try:
-                done.set_result(action(self._bench))
+                future.set_result(action(self._bench))
             except BaseException as error:
-                done.set_exception(error)
+                future.set_exception(error)
 
         with self._wake:
             if self._is_closing:
                 raise self.error or InputError("the bench is closed", code="bench-closed")
             self._todo.append(work)
             self._wake.notify_all()
-        return done.result()
+        return future.result()
 
     def set_speed(self, speed: float) -> None:
-        """Run at another speed from now on."""
+        """Change the speed relative to the clock."""
         with self._wake:
             self._speed = _check_speed(speed)
             self._restart_clock()
 
     def pause(self) -> None:
-        """Let time stand, after the chunk that is under way."""
+        """Stop after the current chunk."""
         with self._wake:
             self._is_paused = True
             self._window.clear()
 
     def resume(self) -> None:
-        """Let time go on."""
+        """Continue after a pause."""
         with self._wake:
             self._is_paused, self._ticks_to_step = False, 0
             self._restart_clock()
 
     def step(self, ticks: int = 1) -> None:
-        """Go on by some ticks and stand again; without effect unless paused."""
+        """Advance a paused bench by some ticks; without effect if it is not paused."""
         with self._wake:
             if self._is_paused:
                 self._ticks_to_step += ticks
                 self._wake.notify_all()
 
     def pacing(self) -> Pacing:
-        """Say how it keeps up with the clock."""
+        """Return how closely the bench follows the clock."""
         with self._wake:
-            late, factor = [one[2] for one in self._window], 0.0
-            if len(late) > 1:
-                (begin, first, _), (end, last, _) = self._window[0], self._window[-1]
-                factor = (last - first) / self._bench.rate / (end - begin)
+            lateness, measured_speed = [entry[2] for entry in self._window], 0.0
+            if len(lateness) > 1:
+                (begin, first_tick, _), (end, last_tick, _) = self._window[0], self._window[-1]
+                measured_speed = (last_tick - first_tick) / self._bench.rate / (end - begin)
             return Pacing(
                 tick=self._tick,
                 is_paused=self._is_paused,
                 speed=self._speed,
-                measured_speed=factor,
-                mean_lateness=sum(late) / len(late) if late else 0.0,
-                max_lateness=max(late, default=0.0),
+                measured_speed=measured_speed,
+                mean_lateness=sum(lateness) / len(lateness) if lateness else 0.0,
+                max_lateness=max(lateness, default=0.0),
                 slip_count=self._slip_count,
                 lost_time=self._lost_time,
                 awaited_recorder=self._awaited_recorder,
             )
 
     def close(self) -> None:
-        """End it: the chunk under way is handed on, then all queues end. The bench stays open."""
+        """Distribute the current chunk and end all queues; the bench stays open."""
         with self._wake:
             self._is_closing = True
             self._wake.notify_all()
         self._thread.join()
 
     def _restart_clock(self) -> None:
-        """Count time from here; under the lock."""
+        """Count time from now on; the caller holds the lock."""
         self._origin = (time.monotonic(), self._tick)
         self._window.clear()
         self._wake.notify_all()
 
     def _due_time(self, tick: int) -> float:
-        """Return when a tick is due, by the clock."""
-        begin, first = self._origin
-        return begin + (tick - first) / (self._bench.rate * self._speed)
+        """Return when a tick is due, s of the monotonic clock."""
+        begin, first_tick = self._origin
+        return begin + (tick - first_tick) / (self._bench.rate * self._speed)
 
     def _run(self) -> None:
         try:
-            with raised_priority(_PACER_PRIORITY) as first:
+            with raised_priority(_PACER_PRIORITY) as has_priority:
                 while (ticks := self._next_ticks()) is not None:
-                    began = time.monotonic()
+                    start = time.monotonic()
                     self._advance(ticks)
-                    if first:
-                        time.sleep(_REST_SHARE * (time.monotonic() - began))
+                    if has_priority:
+                        time.sleep(_REST_SHARE * (time.monotonic() - start))
         except InputError as error:
             self.error = error
         finally:
             self._end()
 
     def _next_ticks(self) -> int | None:
-        """Do what is asked for until ticks are due; return how many, or None at the end."""
+        """Execute actions until ticks are due; return their number, or None at the end."""
         while True:
             with self._wake:
                 if not self._todo:
                     if self._is_closing:
                         return None
-                    ticks, patience = self._ticks_due()
+                    ticks, wait_time = self._ticks_due()
                     if ticks:
                         return ticks
-                    self._wake.wait(patience)
+                    self._wake.wait(wait_time)
                     continue
-                work = self._todo.popleft()
-            work()
+                action = self._todo.popleft()
+            action()
 
     def _ticks_due(self) -> tuple[int, float | None]:
-        """Return the ticks to run now, or none and how long to wait; under the lock."""
-        slow = [one.name for one in self._subscriptions if one.needs_wait()]
-        self._awaited_recorder = slow[0] if slow else ""
-        if slow:
+        """Return the ticks to run now, or 0 and the time to wait, s; requires the lock."""
+        full_queues = [
+            subscription.name for subscription in self._subscriptions if subscription.needs_wait()
+        ]
+        self._awaited_recorder = full_queues[0] if full_queues else ""
+        if full_queues:
             return 0, CHUNK_S
         chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
         if self._is_paused:
@@ -213,60 +217,62 @@ class PacedBench:
             self._ticks_to_step -= ticks
             return ticks, None
         if self._bench.has_own_clock:
-            return chunk, None  # it waits for them
-        left = self._due_time(self._tick + chunk) - time.monotonic()
-        return (0, left) if left > 0.0 else (chunk, None)
+            return chunk, None  # the bench itself waits for these ticks
+        remaining_time = self._due_time(self._tick + chunk) - time.monotonic()
+        return (0, remaining_time) if remaining_time > 0.0 else (chunk, None)
 
     def _advance(self, ticks: int) -> None:
         rows = self._bench.advance(ticks)
         with self._wake:
             self._tick = self._bench.tick
-            self._subscriptions = [one for one in self._subscriptions if not one.has_ended]
+            self._subscriptions = [
+                subscription for subscription in self._subscriptions if not subscription.has_ended
+            ]
             subscriptions = list(self._subscriptions)
-        for one in subscriptions if len(rows) else ():
-            one.put(rows)
+        for subscription in subscriptions if len(rows) else ():
+            subscription.put(rows)
         with self._wake:
             if not self._is_paused:
                 self._record_lateness()
 
     def _record_lateness(self) -> None:
-        """Note how late the chunk was; give up the time where that is too much."""
-        now = time.monotonic()
-        late = 0.0 if self._bench.has_own_clock else now - self._due_time(self._tick)
-        self._window.append((now, self._tick, late))
-        while self._window[0][0] < now - _WINDOW_S and len(self._window) > 2:
+        """Record the lateness of the chunk; skip the lost time above :data:`MAX_LATENESS_S`."""
+        present_time = time.monotonic()
+        lateness = 0.0 if self._bench.has_own_clock else present_time - self._due_time(self._tick)
+        self._window.append((present_time, self._tick, lateness))
+        while self._window[0][0] < present_time - _WINDOW_S and len(self._window) > 2:
             self._window.popleft()
-        if late > MAX_LATENESS_S:
+        if lateness > MAX_LATENESS_S:
             self._slip_count += 1
-            self._lost_time += late
-            self._origin = (now, self._tick)
+            self._lost_time += lateness
+            self._origin = (present_time, self._tick)
 
     def _end(self) -> None:
         with self._wake:
             self._is_closing = True
-            left, self._todo = self._todo, deque()
+            actions, self._todo = self._todo, deque()
             subscriptions = list(self._subscriptions)
-        for one in subscriptions:
-            one.close()
-        for work in left:
-            work()
+        for subscription in subscriptions:
+            subscription.close()
+        for action in actions:
+            action()
 
 
 @contextmanager
 def raised_priority(order: int = 1) -> Iterator[bool]:
-    """Let the calling thread go before all usual work meanwhile; gives whether the system allows it.
+    """Give the calling thread real-time priority in the block; yield whether the system permits it.
 
-    The threads beside the pacer that run all the time need it too: one that is put aside while it
-    holds the interpreter's lock holds the pacer up.
+    Threads that run all the time next to the pacer need it too. Otherwise they could be suspended
+    while they hold the interpreter's lock, and delay the pacer.
     """
     if sys.platform != "linux":
         yield False
         return
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
-        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # what it starts does not
+        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # child processes do not inherit the priority
         os.sched_setscheduler(0, policy, os.sched_param(order))
-    except OSError:  # mostly not allowed
+    except OSError:  # usually not permitted
         yield False
         return
     try:
@@ -283,11 +289,11 @@ def _check_speed(speed: float) -> float:
 
 
 _HEARTBEAT_PERIOD_S = 0.04
-"""Between two heartbeats while nothing else is said, s of virtual time; a controller waits 0.1 s."""
+"""Longest time without a request before a heartbeat, s of virtual time; controllers wait 0.1 s."""
 
 
 class Heartbeat:
-    """Says to a controller that its operator is there, as often as it must."""
+    """Tell a controller at the required rate that its operator is present."""
 
     def __init__(self, link: ControllerLink) -> None:
         self._link = link
@@ -295,7 +301,7 @@ class Heartbeat:
         self._silent_ticks = 0
 
     def count_ticks(self, ticks: int) -> int:
-        """Return how many of so many ticks may pass before the next beat; beats where it is due."""
+        """Return how many ticks may pass before the next heartbeat, after sending one if due."""
         if self._silent_ticks >= self._period_ticks:
             self._link.status()
             self._silent_ticks = 0
@@ -304,20 +310,20 @@ class Heartbeat:
         return count
 
     def restart(self) -> None:
-        """Begin to count again: something else was said."""
+        """Restart the period after another request, which also counts as a heartbeat."""
         self._silent_ticks = 0
 
 
 class LockStepBench(Bench):
-    """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
+    """A bench whose virtual time passes only while it advances, also for the firmware.
 
-    Holds a parameter block (:class:`anhyst_rigs.dashboard.improver.BlockHolder`); what a bench is made
-    of stands in its ``_open``, which ends with it.
+    It is a :class:`anhyst_rigs.dashboard.improver.BlockHolder`. Its parts are in ``_resources``,
+    which closes them.
     """
 
     _resources: ExitStack
     _bus: BusController | PlantBus
-    link: ControllerLink  # its session; all its commands go over it
+    link: ControllerLink  # session through which all commands pass
     _heartbeat: Heartbeat
 
     @property
@@ -326,16 +332,16 @@ class LockStepBench(Bench):
         return self._bus.tick
 
     def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
+        """Return the active parameter block."""
         self._heartbeat.restart()
         return self.link.read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
-        """Put another parameter block in force, from the next tick on."""
+        """Activate another parameter block on the next tick, and return this tick."""
         self.link.write_block(words)
         self._heartbeat.restart()
         return self.tick + 1
 
     def close(self) -> None:
-        """End the firmware."""
+        """Stop the firmware."""
         self._resources.close()

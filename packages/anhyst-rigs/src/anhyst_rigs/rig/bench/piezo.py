@@ -1,7 +1,7 @@
-"""The virtual bench of a piezo stage: it follows its triangle over and over, in process.
+"""Simulate a piezo stage interactively, in this process; the bench repeats its triangle.
 
-Whatever is changed acts on the tick on which a period begins, or at once while the stage is held; the
-disturbance at once.
+Changes take effect at the start of a period, or immediately while the stage is held. A disturbance
+takes effect immediately.
 """
 
 from __future__ import annotations
@@ -40,62 +40,66 @@ from anhyst_rigs.rig.piezo import (
 )
 
 _PIEZO_SIGNALS = (
-    Signal("reference", "m", "position wanted: the triangle and the target beside it"),
-    Signal("expected", "m", "what of the reference should show by now"),
+    Signal("reference", "m", "reference position: triangle plus target"),
+    Signal("expected", "m", "reference, delayed by the expected delay"),
     Signal("position", "m", "true position"),
-    Signal("position_read", "m", "the same as its sensor says"),
-    Signal("error", "m", "true position less what should show"),
-    Signal("demand", "m", "displacement asked of the stack: the reference and its correction"),
-    Signal("voltage", "V", "asked of the amplifier, from the next tick on"),
-    Signal("disturbance", "m", "by so much a load would move the stage at rest"),
+    Signal("position_read", "m", "measured position"),
+    Signal("error", "m", "true position minus expected position"),
+    Signal("demand", "m", "demanded displacement of the stack: reference plus correction"),
+    Signal("voltage", "V", "commanded voltage, from the next tick on"),
+    Signal("disturbance", "m", "static displacement that the load would cause"),
 )
 
 
 class PiezoBench(CycleBench):
-    """A piezo stage that follows its triangle over and over.
+    """A piezo stage that repeats its triangle.
 
-    The inverses are the one without memory and the compensator, which the parameter
-    ``compensation`` chooses by 0 and 1.
+    The parameter ``compensation`` selects one of two inverses: 0 without hysteresis compensation, 1
+    with the compensator.
     """
 
     signals = (*_PIEZO_SIGNALS, *STAGE_STATE_SIGNALS)
     commands = CYCLE_COMMANDS
 
     def __init__(self, rig: PiezoRig, inverses: Sequence[ForceController]) -> None:
-        moved, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
+        case, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
         self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
-        self._max_displacement = inverses[
-            0
-        ].scales.demand  # largest displacement of the measured loops
+        # largest displacement of the measured loops, m
+        self._max_displacement = inverses[0].scales.demand
         self.demand_range = DemandRange(
-            "position", "reference", "m", -moved.low_m, self._max_displacement - moved.low_m, 0.0
+            "position", "reference", "m", -case.low_m, self._max_displacement - case.low_m, 0.0
         )
         self._values = {
             "compensation": 1.0,
             "bandwidth": rig.settings.displacement.bandwidth_Hz,
-            "stroke": moved.stroke_m,
-            "frequency": moved.frequency_Hz,
+            "stroke": case.stroke_m,
+            "frequency": case.frequency_Hz,
             "plant": 0.0,
         }
         self._staged: dict[str, float] = {}
-        stroke = moved.stroke_m
+        stroke = case.stroke_m
         self._knobs = Knobs(
-            Parameter("disturbance_stroke", "m", 0.0, stroke, "peak of a sine of a load", 0.0),
-            Parameter("disturbance_frequency", "Hz", 0.0, rate / 4.0, "of this sine", 10.0),
+            Parameter(
+                "disturbance_stroke", "m", 0.0, stroke, "amplitude of a sinusoidal load", 0.0
+            ),
+            Parameter(
+                "disturbance_frequency", "Hz", 0.0, rate / 4.0, "frequency of this sine", 10.0
+            ),
         )
-        self._phase_zero_tick = 0  # tick of its phase zero
+        self._phase_zero_tick = 0  # tick at which the phase of the disturbance is zero
         self._cycle_count = 0
         self._offset, self._triangle_height = (
             0.0,
             0.0,
-        )  # m: the target; the triangle over its low end
-        # ticks since the path began, whole periods since then, and at which part of one it began
+        )  # m: target offset; height of the triangle above its low end
+        # ticks since the path began, complete periods since then, and phase at its start, in
+        # periods
         self._path_ticks, self._whole_periods, self._start_phase = 0, 0, 0.0
         self._reset_plant()
 
     def _reset_plant(self) -> None:
-        """Put the plant in force, at long rest at 0 V."""
+        """Start with the selected plant, after a long rest at 0 V."""
         settings, number = self.rig.settings, int(self._values["plant"])
         drift, noise = NO_DRIFT, NOISE_SEED
         if number:
@@ -103,11 +107,10 @@ class PiezoBench(CycleBench):
         self._rng = np.random.default_rng(noise)
         plant = replace(self.rig, settings=drifted_file(settings, drift))
         self._loop = PiezoLoop(plant.make_motion(self.rig.dt), settings.position_sensor.step_m)
-        self._drives = [copy_at_rest(one) for one in self._inverses]
-        self._expected_displacements = np.zeros(
-            len(self._drives)
-        )  # displacement that each expects of what flowed
-        self._plant_ticks = 0  # ticks of this plant
+        self._drives = [copy_at_rest(inverse) for inverse in self._inverses]
+        # displacement that each inverse predicts, m
+        self._expected_displacements = np.zeros(len(self._drives))
+        self._plant_ticks = 0  # ticks of the present plant
         self._delay_ticks = math.ceil(self.rig.response_delay * self.rate) + 1
         self._past = np.full(
             self.rig.corner_ticks + self._delay_ticks, settings.displacement_case.low_m
@@ -116,16 +119,16 @@ class PiezoBench(CycleBench):
         self._set_controller(None)
 
     def _set_controller(self, before: int | None) -> None:
-        """Put the controller in force that the parameters name, at rest or without a bump."""
-        which, change = int(self._values["compensation"]), None
+        """Activate the selected controller, from rest or with a bumpless transfer."""
+        selected, output_change = int(self._values["compensation"]), None
         if before is not None:
-            change = float(
-                self._expected_displacements[which] - self._expected_displacements[before]
+            output_change = float(
+                self._expected_displacements[selected] - self._expected_displacements[before]
             )
         bandwidth = {"control.bandwidth_Hz": self._values["bandwidth"]}
         rig = replace(self.rig, settings=self.rig.settings.with_changes(bandwidth))
-        drive = self._drives[which]
-        self._loop.control(drive.native, **controller_arguments(rig, drive), change=change)
+        drive = self._drives[selected]
+        self._loop.control(drive.native, **controller_arguments(rig, drive), change=output_change)
 
     def _apply_staged(self) -> None:
         if self._state is State.RUN and self._path_ticks:
@@ -139,7 +142,7 @@ class PiezoBench(CycleBench):
             self._path_ticks = 0
         if self._state is State.RUN and not self._path_ticks:
             stroke = self._values["stroke"]
-            # from where it is held on upwards
+            # start on the ascending side, from the height at which the stage is held
             self._start_phase = min(0.5 * self._triangle_height / stroke, 0.5) if stroke else 0.0
             self._whole_periods = 0
 
@@ -152,61 +155,61 @@ class PiezoBench(CycleBench):
             self._set_controller(before)
 
     def _period_phases(self, n: int) -> FloatArray:
-        """Return where the next ticks are in periods, those of the present one alone."""
+        """Return the phases of the next n ticks within the present period, in periods."""
         ticks = np.arange(self._path_ticks, self._path_ticks + n, dtype=np.float64)
         turns: FloatArray = ticks * self._values["frequency"] / self.rate + self._start_phase
         return turns[np.floor(turns) <= self._whole_periods]
 
     def _run_ticks(self, n: int) -> FloatArray:
-        runs = self._state is State.RUN
-        above = np.full(n, self._triangle_height)
-        if runs:
-            above = self._values["stroke"] * triangle_wave(self._period_phases(n))
-        n, rig, settings = above.size, self.rig, self.rig.settings
-        path = np.concatenate([self._past, settings.displacement_case.low_m + above + self._offset])
-        wanted = round_corners(path, rig.corner_ticks)
+        is_running = self._state is State.RUN
+        height = np.full(n, self._triangle_height)
+        if is_running:
+            height = self._values["stroke"] * triangle_wave(self._period_phases(n))
+        n, rig, settings = height.size, self.rig, self.rig.settings
+        path = np.concatenate(
+            [self._past, settings.displacement_case.low_m + height + self._offset]
+        )
+        reference = round_corners(path, rig.corner_ticks)
         time = rig.dt * np.arange(
             self._plant_ticks - self._delay_ticks, self._plant_ticks + n, dtype=np.float64
         )
-        expected = np.interp(time[self._delay_ticks :] - rig.response_delay, time, wanted)
-        wanted = wanted[self._delay_ticks :]
+        expected = np.interp(time[self._delay_ticks :] - rig.response_delay, time, reference)
+        reference = reference[self._delay_ticks :]
         noise = settings.position_sensor.noise_m * self._rng.standard_normal(n)
         ticks = np.arange(n) + (self.tick + 1 - self._phase_zero_tick)
         wave = sine(self._knobs["disturbance_frequency"] * rig.dt * ticks)
-        load = self._knobs["disturbance_stroke"] * wave + 0.0  # no minus zero where there is none
-        table = self._loop.run(wanted, expected, noise, load)
-        position, read, demand, voltage = table.T.copy()
+        load = self._knobs["disturbance_stroke"] * wave + 0.0  # avoids -0.0 without a disturbance
+        table = self._loop.run(reference, expected, noise, load)
+        position, position_read, demand, voltage = table.T.copy()
         error = position - expected
-        loss = find_piezo_loss(rig, error, demand - wanted)
-        kept = n if loss is None else loss.tick + 1
-        self._past, self._triangle_height = path[n:], float(above[-1])
-        self._plant_ticks, self._path_ticks = (
-            self._plant_ticks + n,
-            self._path_ticks + n if runs else 0,
-        )
+        loss = find_piezo_loss(rig, error, demand - reference)
+        row_count = n if loss is None else loss.tick + 1
+        self._past, self._triangle_height = path[n:], float(height[-1])
+        self._plant_ticks = self._plant_ticks + n
+        self._path_ticks = self._path_ticks + n if is_running else 0
         for k, drive in enumerate(self._drives):
             in_force = k == int(self._values["compensation"])
             self._expected_displacements[k] = (
                 demand[-1] if in_force else drive.follow(voltage, np.zeros(n))[-1]
             )
-        of_loop = (wanted, expected, position, read, error, demand, voltage, load)
-        rows = self._rows(kept, *(one[:kept] for one in of_loop))
+        signals = (reference, expected, position, position_read, error, demand, voltage, load)
+        rows = self._rows(row_count, *(signal[:row_count] for signal in signals))
         if loss is not None:
             self._state, self._fault = State.FAULT, Fault.POSITION_RANGE
         return rows
 
-    def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
+    def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        lap = self._cycle_count if self._state is State.RUN else 0
-        own = [np.full(n, float(one)) for one in (self._state, self._fault, lap)]
+        cycle = self._cycle_count if self._state is State.RUN else 0
+        state_columns = [np.full(n, float(value)) for value in (self._state, self._fault, cycle)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *own])
+        return np.column_stack([numbers, *signals, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # at 0 V
         return self._rows(n, *np.zeros((len(_PIEZO_SIGNALS), n)))
 
     def command(self, command: Command) -> None:
-        """Give a command; a stop holds the stage where it is, whatever the state."""
+        """Execute a command; the command stop holds the stage at its position in any state."""
         if command is Command.STOP:
             if self._state is State.RUN:
                 self._state = State.READY
@@ -220,62 +223,68 @@ class PiezoBench(CycleBench):
             self._reset_plant()
 
     def demand(self, value: float) -> None:
-        """Demand a place beside the triangle, or beside where the stage is held, m."""
+        """Demand an offset from the triangle or from the held position, m."""
         self.demand_range.check(value)
         self._check_displacement(value, self._staged)
         self._offset = value
 
     def _check_displacement(self, offset: float, staged: Mapping[str, float]) -> None:
-        """Refuse to go beyond what the stack reaches, now and with what is staged."""
+        """Raise an InputError if the stack cannot reach active or staged displacements."""
         strokes = self._values["stroke"], staged.get("stroke", 0.0)
-        above = max(strokes) if self._state is State.RUN else self._triangle_height
-        top = self.rig.settings.displacement_case.low_m + above + offset
-        if top > self._max_displacement * (1.0 + 1e-9):
+        height = max(strokes) if self._state is State.RUN else self._triangle_height
+        highest = self.rig.settings.displacement_case.low_m + height + offset
+        if highest > self._max_displacement * (1.0 + 1e-9):
             raise InputError(
-                f"the stage would go to {1e6 * top:.3g} um, the stack to {1e6 * self._max_displacement:.3g} um; "
-                "lower the target or the stroke",
+                f"the stage would go to {1e6 * highest:.3g} um, the stack to "
+                f"{1e6 * self._max_displacement:.3g} um; lower the target or the stroke",
                 code="out-of-range",
             )
 
     def load(self, force: float) -> None:
-        """Refuse a force: a load is the parameter ``disturbance_stroke``."""
+        """Raise an InputError; use the parameter ``disturbance_stroke`` as a load."""
         raise InputError("load: a piezo stage has no load drive", code="option-not-for-this")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed, with the values in force once a period begins."""
-        own, moved, values = (
-            self.rig.settings,
-            self.rig.settings.displacement_case,
-            self._values | self._staged,
+        """Return all parameters, with the values that will be active in the next period."""
+        settings = self.rig.settings
+        case = self.rig.settings.displacement_case
+        values = self._values | self._staged
+        bandwidth, nominal_frequency = settings.displacement.bandwidth_Hz, case.frequency_Hz
+        max_frequency = max(
+            nominal_frequency, min(self.rate / 20.0, 0.25 / max(case.corner_s, self.rig.dt))
         )
-        bandwidth, slow = own.displacement.bandwidth_Hz, moved.frequency_Hz
-        fast = max(slow, min(self.rate / 20.0, 0.25 / max(moved.corner_s, self.rig.dt)))
-        off, on = (one.method for one in self._inverses)
-        known = (
-            ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}"),
-            ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "of the integrator"),
+        baseline, compensator = (inverse.method for inverse in self._inverses)
+        specs = (
+            ("compensation", "", 0.0, 1.0, f"1: {compensator}; 0: {baseline}"),
+            ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "bandwidth of the integrator"),
             (
                 "stroke",
                 "m",
                 0.0,
-                self._max_displacement - moved.low_m,
-                "of the triangle, peak to peak",
+                self._max_displacement - case.low_m,
+                "stroke of the triangle, peak to peak",
             ),
-            ("frequency", "Hz", 0.05 * slow, fast, "of the triangle"),
+            (
+                "frequency",
+                "Hz",
+                0.05 * nominal_frequency,
+                max_frequency,
+                "frequency of the triangle",
+            ),
             (
                 "plant",
                 "",
                 0.0,
                 float(MAX_PLANT_NUMBER),
-                "0: as the file says; n: as drawn n-th of [spread]",
+                "0: rig file; n: n-th sample of [spread]",
             ),
         )
-        return (*(Parameter(*one, values[one[0]]) for one in known), *self._knobs.parameters())
+        return (*(Parameter(*spec, values[spec[0]]) for spec in specs), *self._knobs.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force as the next period begins; a disturbance on the next tick."""
+        """Stage parameters for the next period; disturbances take effect on the next tick."""
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
-        staged = {name: one for name, one in values.items() if name in self._values}
+        staged = {name: value for name, value in values.items() if name in self._values}
         if staged and self._state is State.FAULT:
             raise InputError("the stage is lost: press clear first", code="wrong-state")
         self._check_displacement(self._offset, self._staged | staged)
@@ -287,7 +296,7 @@ class PiezoBench(CycleBench):
 
     @property
     def _next_period_tick(self) -> int:
-        """The tick on which the next period begins."""
+        """First tick of the next period."""
         if self._state is not State.RUN or not self._path_ticks:
             return self.tick + 1
         period = self.rate / self._values["frequency"]

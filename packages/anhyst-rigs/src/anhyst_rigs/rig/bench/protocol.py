@@ -1,6 +1,8 @@
-"""What every bench is to whoever operates it, virtual or of hardware.
+"""Define the interface of all benches, and the commands that a controller permits in each state.
 
-Which commands its controller takes now, and what leads to run: asked of the core's state machine.
+A bench is a rig with its controller, virtual or real, that an operator uses interactively. The
+state machine of the core decides which commands are permitted. This module explains the decision in
+words.
 """
 
 from __future__ import annotations
@@ -20,16 +22,16 @@ from anhyst_rigs.rig.stage.recording import WRENCH_UNITS
 
 
 class Signal(NamedTuple):
-    """A column of what a bench measures."""
+    """A measured column of a bench."""
 
-    name: str  # in lower case, without its unit: ``gap``, ``current_read``
-    unit: str  # SI; empty for what is counted or named
-    doc: str  # what it is
+    name: str  # lower case, without the unit: ``gap``, ``current_read``
+    unit: str  # SI; empty for counts and codes
+    doc: str  # description
 
 
 def current_signals(first: int, last: int) -> dict[str, Signal]:
-    """Return what is measured of the currents of some magnets, by the columns of a simulated loop."""
-    texts = {"command": "current asked for, of magnet", "current": "true current of magnet"}
+    """Return the current signals of some magnets, keyed by the columns of a simulated loop."""
+    texts = {"command": "commanded current of magnet", "current": "true current of magnet"}
     return {
         column_name(name, "A", number): Signal(
             column_name(name, "", number), "A", f"{text} {number}"
@@ -40,72 +42,72 @@ def current_signals(first: int, last: int) -> dict[str, Signal]:
 
 
 SCAN_SIGNALS = (
-    Signal("reference", "m", "position wanted: the set-point and the target beside it"),
+    Signal("reference", "m", "reference position: set-point plus target"),
     Signal("position", "m", "true position in space"),
-    Signal("error", "m", "reference less true position"),
-    Signal("demand", "N", "force that the controller wants along the set-point"),
-    Signal("force", "N", "true force of the magnets along it"),
-    Signal("load", "N", "true force of the load drive along it"),
+    Signal("error", "m", "reference minus true position"),
+    Signal("demand", "N", "demanded force along the set-point"),
+    Signal("force", "N", "true force of the magnets along the set-point"),
+    Signal("load", "N", "true force of the load drive along the set-point"),
 )
-"""What is measured of a stage along its set-point."""
+"""Signals of a stage along its set-point."""
 STAGE_STATE_SIGNALS = (
     Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
-    Signal("fault", "", "its reason: Fault of anhyst.support.states"),
-    Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
+    Signal("fault", "", "latched fault: Fault of anhyst.support.states"),
+    Signal("lap", "", "number of the present cycle; 0 without one"),
 )
 
 _START_UP_COMMANDS = (Command.CONDITION, Command.DEMAGNETISED)
 _STOP_COMMANDS = (Command.STOP, Command.CLEAR, Command.IDLE, Command.ARM)
 FORCE_COMMANDS = (*_START_UP_COMMANDS, Command.RUN, *_STOP_COMMANDS)
-"""Of a controller of force."""
+"""Commands of a force controller."""
 BEARING_COMMANDS = (*_START_UP_COMMANDS, Command.LIFT, Command.LAND, *_STOP_COMMANDS)
-"""Of a controller of position."""
+"""Commands of a position controller."""
 CYCLE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
-"""Of what follows a set-point over and over."""
+"""Commands of a bench that repeats its set-point."""
 STAGE_COMMANDS = (*CYCLE_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
-"""Of a stage, whose body is also lifted and set down."""
+"""Commands of a stage, including lifting and landing of its body."""
 _AXIS_SIGNALS = (
     ("error", ("m", "rad"), "error along {}, or about it"),
-    ("demand", WRENCH_UNITS, "force that the controller wants along {}, or moment about it"),
+    ("demand", WRENCH_UNITS, "demanded force along {}, or moment about it"),
     ("wrench", WRENCH_UNITS, "true force of the magnets along {}, or moment about it"),
-    ("pose_read", ("m", "rad"), "pose along {}, or about it, as the heads say"),
+    ("pose_read", ("m", "rad"), "measured pose along {}, or about it"),
 )
 _MAGNET_SIGNALS = (
     ("gap", "m", "true gap of magnet {}"),
-    ("gap_read", "m", "the same as its sensor says, of magnet {}"),
+    ("gap_read", "m", "measured gap of magnet {}"),
     ("pull", "N", "true pull of magnet {}"),
-    ("command", "A", "current asked for, of magnet {}"),
+    ("command", "A", "commanded current of magnet {}"),
     ("current", "A", "true current of magnet {}"),
 )
 
 
 def axis_and_magnet_signals(free: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
-    """Return what is measured of coordinates and of magnets, by their names."""
-    axes = [
+    """Return the signals of the coordinates and of the magnets, by their names."""
+    axis_signals = [
         Signal(f"{name}_{axis}", units[axis.startswith("r")], text.format(axis))
         for name, units, text in _AXIS_SIGNALS
         for axis in free
     ]
-    each = [
+    magnet_signals = [
         Signal(column_name(name, "", number), unit, text.format(magnet))
         for number, magnet in enumerate(magnets, 1)
         for name, unit, text in _MAGNET_SIGNALS
     ]
-    return axes + each
+    return axis_signals + magnet_signals
 
 
 class DemandRange(NamedTuple):
-    """What is demanded of a bench."""
+    """The controlled quantity of a bench, and the range of its demand."""
 
-    signal: str  # signals: what is controlled, and to what
+    signal: str  # signals of the controlled quantity and of its reference
     reference: str
     unit: str  # m or N
-    low: float  # the range of what may be demanded
+    low: float  # permitted range, including both ends
     high: float
-    value: float  # with which the bench was opened
+    value: float  # demand when the bench was opened
 
     def check(self, value: float) -> None:
-        """Refuse a demand beyond the range."""
+        """Raise an InputError if a demand is outside the range."""
         if not self.low <= value <= self.high:
             raise InputError(
                 f"demand: is {value:g} {self.unit}; choose one from {self.low:g} to {self.high:g} "
@@ -116,46 +118,46 @@ class DemandRange(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """What may be changed while a bench runs."""
+    """A quantity that may be changed while a bench runs."""
 
-    name: str  # in lower case: ``load_damping``
-    unit: str  # SI; empty for what is counted or switched
-    low: float  # the range of its values, both ends in it
+    name: str  # lower case: ``load_damping``
+    unit: str  # SI; empty for counts and switches
+    low: float  # permitted range, including both ends
     high: float
-    doc: str  # what it does
-    value: float  # in force now
+    doc: str  # description
+    value: float  # present value
 
 
 class Knobs:
-    """What may be changed of a rig beside the settings of its controller."""
+    """Adjustable parameters of a rig that are not settings of its controller."""
 
-    def __init__(self, *known: Parameter) -> None:
-        self._known = {one.name: one for one in known}
+    def __init__(self, *parameters: Parameter) -> None:
+        self._parameters = {parameter.name: parameter for parameter in parameters}
 
     def __getitem__(self, name: str) -> float:
-        return self._known[name].value
+        return self._parameters[name].value
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return them, with the values in force."""
-        return tuple(self._known.values())
+        """Return all parameters with their present values."""
+        return tuple(self._parameters.values())
 
     def apply(self, values: Mapping[str, float]) -> None:
-        """Put values in force; what is none of them is left alone."""
-        for name in values.keys() & self._known.keys():
-            self._known[name] = self._known[name]._replace(value=values[name])
+        """Set values; names of other parameters are ignored."""
+        for name in values.keys() & self._parameters.keys():
+            self._parameters[name] = self._parameters[name]._replace(value=values[name])
 
 
 class Bench(ABC):
-    """A rig and its controller. One thread at a time."""
+    """A rig and its controller, to be used by one thread at a time."""
 
-    rate: float  # ticks a second
-    signals: tuple[Signal, ...]  # columns of what is measured, after the number of the tick
-    demand_range: DemandRange  # what is demanded
-    commands: tuple[Command, ...]  # of this kind of controller, in any state
-    max_load = 0.0  # largest force of the load drive either way, N; 0: there is none
-    has_own_clock = False  # whether its ticks come by themselves
-    ticks_per_row = 1  # ticks from one row to the next
-    loss_reason = ""  # why the controller is looked for; empty while it answers
+    rate: float  # sample rate, Hz
+    signals: tuple[Signal, ...]  # columns of the rows after the tick number
+    demand_range: DemandRange  # range and present value of the demand
+    commands: tuple[Command, ...]  # all commands of this kind of controller, in any state
+    max_load = 0.0  # largest force of the load drive in both directions, N; 0: no load drive
+    has_own_clock = False  # whether the ticks come from a clock of the controller
+    ticks_per_row = 1  # ticks between two rows
+    loss_reason = ""  # why the controller is lost and searched for; empty while it responds
 
     @property
     @abstractmethod
@@ -164,76 +166,83 @@ class Bench(ABC):
 
     @abstractmethod
     def advance(self, ticks: int) -> FloatArray:
-        """Go on by some ticks."""
+        """Advance by some ticks and return their rows: tick number and signals."""
 
     def take_messages(self) -> Sequence[str]:
-        """Return what happened to the controller since this was last asked.
+        """Return messages about loss and return of the controller since the last call.
 
-        It was lost, or is back: what was demanded, :attr:`aim` and parameters are to be read anew.
+        After a message, the caller must read :attr:`demand_range` and the parameters again.
         """
         return ()
 
     @abstractmethod
     def command(self, command: Command) -> None:
-        """Give a command, which acts from the next tick on."""
+        """Send a command, which takes effect on the next tick."""
 
     @abstractmethod
     def demand(self, value: float) -> None:
-        """Demand a gap, m, of a bearing, or a force, N, of a magnet, from the next tick on."""
+        """Demand a gap, m, of a bearing or a force, N, of a magnet from the next tick on."""
 
     @abstractmethod
     def load(self, force: float) -> None:
-        """Command a force, N, to the load drive, from the next tick on."""
+        """Command a force, N, of the load drive from the next tick on."""
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed, with the values in force."""
+        """Return all adjustable parameters with their present values."""
 
     @abstractmethod
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put some parameters in force together, or none of them; returns the first tick with them."""
+        """Set all given parameters, or none; return the first tick with the new values."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the rig."""
+        """Release the rig."""
 
 
 class Subscription:
-    """A bounded queue of chunks, in order, to one that looks on."""
+    """A bounded queue of chunks of rows, in order, for one subscriber."""
 
-    def __init__(self, name: str, max_chunks: int, is_complete: bool) -> None:
+    def __init__(self, name: str, max_chunks: int, needs_every_tick: bool) -> None:
         self.name = name
-        self.is_complete = is_complete
+        self.needs_every_tick = needs_every_tick
         self.missed_ticks = 0
-        self.has_ended = False  # nothing comes any more
+        self.has_ended = False  # no further chunks are added
         self._max_chunks = max_chunks
         self._chunks: deque[FloatArray] = deque()
         self._changed = threading.Condition()
 
     def get(self, timeout: float | None = None) -> FloatArray | None:
-        """Take the next chunk: a row a tick, as :meth:`Bench.advance` gives them."""
+        """Return the next chunk, with rows as of :meth:`Bench.advance`; None at the end."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._chunks or self.has_ended, timeout):
                 raise TimeoutError(f"{self.name}: no chunk in {timeout:g} s")
             return self._chunks.popleft() if self._chunks else None
 
     def close(self) -> None:
-        """Take no more; what has come can still be taken."""
+        """Accept no further chunks; chunks in the queue can still be read."""
         with self._changed:
             self.has_ended = True
             self._changed.notify_all()
 
     def needs_wait(self) -> bool:
-        """Whether the bench has to wait, because every tick is wanted and there is no room."""
+        """Whether the bench must wait for a full queue of a subscriber that needs every tick."""
         with self._changed:
-            return self.is_complete and not self.has_ended and len(self._chunks) >= self._max_chunks
+            return (
+                self.needs_every_tick
+                and not self.has_ended
+                and len(self._chunks) >= self._max_chunks
+            )
 
     def put(self, chunk: FloatArray) -> None:
-        """Hand on a chunk; where there is no room, the oldest ones are lost if not all are wanted."""
+        """Append a chunk.
+
+        A full queue drops its oldest chunks, unless the subscriber needs every tick.
+        """
         with self._changed:
             if self.has_ended:
                 return
-            while not self.is_complete and len(self._chunks) >= self._max_chunks:
+            while not self.needs_every_tick and len(self._chunks) >= self._max_chunks:
                 self.missed_ticks += len(self._chunks.popleft())
             self._chunks.append(chunk)
             self._changed.notify_all()
@@ -245,13 +254,13 @@ _STEPS_TO_RUN = (
     (Command.LIFT,),
     (Command.RUN,),
 )
-"""From a fault to run, a step after the other; one command of each."""
+"""Commands from a fault to the state run, in order; each step needs one command of its group."""
 _STAGE_COMMAND_STATES = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
-"""Of a stage, which goes from rest to ready and back: where it takes them."""
+"""State in which a stage permits the commands for lifting and landing."""
 
 
 class ControllerStatus(NamedTuple):
-    """State of a controller at a tick; ``levitates``: it is a position controller."""
+    """State of a controller at a tick; ``levitates`` is true for a position controller."""
 
     state: State
     conditioning: bool
@@ -262,14 +271,15 @@ class ControllerStatus(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its state in words."""
+        """Name of the state in words."""
         return "conditioning" if self.conditioning else self.state.name.lower()
 
 
 def controller_status(values: Mapping[str, float]) -> ControllerStatus:
-    """Return the state of a controller at a tick, from its signals; only position has a phase.
+    """Return the state of a controller at a tick from its signals.
 
-    One without flags, as of a stage, is held by its magnets while it stands.
+    Only position controllers have a phase. Without a signal ``flags``, as for a stage, the current
+    counts as zero.
     """
     flags = Flag(int(values.get("flags", Flag.CURRENT_ZERO)))
     phase = values.get("phase")
@@ -283,49 +293,53 @@ def controller_status(values: Mapping[str, float]) -> ControllerStatus:
     )
 
 
-def refusal_reason(command: Command, now: ControllerStatus) -> str:
-    """Return why a controller would refuse a command; empty where it would do it."""
-    states = _permitted_states(command, now.levitates)
-    if command in _STAGE_COMMAND_STATES and not now.levitates:
-        return "" if now.name in states else f"only in the state {states[0]}, not in {now.name}"
-    hindered = obstacle(command, **now._asdict())
-    if hindered == "current":
+def refusal_reason(command: Command, status: ControllerStatus) -> str:
+    """Return why a controller would refuse a command; empty if it would execute it."""
+    states = _permitted_states(command, status.levitates)
+    if command in _STAGE_COMMAND_STATES and not status.levitates:
+        return (
+            "" if status.name in states else f"only in the state {states[0]}, not in {status.name}"
+        )
+    hindrance = obstacle(command, **status._asdict())
+    if hindrance == "current":
         return "only once the current is zero"
-    if hindered != "state":
-        return hindered and "this controller has no such command"
-    if now.name not in states:
-        return f"only in the state {' or '.join(states)}, not in {now.name}"
-    return "only once the armature is down" if now.plausible else "only with a plausible sample"
+    if hindrance != "state":
+        return hindrance and "this controller has no such command"
+    if status.name not in states:
+        return f"only in the state {' or '.join(states)}, not in {status.name}"
+    return "only once the armature is down" if status.plausible else "only with a plausible sample"
 
 
 def check_stage_command(command: Command, commands: Sequence[Command], state: State) -> None:
-    """Refuse a command that a stage in a state does not take."""
-    still = ControllerStatus(state, False, True, False, True, True)
-    name, why = command.name.lower(), refusal_reason(command, still)
+    """Raise an InputError if a stage does not permit a command in its state."""
+    status = ControllerStatus(state, False, True, False, True, True)
+    name, reason = command.name.lower(), refusal_reason(command, status)
     if command not in commands:
-        why = "a stage has no such command"
-    if why:
-        raise InputError(f"{name}: {why}", code="wrong-state", key=name)
+        reason = "a stage has no such command"
+    if reason:
+        raise InputError(f"{name}: {reason}", code="wrong-state", key=name)
 
 
-def describe_next_step(commands: Sequence[Command], now: ControllerStatus) -> str:
-    """Return what leads to run, in words; empty in run."""
-    if now.state is State.RUN:
+def describe_next_step(commands: Sequence[Command], status: ControllerStatus) -> str:
+    """Return in words which commands lead to the state run; empty in this state."""
+    if status.state is State.RUN:
         return ""
-    if Command.RUN in commands and now.state is not State.IDLE:
-        # It is up, or cleared so.
+    if Command.RUN in commands and status.state is not State.IDLE:
+        # The body is lifted already, or is lifted after the command clear.
         commands = [command for command in commands if command is not Command.LIFT]
-    known = [[command for command in step if command in commands] for step in _STEPS_TO_RUN]
-    path = [step for step in known if step]
-    begins = [
+    permitted_steps = [
+        [command for command in step if command in commands] for step in _STEPS_TO_RUN
+    ]
+    path = [step for step in permitted_steps if step]
+    possible_starts = [
         n
         for n, step in enumerate(path)
-        if any(now.name in _permitted_states(command, now.levitates) for command in step)
+        if any(status.name in _permitted_states(command, status.levitates) for command in step)
     ]
-    begin = begins[-1] if begins else 1 + now.conditioning
-    steps = ", then ".join(_step_text(step) for step in path[begin:])
-    why = refusal_reason(path[begin][0], now) if begins else f"after {now.name}"
-    return f"{why}: press {steps}" if why else f"press {steps}"
+    start = possible_starts[-1] if possible_starts else 1 + status.conditioning
+    steps = ", then ".join(_step_text(step) for step in path[start:])
+    reason = refusal_reason(path[start][0], status) if possible_starts else f"after {status.name}"
+    return f"{reason}: press {steps}" if reason else f"press {steps}"
 
 
 def _step_text(step: Sequence[Command]) -> str:
@@ -334,9 +348,9 @@ def _step_text(step: Sequence[Command]) -> str:
 
 
 def _permitted_states(command: Command, levitates: bool) -> list[str]:
-    """Return the states in which a command is done, once nothing moves and no current flows."""
+    """Return the states that permit a command, for an armature at rest without current."""
     if command in _STAGE_COMMAND_STATES and not levitates:
         return [_STAGE_COMMAND_STATES[command].name.lower()]
-    still = [ControllerStatus(state, False, True, levitates, True, True) for state in State]
-    still.append(ControllerStatus(State.IDLE, True, True, levitates, True, True))
-    return [stand.name for stand in still if not obstacle(command, **stand._asdict())]
+    statuses = [ControllerStatus(state, False, True, levitates, True, True) for state in State]
+    statuses.append(ControllerStatus(State.IDLE, True, True, levitates, True, True))
+    return [status.name for status in statuses if not obstacle(command, **status._asdict())]

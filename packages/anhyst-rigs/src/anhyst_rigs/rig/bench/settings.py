@@ -1,4 +1,4 @@
-"""The settings of a controller, as parameters of a bench."""
+"""Present the settings of a controller as parameters of a bench, in SI units."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.rig.file import RigFile
 
 _GAIN_SETTINGS = {
-    Setting.GAIN_P: ("N/m", "K_p of the controller of position"),
-    Setting.GAIN_I: ("N/(m s)", "its K_i"),
-    Setting.GAIN_D: ("N s/m", "its K_d"),
-    Setting.GAIN_DD: ("N s^2/m", "its K_dd"),
+    Setting.GAIN_P: ("N/m", "K_p of the position controller"),
+    Setting.GAIN_I: ("N/(m s)", "K_i of the position controller"),
+    Setting.GAIN_D: ("N s/m", "K_d of the position controller"),
+    Setting.GAIN_DD: ("N s^2/m", "K_dd of the position controller"),
 }
-"""Of which a firmware takes shares of what was compiled; one of zero stays zero."""
+"""Gains that the firmware scales relative to the compiled values; a gain of zero stays zero."""
 
 
 MAX_PLANT_NUMBER = 999
-"""Drawn ones that can be asked for."""
+"""Largest number of a sampled plant."""
 
 
 class SettingsLine(Protocol):
-    """What reads and writes them."""
+    """A line that reads and writes settings."""
 
     def read_setting(self, setting: Setting) -> int:
-        """Ask for a setting."""
+        """Read the code of a setting."""
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on; returns what the controller has now."""
+        """Write the code of a setting for the next tick; return the controller's new code."""
 
 
 class SettingSpec(NamedTuple):
-    """A setting in SI units."""
+    """Range, unit and code of a setting."""
 
-    name: str  # as of :class:`anhyst_rigs.rig.bench.protocol.Parameter`
-    setting: Setting  # which
+    name: str  # as in :class:`anhyst_rigs.rig.bench.protocol.Parameter`
+    setting: Setting  # number of the setting in the protocol
     unit: str
     low: float
     high: float
-    # what one of its codes means; 1 for numbers of something, which have no values in between
+    # value of one code in SI units; 1: the value must be an integer
     value_per_code: float
     doc: str
 
@@ -54,8 +54,8 @@ class SettingSpec(NamedTuple):
         if self.value_per_code == 1.0 and value != round(value):
             text = f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}"
             raise InputError(text, code="out-of-range", key=self.name)
-        most = SETTINGS[self.setting]
-        return min(max(round(value / self.value_per_code), most.low), most.high)
+        limits = SETTINGS[self.setting]
+        return min(max(round(value / self.value_per_code), limits.low), limits.high)
 
 
 class ControllerSettings:
@@ -64,48 +64,50 @@ class ControllerSettings:
     def __init__(self, line: SettingsLine, known: Sequence[SettingSpec]) -> None:
         self._line = line
         self._specs = tuple(known)
-        self._codes = {one.setting: line.read_setting(one.setting) for one in self._specs}
+        self._codes = {spec.setting: line.read_setting(spec.setting) for spec in self._specs}
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return them, with the values in force."""
+        """Return all settings with their present values."""
         return tuple(
             Parameter(
-                one.name,
-                one.unit,
-                one.low,
-                one.high,
-                one.doc,
-                self._codes[one.setting] * one.value_per_code,
+                spec.name,
+                spec.unit,
+                spec.low,
+                spec.high,
+                spec.doc,
+                self._codes[spec.setting] * spec.value_per_code,
             )
-            for one in self._specs
+            for spec in self._specs
         )
 
     def write(self, values: Mapping[str, float], is_running: bool) -> None:
-        """Write some of them, all or none; what is no setting is left alone."""
-        codes = {one: one.encode(values[one.name]) for one in self._specs if one.name in values}
-        changed = {
-            one.setting: code for one, code in codes.items() if code != self._codes[one.setting]
+        """Write several settings, or none if one is refused; other names are ignored."""
+        codes = {
+            spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values
         }
-        for setting in changed:
+        changed_codes = {
+            spec.setting: code for spec, code in codes.items() if code != self._codes[spec.setting]
+        }
+        for setting in changed_codes:
             if is_running and not SETTINGS[setting].while_running:
                 raise InputError(
-                    f"{setting.name.lower()}: stays as it is while the controller runs; stop it "
+                    f"{setting.name.lower()}: cannot change while the controller runs; stop it "
                     "first",
                     code="wrong-state",
                     key=setting.name.lower(),
                 )
-        before = {setting: self._codes[setting] for setting in changed}
+        old_codes = {setting: self._codes[setting] for setting in changed_codes}
         try:
-            self._send(changed)
+            self._send(changed_codes)
         except RequestRefusedError:
-            self._send(before)
+            self._send(old_codes)
             raise
 
     def _send(self, codes: Mapping[Setting, int]) -> None:
         for setting, code in codes.items():
             self._codes[setting] = self._line.write_setting(setting, code)
         if not _GAIN_SETTINGS.keys().isdisjoint(codes):
-            self._line.write_setting(Setting.GAINS, 1)  # the shares that stand there now
+            self._line.write_setting(Setting.GAINS, 1)  # activates the written gains
 
 
 _COMPENSATION_DOC = "1: the compensator; 0: the constant ratio"
@@ -115,42 +117,52 @@ _COMPENSATION = SettingSpec(
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
-    """Return the settings of a controller of force."""
-    most, ratio = demand * rate, current / demand
-    slew, of_ratio = "largest slope of the demand", "constant ratio of current to force"
-    follow = "0: the memory follows the current driven; 1: measured"
+    """Return the settings of a force controller for full scales, N and A, and a rate, Hz."""
+    max_slew, ratio = demand * rate, current / demand
+    slew_doc, ratio_doc = "largest slope of the demand", "constant ratio of current to force"
+    follow_doc = "current that updates the hysteresis state: 0: driven; 1: measured"
     return (
-        SettingSpec("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
+        SettingSpec(
+            "demand_slew",
+            Setting.DEMAND_SLEW,
+            "N/s",
+            max_slew / Q31,
+            max_slew,
+            max_slew / Q31,
+            slew_doc,
+        ),
         _COMPENSATION,
-        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, of_ratio),
-        SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow),
+        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, ratio_doc),
+        SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow_doc),
     )
 
 
 def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
-    """Return the settings of a controller of position."""
+    """Return the settings of a position controller."""
     settings = [_COMPENSATION]
     for (setting, (unit, doc)), gain in zip(_GAIN_SETTINGS.items(), gains, strict=True):
         if gain == 0.0:
             continue
-        code, most = gain / Q30, SETTINGS[setting]
-        low, high = sorted((code * most.low, code * most.high))
-        settings.append(SettingSpec(setting.name.lower(), setting, unit, low, high, code, doc))
+        value_per_code, limits = gain / Q30, SETTINGS[setting]
+        low, high = sorted((value_per_code * limits.low, value_per_code * limits.high))
+        settings.append(
+            SettingSpec(setting.name.lower(), setting, unit, low, high, value_per_code, doc)
+        )
     return tuple(settings)
 
 
 _AMPLIFIER_MARGIN = 2.0
-"""Expected lag and sweep of an amplifier, in units of those that its rig file states."""
+"""Factor on the lag and sweep of the amplifier that a controller expects."""
 _MAX_DELAY_TICKS = 2.0
-"""Ticks from a driven current to the sample that shows it, at most."""
+"""Largest number of ticks between a driven current and the sample that shows it."""
 
 
 def set_expected_amplifier(
     line: SettingsLine, file: RigFile, slew: float, full_scale: float
 ) -> None:
-    """Let a controller expect the amplifier of its rig, or one of its defaults if that is slower.
+    """Set the lag and sweep time that a controller expects, unless its present values are larger.
 
-    The current can change by `slew`, A/s; `full_scale` is that of the controller, A.
+    The current changes by up to `slew`, A/s. The full scale of the controller is `full_scale`, A.
     """
     rate, amplifier = file.timing.rate_Hz, file.amplifier
     lag = (1.0 / amplifier.bandwidth_Hz + 1.0 / file.current_sensor.bandwidth_Hz) / math.tau
@@ -165,20 +177,20 @@ def set_expected_amplifier(
 
 
 def heartbeat_setting(rate: float) -> SettingSpec:
-    """Return how long a controller waits for its operator, at so many ticks a second."""
-    low, high = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
-    doc = "without a sign of life for so long the controller goes to rest"
-    return SettingSpec("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)
+    """Return the setting of the time for which a controller waits for a heartbeat, s."""
+    low_s, high_s = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
+    doc = "time without a heartbeat after which the controller goes to rest"
+    return SettingSpec("heartbeat", Setting.HEARTBEAT_TICKS, "s", low_s, high_s, 1.0 / rate, doc)
 
 
 def check_values(
     values: Mapping[str, float], parameters: Sequence[Parameter], integer_names: Sequence[str] = ()
 ) -> None:
-    """Refuse values that a bench cannot take, and of whole numbers those between."""
+    """Raise an InputError for an unknown name, a value out of range, or a non-integer."""
     known = {parameter.name: parameter for parameter in parameters}
     for name, value in values.items():
         if name not in known:
-            text = f"{name}: is no parameter of this bench; it has {', '.join(known)}"
+            text = f"{name}: is not a parameter of this bench; it has {', '.join(known)}"
             raise InputError(text, code="unknown-parameter", key=name)
         parameter = known[name]
         if not parameter.low <= value <= parameter.high:
@@ -196,23 +208,29 @@ def check_values(
 def stage_parameters(
     values: Mapping[str, float], methods: tuple[str, str], crossover: float
 ) -> tuple[Parameter, ...]:
-    """Return what may be changed of a stage that runs, without memory and with the compensator."""
-    off, on = methods
-    known = (
-        ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
-        ("gain_acceleration", "", 0.0, 2.0, "of mass times acceleration that is fed forward"),
-        ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
-        ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
-        ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
-        ("motion", "", 0.1, 1.0, "part of the accelerations that the rig file states"),
+    """Return the parameters of a running stage, for methods without and with compensation."""
+    baseline_method, compensated_method = methods
+    specs = (
+        (
+            "compensation",
+            "",
+            0.0,
+            1.0,
+            f"1: {compensated_method}; 0: {baseline_method}; each with its own gains",
+        ),
+        ("gain_acceleration", "", 0.0, 2.0, "feedforward gain of mass times acceleration"),
+        ("gain_jerk", "s", -1e-3, 1e-3, "feedforward gain of the jerk"),
+        ("gain_snap", "s2", -1e-6, 1e-6, "feedforward gain of the snap"),
+        ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "crossover of the position loop"),
+        ("motion", "", 0.1, 1.0, "accelerations relative to the rig file"),
         (
             "plant",
             "",
             0.0,
             float(MAX_PLANT_NUMBER),
-            "0: as the file says; n: as drawn n-th of [spread]",
+            "0: rig file; n: n-th sample of [spread]",
         ),
     )
     return tuple(
-        Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in known
+        Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in specs
     )

@@ -1,8 +1,8 @@
-"""The virtual bench of a stage: its plant and the core's own controller in lock-step, in process.
+"""Simulate a stage interactively: plant and controller of the core in lock-step, in this process.
 
-No firmware runs: it has no controller of a stage yet. Its set-point is followed over and
-over, there and back in turn, with a rest between two of them. Whatever is changed acts on one tick
-while the body rests, so that no law, gain or filter changes under force.
+No firmware runs, because it has no controller of a stage. The bench repeats the set-point, forward
+and backward alternately, with a rest in between. Changes take effect on one tick while the body
+rests, so that no law, gain or filter changes under force.
 """
 
 from __future__ import annotations
@@ -70,55 +70,55 @@ from anhyst_rigs.rig.stage.setpoint import (
 )
 
 CARRY_OVER_S = 1e-3
-"""Over which the force of the integral is taken that another controller goes on with, s."""
+"""Time over which the integral's wrench is averaged before a new controller takes it over, s."""
 REMEMBERED_CYCLES = 4
-"""Set-points of which it is kept what flowed, for another law to follow."""
+"""Number of set-points whose current and gap history is stored for new compensators."""
 MAX_LOAD_SHARE = 0.5
-"""Of what the largest force has left beside the set-point: what the load drive may pull with."""
+"""Largest force of the load drive relative to the force that the set-point leaves available."""
 FEEDFORWARD_GAINS = ("acceleration", "jerk", "snap")
-"""Of :class:`anhyst_rigs.rig.stage.loop.Feedforward`."""
+"""Names of the gains of :class:`anhyst_rigs.rig.stage.loop.Feedforward`."""
 PHASES_PER_STATE = 16
-"""In the state that a loop records: times the state of the controller."""
+"""Factor of the controller's state in the recorded column ``state``; the phase is added."""
 MAX_CYCLES = 100
-"""Of which it is known how they were followed."""
+"""Number of past cycles in the record of the bench."""
 
 
 class StageCycle(NamedTuple):
-    """A set-point that was followed, or is."""
+    """A completed or active run along the set-point."""
 
     number: int
-    first_tick: int  # its first tick
+    first_tick: int
     tick_count: int
-    history_start: (
-        int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
-    )
+    # first tick whose currents form the history of the iron; it was demagnetised before
+    history_start: int
     motion: SetPoint
-    conditions: tuple[object, ...]  # plant, gains and all else in force but what is learnt
-    setup: StageSetup  # in force, with what was learnt
+    conditions: tuple[object, ...]  # all conditions except corrections, such as plant and gains
+    setup: StageSetup  # active setup with its estimated corrections
 
     @property
     def last_tick(self) -> int:
-        """Its last tick."""
+        """Last tick of the cycle."""
         return self.first_tick + self.tick_count - 1
 
     @property
     def method(self) -> MethodName:
-        """The one that drove it."""
+        """Compensation method of the cycle."""
         return self.setup.method
 
 
 class StageBench(CycleBench):
-    """A stage that follows its set-point over and over.
+    """A stage that repeats its set-point.
 
-    The setups are the one without memory and the compensator, which its parameter
-    ``compensation`` chooses by 0 and 1. A load pushes along the set-point, unknown to the
-    controller; the parameters `push_` add to what is demanded of the magnets, at once. The
-    controller lifts the body and sets it down: idle it lies without a current, ready it is held.
+    The parameter ``compensation`` selects one of two setups: 0 without hysteresis compensation, 1
+    with the compensator. A load, unknown to the controller, pushes along the set-point. The
+    parameters `push_` add to the wrench demanded of the magnets immediately. The controller lifts
+    and lands the body. In the state idle the body lies without current; in the state ready it is
+    levitated.
     """
 
-    lift_tick = 0  # tick on which it was lifted last from a rest without current
-    _is_lifting_or_landing = False  # whether it is lifted or set down
-    _next_command = Command.NONE  # to the controller, at the next tick
+    lift_tick = 0  # tick of the last lift-off from a rest without current
+    _is_lifting_or_landing = False  # whether a lift-off or landing is in progress
+    _next_command = Command.NONE  # command to the controller for the next tick
     commands = STAGE_COMMANDS
 
     def __init__(
@@ -129,27 +129,30 @@ class StageBench(CycleBench):
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
-        each = axis_and_magnet_signals(
+        coordinate_signals = axis_and_magnet_signals(
             file.body.free, [magnet.name for magnet in file.body_magnets]
         )
-        flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
-        self.signals = (*SCAN_SIGNALS, *each, flight, *STAGE_STATE_SIGNALS)
+        phase_signal = Signal(
+            "flight", "", "phase of the controller: Phase of anhyst.support.states"
+        )
+        self.signals = (*SCAN_SIGNALS, *coordinate_signals, phase_signal, *STAGE_STATE_SIGNALS)
         self.cycles: deque[StageCycle] = deque(maxlen=MAX_CYCLES)
         self._max_acceleration = max(file.scan.test_m_per_s2)
-        left = (
+        available_force = (
             largest_wrench_factor(file, scan_wrench(file))
             - file.body.mass_kg * self._max_acceleration
         )
-        self.max_load = MAX_LOAD_SHARE * max(left, 0.0)
-        ways = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
+        self.max_load = MAX_LOAD_SHARE * max(available_force, 0.0)
+        axis_directions = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
         self._max_pushes = {
-            f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, way) for axis, way in ways
+            f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, direction)
+            for axis, direction in axis_directions
         }
-        self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # in force
-        # a step of the target by so much asks for the largest force at once
-        most = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
-        self.demand_range = DemandRange("position", "reference", "m", -most, most, 0.0)
-        self.setups = tuple(setups)  # as the files say
+        self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active values
+        # A step of the target by this amount demands the largest force immediately.
+        max_offset = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
+        self.demand_range = DemandRange("position", "reference", "m", -max_offset, max_offset, 0.0)
+        self.setups = tuple(setups)  # as in the files
         self._setups, self._gains = list(setups), list(gains)
         self._values = {
             "compensation": 1.0,
@@ -161,14 +164,14 @@ class StageBench(CycleBench):
         self._corrected_setups: dict[int, StageSetup] = {}
         self._cycle_count, self._cycle_number = 0, 0
         self._offset, self._load, self._next_direction = 0.0, 0.0, 1.0
-        # what the controller did at the last ticks
+        # Phases of the controller at the last ticks.
         self._phases = np.zeros(0)
         self._set_motion(1.0)
         self._reset_plant()
 
     @property
     def body(self) -> Mapping[str, Any]:
-        """What a picture of the body is drawn from, SI."""
+        """Data for a picture of the body, SI units."""
         return {**body_layout(self.rig.settings), "way": peak_deviation(self._scan_course.position)}
 
     @property
@@ -176,14 +179,14 @@ class StageBench(CycleBench):
         return self._setups[int(self._values["compensation"])]
 
     def _set_motion(self, share: float) -> None:
-        """Take the accelerations of the file by a share; the set-point comes to rest at its end."""
+        """Scale the accelerations of the rig file; the set-point ends at rest."""
         scan = self.rig.settings.scan
         peaks = [share * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
         self._motion = replace(scan_motion(scan, peaks), has_final_rest=True)
         self._scan_course = sample_motion(self._motion, self.rig.dt, self.rig.loop_delay)
 
     def _reset_plant(self) -> None:
-        """Put the plant in force where it works, at rest, its iron demagnetised."""
+        """Start with the selected plant at its operating point, at rest and demagnetised."""
         number = int(self._values["plant"])
         settings = self.rig.settings
         drift, noise = NO_DRIFT, 0
@@ -195,7 +198,7 @@ class StageBench(CycleBench):
         self._plant.place((-stray * along).tolist(), [0.0] * along.size)
         self._active_course: SampledMotion | None = None
         self._course_tick, self._course_start = 0, 0.0
-        self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))  # accelerations
+        self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))
         self._history: deque[FloatArray] = deque()
         free = len(self.rig.settings.body.free)
         self._latest_history = np.zeros((0, 2 * (self._magnets + free)))
@@ -204,22 +207,22 @@ class StageBench(CycleBench):
         self._set_controller()
 
     def _set_controller(self) -> None:
-        """Put a controller in force that remembers what flowed; the integral of the loop goes on."""
+        """Activate a controller with the history of the iron and the present integral."""
         rig = self._setup.rig
         settings = rig.settings.with_changes({"control.crossover_Hz": self._values["crossover"]})
         setup = replace(self._setup, rig=replace(rig, settings=settings))
-        # the loop keeps the drives alive
+        # The loop keeps a reference to the drives.
         drives = [self._compensator_with_history(setup, k) for k in range(self._magnets)]
         controller = setup.make_controller(drives)
         self._loop = ClosedLoop(self._plant, controller, current_controllers(setup.rig))
         if len(self._latest_history):
-            wanted, fed = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
-            self._integral_wrench = np.array([np.mean(one) for one in (wanted - fed).T])
-        # a controller begins in flight
+            demanded, fed = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
+            self._integral_wrench = np.array([np.mean(values) for values in (demanded - fed).T])
+        # A controller starts in the levitated state.
         self._next_command = Command.IDLE if self._state is State.IDLE else Command.NONE
 
     def _compensator_with_history(self, setup: StageSetup, magnet: int) -> ForceController:
-        """Return a compensator that has followed what flowed in a magnet."""
+        """Return a compensator that has followed the past currents and gaps of a magnet."""
         drive = setup.make_compensators()[magnet]
         path = np.concatenate([*self._history, self._latest_history[-1:]])
         if len(path):
@@ -247,8 +250,8 @@ class StageBench(CycleBench):
             )
             self._cycle_count += 1
             self._cycle_number, self._next_direction = self._cycle_count, -self._next_direction
-            pushed = self._load, *self._pushes.values()
-            under = (*self._values.values(), *self._gains, *pushed)
+            external_forces = self._load, *self._pushes.values()
+            conditions = (*self._values.values(), *self._gains, *external_forces)
             begin, ticks = self.tick + 1, len(self._scan_course)
             lap = StageCycle(
                 self._cycle_number,
@@ -256,14 +259,14 @@ class StageBench(CycleBench):
                 ticks,
                 self._history_start,
                 self._motion,
-                under,
+                conditions,
                 self._setup,
             )
             self.cycles.append(lap)
 
     def _begin_course(self, course: SampledMotion) -> None:
         self._active_course, self._course_tick = course, 0
-        # nothing of the small loops at rest is kept: the next lap wipes them out
+        # Minor loops at rest are not stored, because the next cycle wipes them out.
         self._history.append(self._latest_history[-1:])
         while sum(map(len, self._history)) > REMEMBERED_CYCLES * len(self._scan_course):
             self._history.popleft()
@@ -271,40 +274,40 @@ class StageBench(CycleBench):
     def _take_staged(self) -> None:
         staged, self._staged = self._staged, {}
         corrected, self._corrected_setups = self._corrected_setups, {}
-        for which, setup in corrected.items():
-            self._setups[which] = setup
-        self._values |= {name: one for name, one in staged.items() if name in self._values}
-        which = int(self._values["compensation"])
+        for selected, setup in corrected.items():
+            self._setups[selected] = setup
+        self._values |= {name: value for name, value in staged.items() if name in self._values}
+        selected = int(self._values["compensation"])
         gains = {
             name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged
         }
-        self._gains[which] = replace(self._gains[which], **gains)
+        self._gains[selected] = replace(self._gains[selected], **gains)
         if "motion" in staged:
             self._set_motion(staged["motion"])
         if "plant" in staged:
             self._reset_plant()
-        elif which in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
+        elif selected in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
             self._set_controller()
 
     def _next_feedforward(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return set-point and accelerations of the next ticks and one more, and what is fed forward."""
-        course, at = self._active_course, self._course_tick
+        """Return n + 1 positions, n accelerations and n feedforward forces of the next ticks."""
+        course, tick = self._active_course, self._course_tick
         if course is None:
-            place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
+            positions, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
-            place = course.position[at : at + n + 1]
-            accelerations, ahead = (
-                course.acceleration[at : at + n],
-                course.early_derivatives[at : at + n],
-            )
+            positions = course.position[tick : tick + n + 1]
+            accelerations = course.acceleration[tick : tick + n]
+            ahead = course.early_derivatives[tick : tick + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.assumed_rig.settings.body.mass_kg
-        moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        forward = mass * moved + setup.cable_stiffness * (self._course_start + ahead[:, 3])
-        return self._course_start + place, accelerations, forward
+        mass_acceleration = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
+        forward = mass * mass_acceleration + setup.cable_stiffness * (
+            self._course_start + ahead[:, 3]
+        )
+        return self._course_start + positions, accelerations, forward
 
     def _next_stray(self, n: int, late: FloatArray | float) -> FloatArray:
-        """Return how far the long stroke is off at the next ticks, m, as a simulated one is."""
+        """Return the path error of the long stroke at the next ticks, m, as in a simulation."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
         return frame_stray_from(self.rig, late, self.rig.dt * ticks)
 
@@ -314,35 +317,33 @@ class StageBench(CycleBench):
         place, accelerations, forward = self._next_feedforward(n)
         past = np.concatenate([self._past_accelerations, accelerations])
         stray = self._next_stray(n + 1, past[: n + 1] / self._max_acceleration)
-        of_loop, flowed, loss = self._simulate(place, stray, forward)
-        kept = len(flowed)
-        rows = self._rows(kept, *of_loop)
-        self._past_accelerations, self._course_tick = (
-            past[kept : kept + self._past_accelerations.size],
-            self._course_tick + kept,
-        )
-        self._record_history(flowed)
-        carried = round(CARRY_OVER_S / self.rig.dt)
-        self._latest_history = np.concatenate([self._latest_history, flowed])[-carried:]
+        signals, history, loss = self._simulate(place, stray, forward)
+        row_count = len(history)
+        rows = self._rows(row_count, *signals)
+        self._past_accelerations = past[row_count : row_count + self._past_accelerations.size]
+        self._course_tick = self._course_tick + row_count
+        self._record_history(history)
+        carry_over_ticks = round(CARRY_OVER_S / self.rig.dt)
+        self._latest_history = np.concatenate([self._latest_history, history])[-carry_over_ticks:]
         if loss is not None:
             self._state, self._fault, self._cycle_number = State.FAULT, Fault.POSITION_RANGE, 0
         return rows
 
     def _record_history(self, flowed: FloatArray) -> None:
-        """Keep what flowed for another law to follow, but at rest."""
-        driven = bool(self._history) and self._history[-1][-1:, : self._magnets].any()
+        """Store currents and gaps for new compensators, except at rest."""
+        is_driven = bool(self._history) and self._history[-1][-1:, : self._magnets].any()
         if self._active_course is not None or self._is_lifting_or_landing:
             self._history.append(flowed)
-        elif self._state is State.IDLE and driven:
+        elif self._state is State.IDLE and is_driven:
             self._history.append(flowed[-1:])
 
     def _simulate(
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
-        """Return what is read of some ticks, signal by signal; what flowed; and whether it was lost.
+        """Return the signals of some ticks, the history of the magnets, and a loss of control.
 
-        What flowed: of each magnet the current and the gap as the controller knows it, then what
-        was demanded along each coordinate, and what was fed forward.
+        The history has one row per tick: current and measured gap of each magnet, then the demanded
+        and the feedforward wrench along each coordinate.
         """
         rig, free = self.rig, self.rig.settings.body.free
         fed = feedforward_wrench(self._setup.assumed_rig, forward) + list(self._pushes.values())
@@ -350,55 +351,58 @@ class StageBench(CycleBench):
         scenario.command[0], self._next_command = self._next_command, Command.NONE
         load = self._load - self._cable_stiffness * place[:-1]
         run = self._loop.run(replace(scenario, load=load))
-        held = (
-            self._state is not State.IDLE and not self._is_lifting_or_landing
-        )  # else it may lie on a stop
-        loss = find_stage_loss(rig, run, len(fed)) if held else None
+        # otherwise it may lie on a stop
+        is_held = self._state is not State.IDLE and not self._is_lifting_or_landing
+        loss = find_stage_loss(rig, run, len(fed)) if is_held else None
         run = run.slice_ticks(0, len(fed) if loss is None else loss.tick + 1)
-        seen = dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
-        wanted = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
+        columns = (
+            dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
+        )
+        demanded = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
         currents = [run[name] for name in magnet_columns(CURRENT_SIGNALS[:1], 1, self._magnets)]
         gaps = [run[name] for name in magnet_columns([("gap_read", "m")], 1, self._magnets)]
-        flowed = [*currents, *gaps, *wanted, fed[: len(run)]]
-        of_loop = [seen[column_name(one.name, one.unit)] for one in self._loop_signals]
-        return of_loop, np.column_stack(flowed), loss
+        history = [*currents, *gaps, *demanded, fed[: len(run)]]
+        signals = [columns[column_name(signal.name, signal.unit)] for signal in self._loop_signals]
+        return signals, np.column_stack(history), loss
 
     def _bench_columns(self, run: Recording) -> dict[str, FloatArray]:
-        """Return the flight, what each magnet pulls with, and what all do along each coordinate."""
+        """Return the phase, the pull of each magnet, and the wrench of all magnets."""
         settings = self.rig.settings
         free = settings.body.free
         wrench = [run[name] for name in axis_columns("wrench", free, WRENCH_UNITS)]
-        read = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
+        wrench_columns = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
         self._phases = run["state"] % PHASES_PER_STATE
         if self._is_lifting_or_landing and self._phases[-1] in (Phase.HOVER, Phase.REST):
             self._is_lifting_or_landing = False
             self._state = State.READY if self._phases[-1] == Phase.HOVER else State.IDLE
-        return read | magnet_pulls(settings, run) | {"flight": self._phases}
+        return wrench_columns | magnet_pulls(settings, run) | {"flight": self._phases}
 
-    def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
+    def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        own = [np.full(n, float(one)) for one in (self._fault, self._cycle_number)]
+        state_columns = [np.full(n, float(value)) for value in (self._fault, self._cycle_number)]
         state = np.full(n, float(self._state))
         if self._state is not State.FAULT:
             state[self._phases != Phase.HOVER] = State.RUN
             state[self._phases == Phase.REST] = State.IDLE
         self.tick += n
-        return np.column_stack([numbers, *of_loop, state, *own])
+        return np.column_stack([numbers, *signals, state, *state_columns])
 
-    def _lost_rows(self, n: int) -> FloatArray:  # on a stop without a current
+    def _lost_rows(self, n: int) -> FloatArray:  # on a stop without current
         values = resting_values(self.rig.settings, self._course_start)
-        return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._loop_signals))
+        return self._rows(
+            n, *(np.full(n, values.get(signal.name, 0.0)) for signal in self._loop_signals)
+        )
 
     @property
     def _loop_signals(self) -> Sequence[Signal]:
-        """The signals that come from the loop; the others are the bench's own."""
+        """Signals from the loop; the bench adds the others."""
         return self.signals[: -len(STAGE_STATE_SIGNALS)]
 
     def command(self, command: Command) -> None:
-        """Give a command.
+        """Execute a command.
 
-        A stop brakes at once, whatever the state, and the body is held then; one that is lifted is
-        set down again.
+        The command stop brakes immediately in any state, and the body is then held. A body that is
+        being lifted is landed again.
         """
         if command is Command.STOP and self._is_lifting_or_landing:
             self._next_command = Command.LAND
@@ -409,9 +413,9 @@ class StageBench(CycleBench):
             self._execute_command(command)
 
     def _execute_command(self, command: Command) -> None:
-        """Do what a command says that the state permits."""
+        """Execute a command that the state permits."""
         if command is Command.RUN:
-            # the first leg leads back to where it all began
+            # The first motion leads back to the origin.
             side = -1.0 if self._course_start > 0.0 else 1.0
             self._state, self._next_direction, self._offset = State.RUN, side, 0.0
         elif command is Command.CLEAR:
@@ -433,59 +437,69 @@ class StageBench(CycleBench):
         if course is not None and self._course_tick < len(course):
             self._course_start += float(course.position[self._course_tick])
             motion = course.motion_at(self._course_tick, dt)
-            scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
+            scan = self.rig.settings.scan  # largest acceleration, also for a slower cycle
             hardest = scan_motion(scan, scan.test_m_per_s2)
             self._begin_course(plan_braking(*motion, hardest, dt, self.rig.loop_delay))
 
     def demand(self, value: float) -> None:
-        """Demand a place beside the set-point, m."""
+        """Demand an offset from the set-point, m."""
         self.demand_range.check(value)
         self._offset = value
 
     def load(self, force: float) -> None:
-        """Let a force, N, push at the body towards larger positions; the controller is not told."""
+        """Push the body towards larger positions by a force, N, unknown to the controller."""
         self._load = min(max(force, -self.max_load), self.max_load)
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed, with the values that are in force once the body rests."""
+        """Return all parameters, with the values that are active once the body rests."""
         crossover = self.rig.settings.tracking.crossover_Hz
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
         values = {**{f"gain_{name}": getattr(gains, name) for name in FEEDFORWARD_GAINS}, **values}
-        off, on = (one.method for one in self._setups)
+        baseline_method, compensated_method = (setup.method for setup in self._setups)
         pushes = (
             Parameter(
-                name, WRENCH_UNITS["_r" in name], -most, most, "at once, asked of the magnets", now
+                name,
+                WRENCH_UNITS["_r" in name],
+                -limit,
+                limit,
+                "added to the demanded wrench immediately",
+                value,
             )
-            for (name, most), now in zip(
+            for (name, limit), value in zip(
                 self._max_pushes.items(), self._pushes.values(), strict=True
             )
         )
-        return (*stage_parameters(values, (off, on), crossover), *pushes)
+        return (
+            *stage_parameters(values, (baseline_method, compensated_method), crossover),
+            *pushes,
+        )
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
+        """Stage parameters until the body next rests; pushes take effect on the next tick."""
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
-        pushed = {name: force for name, force in values.items() if name in self._pushes}
+        pushes = {name: force for name, force in values.items() if name in self._pushes}
         staged = {name: value for name, value in values.items() if name not in self._pushes}
         due = self.tick + 1
-        if staged or not pushed:
+        if staged or not pushes:
             if self._is_lifting_or_landing:
-                raise InputError("the stage is lifted or set down: wait", code="wrong-state")
+                raise InputError("the stage is lifting or landing: wait", code="wrong-state")
             if self._state is State.FAULT:
                 raise InputError("the stage is lost: press clear first", code="wrong-state")
             self._staged |= staged
             due = self._next_rest_tick
-        self._pushes |= pushed
+        self._pushes |= pushes
         return due
 
     def correct(self, setup: StageSetup) -> int:
-        """Put what was learnt of a method in force, on the tick on which the body next rests."""
-        methods = [one.method for one in self._setups]
+        """Stage a setup with estimated corrections until the body next rests."""
+        methods = [setup_in_use.method for setup_in_use in self._setups]
         self._corrected_setups[methods.index(setup.method)] = setup
         return self._next_rest_tick
 
     @property
     def _next_rest_tick(self) -> int:
-        left = 0 if self._active_course is None else len(self._active_course) - self._course_tick
-        return self.tick + left + 1
+        remaining = (
+            0 if self._active_course is None else len(self._active_course) - self._course_tick
+        )
+        return self.tick + remaining + 1

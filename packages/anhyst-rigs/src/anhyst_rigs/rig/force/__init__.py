@@ -1,1 +1,1 @@
-"""The rig of open-loop force control: solenoid, instruments, firmware, in lock-step."""
+"""The rig of open-loop force control: solenoid, instruments and firmware in lock-step."""

@@ -1,6 +1,6 @@
-"""A held actuator whose force is controlled, from its rig file; and the file of a solenoid.
+"""Read the rig file of force control, where an actuator holds its armature, and its solenoid file.
 
-Everything is SI and the unit stands in the key. Every key is described in docs/force-control.md.
+All values are SI, and each key ends with its unit. docs/force-control.md describes every key.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from anhyst_rigs.rig.parts.magnet import (
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 SENSOR_ORDER = ("gap", "force", "current")
-"""What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""
+"""Quantities that the plant's sensors read, in the order of ``anhyst_plant/held.h``."""
 
 
 class CellPathTable(CellSteel, FluxPath):
-    """``[iron]``: a flux path of cells."""
+    """``[iron]``: a flux path of play cells."""
 
 
 class PreisachPathTable(PreisachSteel, FluxPath):
@@ -64,7 +64,7 @@ IronEntry = Annotated[
 
 
 class SolenoidFile(Table):
-    """A file that describes a solenoid, and perhaps how its loops were measured."""
+    """File that describes a solenoid, and optionally the measurement of its loops."""
 
     iron: IronEntry
     circuit: CircuitTable
@@ -73,12 +73,12 @@ class SolenoidFile(Table):
 
 @dataclass(frozen=True, slots=True)
 class ForceControlRig:
-    """A rig as its file describes it."""
+    """A force-control rig as described by its file."""
 
     path: Path  # the rig file
-    settings: RigFile  # what it says
-    solenoid_file: SolenoidFile | None  # where it names one
-    # magnet that was fitted to the loops; `settings` holds its numbers then
+    settings: RigFile  # content of the rig file
+    solenoid_file: SolenoidFile | None  # content of the solenoid file, if the rig file names one
+    # magnet that was fitted to the loops; `settings` contains its parameters then
     fitted: FittedPlant | None = None
 
     @property
@@ -88,11 +88,11 @@ class ForceControlRig:
 
     @property
     def measured_loops(self) -> MeasuredLoops:
-        """The loops that its file names."""
+        """Measured loops that the file names."""
         return MeasuredLoops(self.path, self.settings.loops)
 
     def magnet(self) -> Coil:
-        """Return what pulls, demagnetised."""
+        """Return the demagnetised magnet."""
         return Coil(self._magnet)
 
     @property
@@ -104,11 +104,11 @@ class ForceControlRig:
 
     @property
     def has_solid_iron(self) -> bool:
-        """Whether its iron answers late."""
+        """Whether the core has a solid part, with an eddy-current lag."""
         return self.solenoid_file is None and self.settings.magnet.solid is not None
 
     def check_plant(self, loops: Loops, model: Model) -> PlantCheck:
-        """Hold its actuator and a model against loops, of thin iron against the slow ones."""
+        """Compare the actuator and a model with loops; only slow ones without solid iron."""
         timed = self.has_solid_iron and all(loop.time is not None for loop in loops.loops)
 
         def force(loop: Loop, zero: float) -> FloatArray:
@@ -122,13 +122,13 @@ class ForceControlRig:
 
     @property
     def actuator_name_and_turns(self) -> tuple[str, float]:
-        """What the actuator is called, and its turns."""
+        """Name of the actuator, and its number of turns."""
         if self.solenoid_file is not None:
             return "proportional solenoid", self.solenoid_file.circuit.turns
         return "electromagnet", self.settings.magnet.poles.turns
 
     def amplifier_parameters(self) -> dict[str, float]:
-        """Return its amplifier by the names of ``anhyst_plant/held.h``."""
+        """Return the amplifier's parameters by the names of ``anhyst_plant/held.h``."""
         table = self.settings.amplifier
         return {
             "seconds": self.dt if self.has_solid_iron else 0.0,
@@ -141,30 +141,33 @@ class ForceControlRig:
         }
 
     def make_plant(self) -> HeldPlant:
-        """Return its actuator with amplifier and sensors, demagnetised."""
+        """Return the actuator with amplifier and sensors, demagnetised."""
         sensors = self.sensor_parameters(self.dt)
         return HeldPlant(
             self.amplifier_parameters(), [sensors[name] for name in SENSOR_ORDER], self._magnet
         )
 
     def sensor_parameters(self, seconds: float) -> dict[str, dict[str, float]]:
-        """Return its sensors in samples of so many seconds."""
+        """Return the parameters of all sensors for a sampling time, s."""
         file = self.settings
         tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
         return {table.of: table.plant_parameters(seconds) for table in tables}
 
     def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
-        """Return the sensors, with noise of their own; a sample is so many seconds, or a tick."""
-        own, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
-        return {name: NoisySensor(one, [*own, n]) for n, (name, one) in enumerate(numbers.items())}
+        """Return the sensors with independent noise; the sampling time, s, defaults to a tick."""
+        own_seed, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
+        return {
+            name: NoisySensor(sensor, [*own_seed, index])
+            for index, (name, sensor) in enumerate(numbers.items())
+        }
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return what measures loops; the seed of the rig file is added."""
+        """Return the sensors that measure loops; the seed of the rig file is added."""
         return self.make_sensors([0, *seed], sample)
 
 
 def _gap_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find gaps of cases that the gap sensor does not read: a controller ends in a fault there."""
+    """Find gaps of cases outside the gap sensor's range, which would cause a fault."""
     sensor, held, moving = file.gap_sensor, file.held_case, file.moving_case
     for case, keys, gap in (
         *((held, ("gaps_m", number), gap) for number, gap in enumerate(held.gaps_m)),
@@ -173,12 +176,12 @@ def _gap_faults(file: RigFile) -> Iterator[FileFault]:
     ):
         if not sensor.low_m <= gap <= sensor.high_m:
             text = f"the gap sensor reads {sensor.low_m:g} to {sensor.high_m:g} m, not {gap:g} m; "
-            text += "move it or widen that"
+            text += "move the gap or widen the range"
             yield FileFault(file.key_path(case, *keys), text, code="beyond-sensor")
 
 
 def read_rig(path: PathLike) -> ForceControlRig:
-    """Read a rig file and the solenoid file it names."""
+    """Read a rig file and the solenoid file that it names."""
     file = Path(path)
     settings = read_rig_file(file, "force")
     if faults := [*_gap_faults(settings)]:
@@ -195,5 +198,5 @@ def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:
     del controller
     rig = read_rig(path)
     solenoid = rig.settings.solenoid
-    named = [] if solenoid is None else [rig.path.parent / solenoid.file]
-    return [rig.path, *named, *rig.measured_loops.files]
+    solenoid_files = [] if solenoid is None else [rig.path.parent / solenoid.file]
+    return [rig.path, *solenoid_files, *rig.measured_loops.files]

@@ -1,4 +1,4 @@
-"""Models of force control, from a rig's loops, and what a controller program built of one is."""
+"""Identify models for force control, and represent the controller programs compiled from them."""
 
 from __future__ import annotations
 
@@ -30,73 +30,76 @@ Q31_ONE = 1 << 31
 
 @dataclass(frozen=True)
 class Program:
-    """A controller program, as it is flashed."""
+    """A controller program as it is flashed."""
 
     kind: Kind  # ``"full"`` or ``"simplified"``
     name: MethodName  # the same, or ``"at-rest"``
-    model: Model  # what it was compiled from
-    block: Block  # its parameters, of the kind that the model's law has
-    cycles: int  # of the start-up sequence
-    firmware: Path  # built for the board it runs on
+    model: Model  # model from which it was compiled
+    block: Block  # parameter block, of the kind of the model's law
+    cycles: int  # number of cycles of the start-up sequence
+    firmware: Path  # built for the board on which it runs
 
     @property
     def scales(self) -> Scales:
-        """What 1.0 of each signal means."""
+        """Full scale of each signal."""
         return self.block.scales
 
     @property
     def conditioning_currents(self) -> list[float]:
-        """Turning points of the start-up sequence, A: between the limits of the current."""
+        """Reversals of the start-up sequence, A, at the limits of the current."""
         low, high = self.block.limits.current
         return [high, low] * self.cycles
 
     def gap_codes(self, gap: FloatArray) -> Codes:
-        """Return gaps as its sensor read them, m, as the firmware takes them: q31 of the range."""
+        """Return gap readings, m, as codes of the firmware, q31 of the gap range."""
         codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
         return np.minimum(2 * np.clip(codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
 
     def demand_code(self, force: float) -> int:
-        """Force, N, as the link carries it: q31 of full scale."""
+        """Return a force, N, as a code of the link, q31 of full scale."""
         return min(round(force / self.scales.demand * Q31_ONE), Q31_ONE - 1)
 
 
 @dataclass(frozen=True)
 class FirmwareSession:
-    """What passed between a firmware and the bench, tick by tick from power on, as codes."""
+    """Codes that a firmware and its bench exchanged, tick by tick from power-on."""
 
     gap: Codes  # gap that the controller used, q31
-    drive: Codes  # current it drove, q31 of full scale
-    demand: Codes  # demand in force at the ticks of the run, q31
+    drive: Codes  # driven current, q31 of full scale
+    demand: Codes  # active demand at the ticks of the run, q31
     first_run_tick: int  # first tick of the run
-    # whether the controller got this command just before: what was before does not count
+    # whether the command demagnetised preceded the run, so that earlier currents do not count
     is_demagnetised: bool
 
 
 def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
-    """Compute a session again in this process, and count where the firmware did otherwise.
+    """Repeat a session in this process, and count the ticks with a different current.
 
-    Every tick is repeated with the gap and the demand that the firmware had: what comes out is
-    what the simulated program gives, and it must be the same to the last bit.
+    Every tick uses the gap and the demand of the firmware, and the results must be bit-identical.
     """
-    core, first = FixedCompensator(program.block.kind, program.block.words), session.first_run_tick
+    core = FixedCompensator(program.block.kind, program.block.words)
+    first_tick = session.first_run_tick
     if not session.is_demagnetised:
-        before = np.column_stack([session.drive[:first], session.gap[:first]])
-        for codes in before.tolist():
+        history = np.column_stack([session.drive[:first_tick], session.gap[:first_tick]])
+        for codes in history.tolist():
             core.commit_q31(*codes)
-    demand, gap = session.demand.astype(np.int32), session.gap[first:].astype(np.int32)
-    return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first:]))
+    demand, gap = session.demand.astype(np.int32), session.gap[first_tick:].astype(np.int32)
+    return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first_tick:]))
 
 
 MIN_DEAD_BAND_SIGMAS = 5.0
-"""The dead band is at least so many standard deviations of the noise of the field."""
+"""Smallest half-width of the dead band, in standard deviations of the field noise."""
 
-MAX_FORCE_SHARE = 0.82
-"""The start-up sequence pulls with the largest measured force; boards take a quarter above full
-scale for plausible."""
+MIN_FULL_SCALE_SHARE = 0.82
+"""Smallest full scale of the force relative to the largest measured force.
+
+The start-up sequence reaches the largest measured force, and boards accept readings up to a quarter
+above full scale.
+"""
 
 
 def read_rig_loops(rig: ForceControlRig) -> Loops:
-    """Read the loops of a rig."""
+    """Read the loops of a rig, and check that some were measured at ``control.end_m``."""
     loops = rig.measured_loops.read()
     end = rig.settings.force.end_m
     if not any(_is_same_gap(loop.schedule_value, end) for loop in loops.loops):
@@ -111,56 +114,57 @@ def _is_same_gap(value: float | None, gap: float) -> bool:
 
 
 def loops_at_gap(loops: Loops, gap: float) -> Loops:
-    """Return the loops of one position."""
+    """Return the loops that were measured at a gap, m."""
     return loops.with_loops(loop for loop in loops.loops if _is_same_gap(loop.schedule_value, gap))
 
 
 def identify_force_model(
     rig: ForceControlRig, loops: Loops, progress: Progress | None = None
 ) -> Model:
-    """Identify a model of these loops and make it ready for force control.
+    """Identify a model from loops, and prepare it for force control.
 
-    One position gives a model of this gap alone; several give one of the map ``circuit``, under
-    which the armature may move. Noise of the position sensor must not wear the memory away: where
-    it does not stay within the dead band that the loops allow, that is widened to span it. The
-    valid range ends at the largest force of the rig, so that a program is compiled for what is
-    used, or at :data:`PLAUSIBLE` of the largest measured one. Of what answers late it has the layers
-    that can be compiled.
+    - Loops at one gap give a model of this gap only. Loops at several gaps give a model with the
+      gap map ``circuit``, which permits a moving armature.
+    - The dead band is widened to the noise of the position sensor, so that noise does not erase the
+      hysteresis state.
+    - The valid range ends at the largest force of the rig, or at :data:`MIN_FULL_SCALE_SHARE` times
+      the largest measured force if this is larger. It never exceeds the largest measured force.
+    - A model with eddy-current lag keeps the layers that can be compiled.
     """
-    several = len(loops.by_schedule()) > 1
+    has_several_gaps = len(loops.by_schedule()) > 1
     options = rig.settings.loops
-    model = identify_loops(loops, options, "circuit" if several else "auto", progress)
+    model = identify_loops(loops, options, "circuit" if has_several_gaps else "auto", progress)
     model = model if model.has_layers or model.has_lag else model.at_rest
     if options.dead_band:
         model = _with_min_dead_band(model, _min_dead_band(model, rig))
     valid = model.valid
     assert valid is not None
-    most = max(rig.settings.force.force_max_N, MAX_FORCE_SHARE * valid.output[1])
-    return replace(model, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
+    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid.output[1])
+    return replace(model, valid=replace(valid, output=(0.0, min(max_force, valid.output[1]))))
 
 
 def _with_min_dead_band(model: Model, least: float) -> Model:
-    """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
-    wide: dict[str, Parameter] = {}
+    """Return a model whose dead band, if its law has one, has at least a given half-width, A/m."""
+    widened: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        wide[spec.name] = map_parameter(
+        widened[spec.name] = map_parameter(
             model.parameters[spec.name], lambda value: max(value, least)
         )
-    return replace(model, parameters={**model.parameters, **wide}) if wide else model
+    return replace(model, parameters={**model.parameters, **widened}) if widened else model
 
 
 def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
-    """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
+    """Return the half-width of the dead band that contains the position sensor's noise, A/m."""
     if not model.needs_schedule:
         return 0.0
-    sensor, still = rig.settings.gap_sensor, model.at_rest
+    sensor, static_model = rig.settings.gap_sensor, model.at_rest
     noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
-    largest = 0.0
+    max_change = 0.0
     for gap in model.nodes:
         for share in (0.25, 0.5, 0.75, 1.0):
             demand = np.full(2, share * force_max)
             gaps = np.array([gap, gap + noise])
-            field = still.invert(demand, gaps, history="demagnetised").field
-            largest = max(largest, abs(float(field[1] - field[0])))
-    return MIN_DEAD_BAND_SIGMAS * largest
+            field = static_model.invert(demand, gaps, history="demagnetised").field
+            max_change = max(max_change, abs(float(field[1] - field[0])))
+    return MIN_DEAD_BAND_SIGMAS * max_change

@@ -1,4 +1,5 @@
-"""Virtual plants: irons, magnets, amplifiers and sensors, stepped in virtual time.
+"""Parts of virtual plants: irons and magnets, simulated tick by tick.
 
-Nothing here knows the laws that anhyst identifies, so that a model cannot succeed by construction.
+This package does not use the laws that anhyst identifies. Therefore, a model cannot succeed only
+because the plant has the same structure.
 """

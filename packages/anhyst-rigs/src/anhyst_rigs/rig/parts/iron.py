@@ -1,7 +1,8 @@
-"""The irons of a virtual plant, one table of a rig file for each family.
+"""Define the irons of a virtual plant, one table of a rig file per family.
 
-A table without ``family`` is one of pinned cells. Each gives the plant its numbers, and knows how it
-drifts and how a diagram names it. The equations stand in ``plant/include/anhyst_plant``.
+A table without ``family`` is an iron of play cells. Each table computes the parameters of the
+plant, the effect of a drift, and the texts of diagrams. The equations are in
+``plant/include/anhyst_plant``.
 """
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -34,24 +35,24 @@ CURVE_KEYS = {
     "slow": "saturation_slow_T",
     "knee_slow": "knee_slow_A_per_m",
 }
-"""Of the numbers of a steel those of the curve that nothing pins, by ``anhyst_plant/curve.h``."""
+"""Keys of the anhysteretic curve, by the names of ``anhyst_plant/curve.h``."""
 MAX_CELLS = 64
-"""Of an iron, the unpinned one included."""
+"""Largest number of cells of an iron, including the cell without a threshold."""
 
 
 class AnySteel(Table):
-    """A steel of any family, and the curve of it that nothing pins.
+    """A steel of any family with its anhysteretic curve.
 
-    The polarisation, ``mu0*M``, has two parts: one that a sharp knee reaches, one that is approached
-    slowly; each with the field of its knee.
+    The polarisation ``mu0*M`` is the sum of a part with a sharp knee and a part that approaches
+    saturation slowly. Each part has its own knee field.
     """
 
     saturation_sharp_T: Positive
     knee_sharp_A_per_m: Positive
     saturation_slow_T: Positive
     knee_slow_A_per_m: Positive
-    diagram_lines: ClassVar[tuple[str, ...]]  # what a diagram says of it
-    pinning_key: ClassVar[str]  # key of what its pinning goes with
+    diagram_lines: ClassVar[tuple[str, ...]]  # texts of a diagram, with format fields
+    pinning_key: ClassVar[str]  # key that scales with the pinning
     saturation_keys: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
 
     @model_validator(mode="after")
@@ -60,36 +61,37 @@ class AnySteel(Table):
         return self
 
     def plant_parameters(self) -> dict[str, float]:
-        """Return its numbers by the names of ``plant/include/anhyst_plant``, without its arrays."""
+        """Return the scalar parameters by the names of ``plant/include/anhyst_plant``."""
         return {name: getattr(self, key) for name, key in CURVE_KEYS.items()}
 
     @abstractmethod
     def make_steel(self) -> Steel:
-        """Return it as the plant computes it."""
+        """Return the steel for the core's plant."""
 
     @abstractmethod
     def make_anhysteretic_steel(self) -> Steel:
-        """Return, as the plant computes it, the same steel without what makes its loops wide."""
+        """Return the steel for the core's plant, without hysteresis loops."""
 
     def drifted_keys(
         self, pinning: float, reversible: float, saturation: float
     ) -> dict[str, float]:
-        """Return the keys of an iron that has drifted, by parts of each quantity."""
-        del reversible  # of cells alone
+        """Return the changed keys of a drifted iron, for relative changes of each quantity."""
+        del reversible  # only for cells
         keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturation_keys}
         return {self.pinning_key: getattr(self, self.pinning_key) * (1.0 + pinning), **keys}
 
     def diagram_texts(self) -> list[str]:
-        """Return what a diagram says of it."""
+        """Return the texts of a diagram."""
         return [line.format(self) for line in self.diagram_lines]
 
 
 class CellSteel(AnySteel):
-    """A steel as a stack of cells: what they weigh, what pins them, and the curve they follow.
+    """A steel of parallel play cells, each with a threshold and a weight.
 
-    A cell follows the field only when that has moved by more than its threshold (a play operator);
-    the magnetisation is the weighted sum of one anhysteretic curve at the fields of all cells. The
-    thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
+    A cell is a play operator: it follows the field only after the field has moved by more than its
+    threshold. The magnetisation is the weighted sum of one anhysteretic curve at the cells' fields.
+    The thresholds are quantiles of a Weibull distribution. The cell without a threshold is the
+    reversible part.
     """
 
     diagram_lines = (
@@ -99,8 +101,8 @@ class CellSteel(AnySteel):
     )
     pinning_key = "pinning_scale_A_per_m"
     family: Literal["cells"] = "cells"
-    cells: Annotated[int, Field(ge=1, le=1000)]  # pinned ones, of equal weights
-    reversible_fraction: Share  # weight of the iron that nothing pins
+    cells: Annotated[int, Field(ge=1, le=1000)]  # number of pinned cells, with equal weights
+    reversible_fraction: Share  # weight of the cell without a threshold
     pinning_scale_A_per_m: Positive  # Weibull distribution of the thresholds
     pinning_shape: Positive
 
@@ -109,66 +111,66 @@ class CellSteel(AnySteel):
     def _check_cell_count(cls, cells: int) -> int:
         if cells >= MAX_CELLS:
             raise InputError(
-                f"the plant has room for {MAX_CELLS - 1}; lower it", code="too-many-cells"
+                f"the plant has at most {MAX_CELLS - 1} cells; lower it", code="too-many-cells"
             )
         return cells
 
     @property
     def thresholds(self) -> FloatArray:
-        """Pinning thresholds, A/m, shape (cells + 1,): zero for the reversible part first."""
+        """Thresholds, A/m, shape (cells + 1,); the first is zero, for the reversible part."""
         above = (self.cells - np.arange(self.cells) - 0.5) / self.cells
         pinned = self.pinning_scale_A_per_m * power(-log(above), 1.0 / self.pinning_shape)
         return np.concatenate(([0.0], pinned))
 
     @property
     def weights(self) -> FloatArray:
-        """Share of each cell in the magnetisation, shape (cells + 1,); they add up to one."""
+        """Weight of each cell in the magnetisation, shape (cells + 1,); their sum is 1."""
         pinned = np.full(self.cells, (1.0 - self.reversible_fraction) / self.cells)
         return np.concatenate(([self.reversible_fraction], pinned))
 
     def make_steel(self) -> Steel:
-        """Return it as the plant computes it."""
+        """Return the steel for the core's plant."""
         return Steel(self.plant_parameters(), self.thresholds, self.weights)
 
     def make_anhysteretic_steel(self) -> Steel:
-        """Return, as the plant computes it, a steel that follows the same curve without a loop."""
+        """Return the steel for the core's plant, with the same curve and no loop."""
         return self.model_copy(update={"cells": 1, "reversible_fraction": 1.0}).make_steel()
 
     def drifted_keys(
         self, pinning: float, reversible: float, saturation: float
     ) -> dict[str, float]:
-        """Return its keys after a drift."""
+        """Return the changed keys of a drifted iron, for relative changes of each quantity."""
         fraction = min(self.reversible_fraction * (1.0 + reversible), 1.0)
-        own = super().drifted_keys(pinning, reversible, saturation)
-        return {"reversible_fraction": fraction, **own}
+        common_keys = super().drifted_keys(pinning, reversible, saturation)
+        return {"reversible_fraction": fraction, **common_keys}
 
 
 _CHECK_FIELD_RATIOS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
-"""Where the slope is looked at, in knees."""
+"""Fields at which the slope is checked, relative to the sharp knee."""
 
 
 class DuhemSteel(AnySteel):
-    """A steel whose field is that of a curve, and a part that goes with the way of the flux.
+    """A steel whose field is that of the curve plus a part that depends on the flux direction.
 
-    It keeps no turning points: small loops about a bias walk towards the curve, and a larger loop
-    wipes smaller ones out only as fast as it forgets all else.
+    It has no return-point memory. Minor loops about a bias drift towards the curve, and a larger
+    loop erases smaller ones only gradually.
     """
 
     diagram_lines = ("Duhem iron", "coercivity {0.coercivity_A_per_m:.3g} A/m")
     pinning_key = "coercivity_A_per_m"
     family: Literal["duhem"]
-    coercivity_A_per_m: Positive  # half the width of a wide loop about zero
-    turning_T: Positive  # way on which this part turns round after a reversal, by a factor e
-    # share of the coercive field that is gone at saturation
+    coercivity_A_per_m: Positive  # half the width of a large loop about zero
+    turning_T: Positive  # polarisation by which this part settles by a factor e after a reversal
+    # share of the coercive field that is lost at saturation
     fading: Annotated[float, Field(ge=0.0, lt=1.0)]
 
     def make_steel(self) -> Steel:
-        """Return it as the plant computes it."""
+        """Check the parameters and return the steel for the core's plant."""
         self._check_stability()
         return Steel(self.plant_parameters())
 
     def plant_parameters(self) -> dict[str, float]:
-        """Return its numbers by the names of ``anhyst_plant/duhem.h``."""
+        """Return the parameters by the names of ``anhyst_plant/duhem.h``."""
         return {
             "coercivity": self.coercivity_A_per_m,
             "rate": 1.0 / self.turning_T,
@@ -177,11 +179,11 @@ class DuhemSteel(AnySteel):
         }
 
     def make_anhysteretic_steel(self) -> Steel:
-        """Return, as the plant computes it, a steel that follows the same curve without a loop."""
+        """Return the steel for the core's plant, with the same curve and no loop."""
         return self.model_copy(update={"coercivity_A_per_m": 0.0}).make_steel()
 
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return polarisation, T, of the curve at fields, A/m, and its slope."""
+        """Return the polarisation of the curve, T, at some fields, A/m, and its slope."""
         root = np.sqrt(field * field + self.knee_sharp_A_per_m**2)
         slow = self.saturation_slow_T * 2.0 / np.pi
         polarisation = self.saturation_sharp_T * field / root + slow * np.arctan(
@@ -193,17 +195,17 @@ class DuhemSteel(AnySteel):
 
     def _check_stability(self) -> None:
         saturation = self.saturation_sharp_T + self.saturation_slow_T
-        turn = self.turning_T / saturation
-        if self.fading * (1.0 + 2.0 * turn + 2.0 * turn * turn) > 1.0:
+        turning_ratio = self.turning_T / saturation
+        if self.fading * (1.0 + 2.0 * turning_ratio + 2.0 * turning_ratio * turning_ratio) > 1.0:
             raise InputError(
-                f"fading: {self.fading:g} with a turning of {self.turning_T:g} T lets small loops "
-                "give energy; lower one of them",
+                f"fading: {self.fading:g} with a turning of {self.turning_T:g} T lets minor loops "
+                "release energy; lower one of them",
                 code="small-loops-give-energy",
                 key="fading",
             )
         polarisation, slope = self.curve(_CHECK_FIELD_RATIOS * self.knee_sharp_A_per_m)
-        falls = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
-        if np.max(falls * (polarisation - self.turning_T) * slope) > 0.9:
+        coercivity_slope = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
+        if np.max(coercivity_slope * (polarisation - self.turning_T) * slope) > 0.9:
             raise InputError(
                 f"coercivity: {self.coercivity_A_per_m:g} A/m fades too fast for a knee of "
                 f"{self.knee_sharp_A_per_m:g} A/m; lower it or fading, or raise knee_sharp",
@@ -213,54 +215,56 @@ class DuhemSteel(AnySteel):
 
 
 EVERETT_NODES = 257
-"""Of an Everett table, odd: one of them is zero."""
+"""Number of nodes of an Everett table; odd, so that one node is at zero field."""
 
 
 class PreisachSteel(AnySteel):
-    """A steel of relays whose bias scatters the more, the harder they are to turn.
+    """A moving Preisach steel: relays whose biases scatter more, the larger their pinning is.
 
-    A relay turns up at ``bias + pinning`` and down at ``bias - pinning``. The pinnings have a
-    lognormal distribution; the biases of the relays of one pinning a normal one, whose width grows
-    with the pinning, so that the density is no product. What the relays see is the field and a
-    share of the polarisation.
+    A relay switches up at ``bias + pinning`` and down at ``bias - pinning``. The pinning has a
+    lognormal distribution. The bias has a normal distribution whose standard deviation increases
+    with the pinning; therefore, the density is not a product. The relays respond to the field plus
+    a feedback from the polarisation.
     """
 
     diagram_lines = ("Preisach iron", "pinning {0.pinning_A_per_m:.3g} A/m")
     pinning_key = "pinning_A_per_m"
     saturation_keys = ("saturation_T", *AnySteel.saturation_keys)
     family: Literal["preisach"]
-    saturation_T: Positive  # of the relays, ``mu0*M``
-    pinning_A_per_m: Positive  # median
-    pinning_spread: Positive  # standard deviation of its logarithm
-    bias_A_per_m: Positive  # standard deviation of the biases of relays without pinning
-    bias_by_pinning: NotNegative  # what it grows by for each A/m of pinning
-    feedback_A_per_m_T: NotNegative  # what the polarisation adds to the field
+    saturation_T: Positive  # saturation of the relays, ``mu0*M``
+    pinning_A_per_m: Positive  # median of the pinning
+    pinning_spread: Positive  # standard deviation of the logarithm of the pinning
+    bias_A_per_m: Positive  # standard deviation of the bias of relays without pinning
+    bias_by_pinning: NotNegative  # increase of this standard deviation per pinning
+    feedback_A_per_m_T: NotNegative  # field per polarisation that is added to the applied field
 
     @property
     def knee(self) -> float:
-        """Field around which the nodes of the table are dense, A/m."""
+        """Field about which the table has the densest nodes, A/m."""
         return self.pinning_A_per_m + self.bias_A_per_m
 
     @property
     def max_switching_field(self) -> float:
-        """Field beyond which no relay turns, A/m: three standard deviations of all that scatters."""
+        """Field above which no relay switches, A/m: three sigma of pinning and bias."""
         hardest = self.pinning_A_per_m * float(exp(np.array([3.0 * self.pinning_spread]))[0])
         return hardest + 3.0 * (self.bias_A_per_m + self.bias_by_pinning * hardest)
 
     def density(self, pinning: FloatArray, bias: FloatArray) -> FloatArray:
-        """Return relays for each A/m of pinning and of bias, up to a constant factor."""
+        """Return the density of relays over pinning and bias, up to a constant factor."""
         scatter = self.bias_A_per_m + self.bias_by_pinning * pinning
-        ways = log(pinning / self.pinning_A_per_m) / self.pinning_spread
-        across = bias / scatter
-        density: FloatArray = exp(-0.5 * (ways * ways + across * across)) / (pinning * scatter)
+        log_deviation = log(pinning / self.pinning_A_per_m) / self.pinning_spread
+        bias_deviation = bias / scatter
+        density: FloatArray = exp(
+            -0.5 * (log_deviation * log_deviation + bias_deviation * bias_deviation)
+        ) / (pinning * scatter)
         return density
 
     def make_steel(self) -> Steel:
-        """Return it as the plant computes it."""
+        """Return the steel for the core's plant."""
         return _make_preisach_steel(self, True)
 
     def plant_parameters(self) -> dict[str, float]:
-        """Return its numbers by the names of ``anhyst_plant/preisach.h``."""
+        """Return the parameters by the names of ``anhyst_plant/preisach.h``."""
         return {
             "knee": self.knee,
             "reach": self.max_switching_field / (self.max_switching_field + self.knee),
@@ -269,69 +273,73 @@ class PreisachSteel(AnySteel):
         }
 
     def make_anhysteretic_steel(self) -> Steel:
-        """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
+        """Return the steel for the core's plant, with relays of the same biases and no pinning."""
         return _make_preisach_steel(self, False)
 
 
 def node_fields(steel: PreisachSteel) -> FloatArray:
-    """Return the fields of the nodes, A/m, rising, shape (NODES,)."""
+    """Return the fields of the nodes, A/m, ascending, shape (EVERETT_NODES,)."""
     end = steel.max_switching_field / (steel.max_switching_field + steel.knee)
     field = end * np.linspace(-1.0, 1.0, EVERETT_NODES)
     return np.asarray(steel.knee * field / (1.0 - np.abs(field)))
 
 
 def everett_table(steel: PreisachSteel, is_pinned: bool) -> FloatArray:
-    """Return by how much the relays change from node to node, T, shape (NODES, NODES)."""
-    at = node_fields(steel)
-    inside = _relay_weights(steel, at) if is_pinned else np.diag(_unpinned_relay_weights(steel, at))
+    """Return the polarisation change between any two nodes, T, shape (nodes, nodes)."""
+    fields = node_fields(steel)
+    cell_weights = (
+        _relay_weights(steel, fields)
+        if is_pinned
+        else np.diag(_unpinned_relay_weights(steel, fields))
+    )
     rising = np.zeros((EVERETT_NODES, EVERETT_NODES))
-    from_below = np.cumsum(inside[::-1], axis=0)[::-1]
+    from_below = np.cumsum(cell_weights[::-1], axis=0)[::-1]
     rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
     rising *= 2.0 * steel.saturation_T / rising[0, -1]
     return rising - rising.T
 
 
 def _relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
-    """Return the relays in each cell between nodes, from the lower to the higher field.
+    """Return the relay weight of each cell of the table, from the lower to the higher field.
 
-    The density is looked at in the middles of the four quarters of a cell; on the diagonal, where
-    only half a cell is above it, at its centroid.
+    The density is evaluated at the centres of a cell's four quarters. On the diagonal, where only
+    half a cell has relays, it is evaluated at the centroid of this half.
     """
     quarter = 0.25 * np.diff(at)
     middle = at[:-1] + 2.0 * quarter
     down, up = np.triu_indices(middle.size, 1)
-    inside = np.zeros((middle.size, middle.size))
+    cell_weights = np.zeros((middle.size, middle.size))
     for below in (-1.0, 1.0):
         for above in (-1.0, 1.0):
             low = middle[down] + below * quarter[down]
             high = middle[up] + above * quarter[up]
-            inside[down, up] += steel.density(0.5 * (high - low), 0.5 * (high + low))
-    inside[down, up] *= 4.0 * quarter[down] * quarter[up]
-    alone = steel.density(quarter * (2.0 / 3.0), middle)
-    np.fill_diagonal(inside, 8.0 * quarter * quarter * alone)
-    return inside
+            cell_weights[down, up] += steel.density(0.5 * (high - low), 0.5 * (high + low))
+    cell_weights[down, up] *= 4.0 * quarter[down] * quarter[up]
+    diagonal_density = steel.density(quarter * (2.0 / 3.0), middle)
+    np.fill_diagonal(cell_weights, 8.0 * quarter * quarter * diagonal_density)
+    return cell_weights
 
 
 def _unpinned_relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
-    """Return the relays whose bias lies between two nodes, whatever their pinning."""
-    middle, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
+    """Return the weight of relays with a bias between two nodes, summed over all pinning."""
+    bias, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
     for spread in np.linspace(-3.0, 3.0, 61).tolist():
-        pinning = steel.pinning_A_per_m * exp(np.full(middle.size, spread * steel.pinning_spread))
-        slope += pinning * steel.density(pinning, middle)
+        pinning = steel.pinning_A_per_m * exp(np.full(bias.size, spread * steel.pinning_spread))
+        slope += pinning * steel.density(pinning, bias)
     return slope * np.diff(at)
 
 
 @lru_cache(maxsize=32)
 def _make_preisach_steel(steel: PreisachSteel, is_pinned: bool) -> Steel:
     table = everett_table(steel, is_pinned)
-    # The steepest way comes from far below, past the middle of the reversible part.
+    # The steepest branch starts far below zero and passes the middle of the reversible part.
     relays = float(np.max(np.diff(table[0]) / np.diff(node_fields(steel))))
     slope = steel.saturation_sharp_T / steel.knee_sharp_A_per_m + relays
     slope += steel.saturation_slow_T * 2.0 / np.pi / steel.knee_slow_A_per_m
     if steel.feedback_A_per_m_T * slope > 0.9:
         raise InputError(
-            f"feedback: {steel.feedback_A_per_m_T:g} A/m for each T would make the polarisation jump; this "
-            f"steel bears up to {0.9 / slope:.3g}",
+            f"feedback: {steel.feedback_A_per_m_T:g} A/m per T would make the polarisation jump; "
+            f"this steel permits up to {0.9 / slope:.3g}",
             code="reversible-part-jumps",
             key="feedback",
         )
@@ -339,26 +347,26 @@ def _make_preisach_steel(steel: PreisachSteel, is_pinned: bool) -> Steel:
 
 
 class NamedCells(CellSteel):
-    """``[[iron]]`` of cells."""
+    """``[[iron]]`` of family ``cells``."""
 
     name: Name
 
 
 class NamedPreisach(PreisachSteel):
-    """``[[iron]]`` after Preisach."""
+    """``[[iron]]`` of family ``preisach``."""
 
     name: Name
 
 
 class NamedDuhem(DuhemSteel):
-    """``[[iron]]`` after Duhem."""
+    """``[[iron]]`` of family ``duhem``."""
 
     name: Name
 
 
 NamedIron = NamedCells | NamedPreisach | NamedDuhem
 FAMILY_DISCRIMINATOR = discriminate_by("family", "cells", "preisach", "duhem", default="cells")
-"""By it an iron of a file is read as the table of its family."""
+"""Selects the table of an iron by its family."""
 IronEntry = Annotated[
     Annotated[NamedCells, Tag(f"{BRANCH_PREFIX}cells")]
     | Annotated[NamedPreisach, Tag(f"{BRANCH_PREFIX}preisach")]

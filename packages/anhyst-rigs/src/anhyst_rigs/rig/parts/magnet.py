@@ -1,6 +1,7 @@
-"""Magnets of a virtual rig: an iron in a circuit, or an identified law.
+"""Compute the parameters of virtual magnets: an iron in a circuit, or an identified law.
 
-The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their numbers.
+The module also reads and checks flux tables, and describes solenoids. The equations are in
+``plant/include/anhyst_plant/magnet.h``.
 """
 
 # ruff: noqa: N815 - keys of a solenoid file carry units
@@ -28,34 +29,36 @@ from anhyst.support.toml_file import NotNegative, Positive, Table
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel
 
-_TABLE_CURRENTS, _TABLE_GAPS = 257, 129
+_TABLE_CURRENTS = 257
+_TABLE_GAPS = 129
+"""Number of currents and gaps in the flux table of the core."""
 
 
 @dataclass(frozen=True, slots=True)
 class Poles:
     """A two-pole magnet in front of a flat armature."""
 
-    turns: float  # of the winding
-    resistance: float  # of the winding, ohm
-    width: float  # of a pole face, m
+    turns: float  # turns of the winding
+    resistance: float  # resistance of the winding, ohm
+    width: float  # width of a pole face, m
     depth: float
     leakage: float  # permeance between the legs, parallel to the gaps, H
     iron_length: float  # mean length of the flux path in the iron, m
-    joints: float = 0.0  # air in the joints of the core, all of them together, m
-    # of an actuator that goes both ways: what its flux passes outside the iron, which no gap changes,
-    # 1/H; magnetomotive force for each m that it moves, A/m; and a spring that no flux makes, N/m
+    joints: float = 0.0  # total air gap in the joints of the core, m
+    # for bidirectional actuators: reluctance of the flux path outside the iron, independent of the
+    # gap, 1/H; magnetomotive force per displacement, A/m; stiffness without flux, N/m
     outer: float | None = None
     bias: float = 0.0
     spring: float = 0.0
 
     def flux_density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
+        """Return the flux density in the gap, T, at which the pull is `gain`, N."""
         return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
 
     def pull_force(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
-        """Return the force, N, that a flux density, T, makes at a gap, m, as the plant does.
+        """Return the force, N, of a flux density, T, at a gap, m, as the plant computes it.
 
-        What goes both ways has no force of its own in the middle.
+        The bias of a bidirectional actuator is zero at the gap `middle`.
         """
         if self.outer is not None:
             return self.bias * self.area * density - self.spring * (middle - gap)
@@ -67,7 +70,7 @@ class Poles:
         return self.width * self.depth
 
     def reluctance(self, gap: float) -> float:
-        """Return what the flux of the iron passes outside it, leakage and joints included, 1/H.
+        """Return the reluctance of the flux path outside the iron, with leakage and joints, 1/H.
 
         Fringing widens the pole by half a gap on each side.
         """
@@ -77,48 +80,46 @@ class Poles:
         return 1.0 / (1.0 / gaps + self.leakage) + self.joints / (MU_0 * self.area)
 
     def inductance(self, gap: float) -> float:
-        """Return that of the winding with an iron that needs no ampere-turns, H."""
+        """Return the inductance of the winding for iron of infinite permeability, H."""
         return self.turns**2 / self.reluctance(gap)
 
 
 @dataclass(frozen=True)
 class ActuatorKind:
-    """What makes a force of a flux: one record a ``kind`` of ``[[magnet]]``."""
+    """Conversion of flux to force, one record per ``kind`` of ``[[magnet]]``."""
 
-    output: (
-        str  # quantity of its loops: "force" where it only pulls, "thrust" where it goes both ways
-    )
-    numbers: Mapping[str, str]  # keys of ``magnet.numbers``, all above 0, and what they are
-    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # the circuit, with these numbers in it
+    output: str  # quantity of its loops: "force" if it only pulls, "thrust" if it is bidirectional
+    numbers: Mapping[str, str]  # keys of ``magnet.numbers``, all above 0, with descriptions
+    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # adds these parameters to a circuit
 
 
 ACTUATORS: Registry[ActuatorKind] = Registry(
     "anhyst.actuators",
     {"electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)},
-    lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is no ActuatorKind",
+    lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is not an ActuatorKind",
 )
-"""By the name of the kind: those of anhyst-rigs, and of the entry points ``anhyst.actuators``."""
+"""Kinds by name: those of anhyst-rigs, and plug-ins with the entry point ``anhyst.actuators``."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolidIron:
-    """Solid iron in the path of a magnet: a slab that the field enters at its surface."""
+    """Solid part of the core: a slab that the field enters at its surface."""
 
-    length: float  # of the path, m
+    length: float  # length of the flux path, m
     depth: float  # from the surface to the middle, m
     conductivity: float  # S/m
-    volumes: int = 12  # into which the depth is cut, narrower at the surface
+    volumes: int = 12  # number of volumes across the depth; narrower near the surface
 
     def layer_parameters(self) -> tuple[FloatArray, FloatArray]:
-        """Return the share of each volume in the section, and its drag, A s/(m T)."""
+        """Return each volume's share of the cross-section, and its eddy-current drag, A s/(m T)."""
         width = np.geomspace(1.0, _VOLUME_WIDTH_RATIO, self.volumes)
         width /= width.sum()
-        apart = 0.5 * np.append(width[0], width[1:] + width[:-1])
-        return width, self.conductivity * self.depth**2 * apart
+        distances = 0.5 * np.append(width[0], width[1:] + width[:-1])
+        return width, self.conductivity * self.depth**2 * distances
 
 
 _VOLUME_WIDTH_RATIO = 6.0
-"""By which the volume in the middle is wider than that at the surface."""
+"""Width of the innermost volume relative to that at the surface."""
 
 
 def make_iron_magnet(
@@ -128,7 +129,7 @@ def make_iron_magnet(
     gap: float = 1e-3,
     solid: SolidIron | None = None,
 ) -> Magnet:
-    """Return a magnet whose iron is not a Jiles-Atherton material."""
+    """Return a magnet with an iron of any family, and optionally a solid part."""
     numbers = circuit_parameters(poles, eddy_time, gap)
     if solid is None:
         return Magnet(numbers, steel.make_steel())
@@ -138,7 +139,7 @@ def make_iron_magnet(
 
 
 def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
-    """Return winding and circuit of an iron by the names of ``anhyst_plant/magnet.h``."""
+    """Return the parameters of winding and circuit by the names of ``anhyst_plant/magnet.h``."""
     return {
         "iron_length": poles.iron_length,
         "iron_area": poles.area,
@@ -157,15 +158,15 @@ def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, 
 
 @dataclass(frozen=True, slots=True)
 class FluxTable:
-    """Flux linkage of a winding over current and gap."""
+    """Flux linkage of a winding as a function of current and gap."""
 
-    current: FloatArray  # A, rising from 0; shape (i,)
-    gap: FloatArray  # m, rising; shape (g,)
-    psi: FloatArray  # Wb; rises with the current, falls as the gap opens; shape (g, i)
+    current: FloatArray  # A, increasing from 0; shape (i,)
+    gap: FloatArray  # m, increasing; shape (g,)
+    psi: FloatArray  # Wb; increases with the current, decreases with the gap; shape (g, i)
 
 
 def read_flux_table(path: PathLike) -> FluxTable:
-    """Read a flux table."""
+    """Read and check a flux table."""
     table = read_columns(path)
     current = table.require("current", "I_A")
     gap = table.require("gap", "gap_m")
@@ -177,7 +178,7 @@ def read_flux_table(path: PathLike) -> FluxTable:
             text = f"{table.path}: has a single {name}; measure at least two"
             raise InputError(text, code="too-few-values", key=name)
     if currents[0] != 0.0:
-        text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
+        text = f"currents begin at {currents[0]:g} A; begin at 0, as the flux is assumed to be odd"
         raise InputError(
             f"{table.locate_row(int(np.argmin(current)))}: {text}",
             code="currents-not-from-zero",
@@ -188,23 +189,23 @@ def read_flux_table(path: PathLike) -> FluxTable:
         if numbers[cell] >= 0:
             point = _point_text(gap[number], current[number])
             raise InputError(
-                f"{table.locate_row(number)}: {point} comes twice; remove one", code="value-again"
+                f"{table.locate_row(number)}: {point} occurs twice; remove one", code="value-again"
             )
         numbers[cell] = number
     _check_full(table.path, gaps, currents, numbers)
-    made = FluxTable(currents, gaps, psi[numbers])
-    _check_monotone(table, made, numbers)
-    return made
+    flux_table = FluxTable(currents, gaps, psi[numbers])
+    _check_monotone(table, flux_table, numbers)
+    return flux_table
 
 
 def check_flux_range(
     path: PathLike, table: FluxTable, gap_low: float, gap_high: float, current_high: float
 ) -> None:
-    """Refuse a flux table that ends before the plant does."""
+    """Raise an InputError if a flux table does not cover the travel and the current range."""
     low, high = float(table.gap[0]), float(table.gap[-1])
     if not (low <= gap_low and gap_high <= high):
         raise InputError(
-            f"{path}: gap_m runs from {low:g} to {high:g} m and must hold the travel, "
+            f"{path}: gap_m runs from {low:g} to {high:g} m and must contain the travel, "
             f"{gap_low:g} to {gap_high:g} m; add gaps",
             code="gaps-not-covered",
             key="gap_m",
@@ -223,28 +224,30 @@ def _check_full(
 ) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):
-        first = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
-        more = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
+        first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
+        further_text = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
         raise InputError(
-            f"{path}: has a hole at {first}{more}; {gaps.size} gaps and {currents.size} currents "
-            "must make a full grid, add what is missing",
+            f"{path}: has a hole at {first_hole}{further_text}; {gaps.size} gaps and "
+            f"{currents.size} currents must form a full grid; add the missing points",
             code="grid-has-holes",
         )
 
 
 def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]) -> None:
-    flat = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
-    widens = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
+    flat_places = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
+    rising_places = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
     for places, text in (
         (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
-        (flat, "psi does not rise with the current"),
-        (widens, "psi does not fall as the gap opens"),
+        (flat_places, "psi does not rise with the current"),
+        (rising_places, "psi does not fall as the gap opens"),
     ):
         if len(places):
             g, i = places[0].tolist()
             point = _point_text(made.gap[g], made.current[i])
-            where = table.locate_row(int(numbers[g, i]))
-            raise InputError(f"{where}: {text} at {point}; correct this point", code="not-monotone")
+            location = table.locate_row(int(numbers[g, i]))
+            raise InputError(
+                f"{location}: {text} at {point}; correct this point", code="not-monotone"
+            )
 
 
 def _point_text(gap: float, current: float) -> str:
@@ -254,20 +257,20 @@ def _point_text(gap: float, current: float) -> str:
 def make_flux_table(
     poles: Poles, steel: AnySteel, current_high: float, gaps: tuple[float, float]
 ) -> FluxTable:
-    """Make a flux table from a magnet's poles and the anhysteretic curve of its iron."""
+    """Compute a flux table from the poles and the anhysteretic curve of the iron."""
     current = np.linspace(0.0, current_high, _TABLE_CURRENTS)
     gap = np.linspace(*gaps, _TABLE_GAPS)
     magnet = Magnet(circuit_parameters(poles, 0.0, float(gap[0])), steel.make_anhysteretic_steel())
-    psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
+    psi = [Coil(magnet).run(current, np.full(current.size, one_gap))[:, 1] for one_gap in gap]
     return FluxTable(current, gap, np.array(psi))
 
 
 def make_law_magnet(
     poles: Poles, iron: IronOperator, rows: FloatArray, eddy: float, table: FluxTable
 ) -> Magnet:
-    """Return a magnet whose pull an identified law makes and whose flux linkage a table."""
+    """Return a magnet with the pull of an identified law and the flux linkage of a table."""
     if not isinstance(iron, AnyIron):
-        text = "model: the core does not have its law, and a virtual magnet runs there"
+        text = "model: the core does not have its law and cannot simulate the magnet"
         raise InputError(text, code="law-not-in-core", key="model")
     numbers = {
         "eddy": eddy,
@@ -279,43 +282,40 @@ def make_law_magnet(
     }
     ends = numbers["gap_low"], numbers["gap_high"]
     rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*ends, len(rows)))])
-    # The table on a fine grid of equal steps, by monotone cubics: it rises where the given does.
-    current, gap = (
-        np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS),
-        np.linspace(*ends, _TABLE_GAPS),
-    )
+    # Interpolate the table on a fine uniform grid by monotone cubics, which keep it monotone.
+    current = np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS)
+    gap = np.linspace(*ends, _TABLE_GAPS)
     psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
     psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
     return Magnet(numbers, iron, rows, psi)
 
 
 class FluxPath(Table):
-    """What ``[iron]`` says of its shape."""
+    """Dimensions of the flux path in ``[iron]``."""
 
     length_m: Positive  # mean length of the flux path in iron
     area_m2: Positive
 
 
 class CircuitTable(Table):
-    """``[circuit]``: winding and poles."""
+    """``[circuit]`` of a solenoid file: winding and poles."""
 
     turns: Annotated[int, Field(ge=1)]
-    slide_reluctance_per_H: NotNegative  # of the sliding clearance
+    slide_reluctance_per_H: NotNegative  # reluctance of the sliding clearance
     leakage_H: NotNegative  # permeance parallel to the working gap
-    face_area_m2: Positive  # flat face of the plunger
-    # how far the face field reaches beyond the edge: it widens the face by ``fringe`` times the gap
-    # all round
+    face_area_m2: Positive  # area of the plunger's flat face
+    # widening of the face by its fringe field on every side, relative to the gap
     fringe: NotNegative
     cone_diameter_m: Positive  # mean diameter of the wall of the cone
     cone_clearance_m: Positive  # radial clearance between plunger and wall
-    cone_depth_m: Positive  # gap at which the plunger begins to dip into the cone
-    cone_onset_m: Positive  # length over which this beginning is washed out by fringing
-    tip_thickness_m: Positive  # thickness of the wall at its end
-    tip_taper: NotNegative  # how much thicker it is for each metre of depth
+    cone_depth_m: Positive  # gap at which the plunger enters the cone
+    cone_onset_m: Positive  # length over which fringing smooths this transition
+    tip_thickness_m: Positive  # thickness of the wall at its tip
+    tip_taper: NotNegative  # increase of the thickness per depth
     tip_saturation_T: Positive  # flux density at which the wall saturates
 
     def cone_parameters(self) -> dict[str, float]:
-        """Return its working gap by the names of ``anhyst_plant/magnet.h``."""
+        """Return the parameters of the working gap by the names of ``anhyst_plant/magnet.h``."""
         return {
             "leakage": self.leakage_H,
             "side": math.sqrt(self.face_area_m2),
@@ -342,5 +342,5 @@ class CircuitTable(Table):
 
 
 def make_solenoid_magnet(steel: AnySteel, path: FluxPath, circuit: CircuitTable) -> Magnet:
-    """Return the solenoid as the plant computes it."""
+    """Return the solenoid for the core's plant."""
     return Magnet(circuit.circuit_parameters(path), steel.make_steel(), circuit.cone_parameters())

@@ -1,1 +1,1 @@
-"""A short-stroke stage: a mass between two magnets that ride on a long stroke."""
+"""A short-stroke stage: a body between magnets that ride on a long stroke."""

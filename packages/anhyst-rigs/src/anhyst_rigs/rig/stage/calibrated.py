@@ -1,4 +1,4 @@
-"""How the controller of a stage uses what motion taught of its magnets and of its body."""
+"""Apply estimated corrections of magnets and body to the controller of a stage."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, CalibratedMethod, ParameterName
 
 HOLD_TIME_S = 0.02
-"""For which a force is held until eddy currents of the iron have died away."""
+"""Time for which a force is held until the eddy currents have decayed, s."""
 
 
 def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
-    """Return the stage with the mass and the centre of mass that a controller believes in."""
-    body, off = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
+    """Return the stage with the mass and centre of mass that the controller assumes."""
+    body, shift = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
     changes = {
         "body.mass_kg": body.mass_kg * (1.0 + values.get("payload", 0.0)),
-        "body.centre_m": [one + by for one, by in zip(body.centre_m, off, strict=True)],
+        "body.centre_m": [
+            coordinate + change for coordinate, change in zip(body.centre_m, shift, strict=True)
+        ],
     }
     return replace(rig, settings=rig.settings.with_changes(changes))
 
@@ -30,7 +32,11 @@ def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
 def correction_rows(
     learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig
 ) -> FloatArray:
-    """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each."""
+    """Return the corrections of each magnet, one row each.
+
+    The columns are the scale of the current, the zero of the gap (m), the scale of the flux
+    density, and the lead of the current.
+    """
     count = range(1, len(rig.settings.body_magnets) + 1)
     scales = np.array([1.0 + learnt.value(f"scale_{number}") for number in count])
     zeros = [learnt.value(f"gap_zero_{number}_m") for number in count]
@@ -46,8 +52,8 @@ def correction_rows(
 
 
 def current_per_root_force(compensator: ForceController, rig: BodyRig) -> float:
-    """Return the current over the root of the force, A/N^(1/2), at half of the largest force."""
-    force, held = 0.5 * rig.settings.tracking.force_max_N, compensator.reset_copy()
+    """Return current over the root of the force, A/N^(1/2), at half of the largest force."""
+    force, compensator_copy = 0.5 * rig.settings.tracking.force_max_N, compensator.reset_copy()
     for _ in range(round(HOLD_TIME_S / rig.dt)):
-        held.commit(held.solve(force, rig.gap), rig.gap)
-    return float(held.solve(force, rig.gap) / np.sqrt(force))
+        compensator_copy.commit(compensator_copy.solve(force, rig.gap), rig.gap)
+    return float(compensator_copy.solve(force, rig.gap) / np.sqrt(force))

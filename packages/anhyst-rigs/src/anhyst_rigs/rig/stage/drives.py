@@ -1,4 +1,8 @@
-"""The magnets of a stage as drives: how they share a wrench, what they can push with, which can be spared."""
+"""Allocate the wrench of a stage to its magnets, and find which magnets are dispensable.
+
+The module also computes the largest wrench, and the settings by which a controller detects the loss
+of a magnet or a position head.
+"""
 
 from __future__ import annotations
 
@@ -22,49 +26,64 @@ from anhyst_rigs.rig.stage.geometry import (
 
 _AXIS_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
 _MIN_FORCE_MARGIN_RATIO = 1e-6
-"""Part of its range by which every force can be off its bounds where a body can be pushed any way."""
+"""Smallest distance of all forces from their bounds, relative to their range.
+
+A body can be pushed in any direction only if the forces that carry it have this distance.
+"""
 _LINE_TOLERANCE = 1e-9
-"""By which lines of a pair may miss each other, m or parts of a direction."""
+"""Largest deviation between the lines of two opposing magnets, m or dimensionless."""
 LANDING_TRAVEL_RATIO = 1.5
-"""By how much farther than to the end stop a body is set down, so that it lies there in the end."""
+"""Travel of a landing relative to the distance of the end stop, so that the body surely reaches it.
+"""
 _CERTAIN_SLEW_RATIO = 0.5
-"""Part of what supply and inductance let a current change by that it does change by at least."""
+"""Guaranteed slope of a current relative to supply voltage over inductance."""
 MAX_LANDING_TICKS = 65535
-"""Of a landing."""
+"""Largest number of ticks of a landing."""
 
 
 def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
-    """Return how wrenches are shared out.
+    """Return the allocation of wrenches to the magnets.
 
-    Raises ValueError where the magnets cannot push along every coordinate.
+    Raises ValueError if the magnets cannot push along every coordinate.
     """
-    least, most = min_single_force(file), file.tracking.force_max_N
+    min_force, max_force = min_single_force(file), file.tracking.force_max_N
     return WrenchLayout(
-        magnet_rows(file), opposing_magnets(file), kind, idle, least, most, yields=axis_yields(file)
+        magnet_rows(file),
+        opposing_magnets(file),
+        kind,
+        idle,
+        min_force,
+        max_force,
+        yields=axis_yields(file),
     )
 
 
 def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
-    """Return how many times such a wrench all magnets can make, either way, beside the weight."""
+    """Return the largest multiple of a wrench that the magnets can apply in both directions.
+
+    They carry the weight at the same time.
+    """
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
-    each = file.tracking.force_max_N
-    most = each * len(file.body_magnets)
+    max_force = file.tracking.force_max_N
+    upper_limit = max_force * len(file.body_magnets)
 
     def fits(push: FloatArray) -> bool:
-        shared = [layout.share((one - weight_wrench(file)).tolist()) for one in (push, -push)]
-        return all(made and max(forces) <= each for forces, made in shared)
+        allocated = [
+            layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)
+        ]
+        return all(is_possible and max(forces) <= max_force for forces, is_possible in allocated)
 
-    low, high = 0.0, most
-    while high - low > 1e-3 * most:
+    low, high = 0.0, upper_limit
+    while high - low > 1e-3 * upper_limit:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if fits(middle * wrench) else (low, middle)
     return low
 
 
 def axis_yields(file: RigFile) -> list[float]:
-    """Return how readily each coordinate is given up once a magnet is lost, of 1.
+    """Return the weight with which each coordinate is given up if a lost magnet cannot be replaced.
 
-    Height and tilt least, then the turn about z, then y, then x.
+    The weights are relative to 1: x yields most, then y, then rx and ry; z and rz yield least.
     """
     return [_AXIS_YIELDS[axis] for axis in file.body.free]
 
@@ -76,27 +95,33 @@ def _find_spare_magnets(
     rows = np.frombuffer(pull).reshape(magnets, -1)
     spare_magnets = 0
     for lost in range(magnets):
-        left = np.delete(rows, lost, axis=0)
-        if np.linalg.matrix_rank(left) < len(weight):
+        remaining_rows = np.delete(rows, lost, axis=0)
+        if np.linalg.matrix_rank(remaining_rows) < len(weight):
             continue
-        # The largest distance to the bounds of forces that carry the weight: those beyond which the
-        # body can be pushed any way.
-        count, one = magnets - 1, np.ones((magnets - 1, 1))
-        inside = np.block([[-np.eye(count), one], [np.eye(count), one]])
+        # Find the forces that carry the weight with the largest distance to their bounds. A
+        # positive distance means that the body can be pushed in any direction.
+        count, margin_column = magnets - 1, np.ones((magnets - 1, 1))
+        constraints = np.block([[-np.eye(count), margin_column], [np.eye(count), margin_column]])
         limits = np.repeat([-least, most], count)
-        made = np.column_stack([left.T, np.zeros(len(weight))])
-        best = linprog(
-            [*np.zeros(count), -1.0], inside, limits, made, -np.array(weight), (None, None)
+        equalities = np.column_stack([remaining_rows.T, np.zeros(len(weight))])
+        solution = linprog(
+            [*np.zeros(count), -1.0],
+            constraints,
+            limits,
+            equalities,
+            -np.array(weight),
+            (None, None),
         )
-        if best.status == 0 and best.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
+        if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
             spare_magnets |= 1 << lost
     return spare_magnets
 
 
 def spare_magnets(file: RigFile) -> int:
-    """Return the magnets, bit by bit, without one of which the others hold every coordinate.
+    """Return a bit mask of the dispensable magnets.
 
-    They carry the weight, and can push either way beside.
+    Without any one of them, the others carry the weight and can push along every coordinate in both
+    directions.
     """
     pull = magnet_rows(file)
     bounds = min_single_force(file), file.tracking.force_max_N
@@ -106,41 +131,44 @@ def spare_magnets(file: RigFile) -> int:
 
 
 def usual_allocation(file: RigFile) -> Allocation:
-    """Return how pairs share; of magnets that go both ways there are none."""
+    """Return the allocation to pairs of magnets, or SINGLE for bidirectional magnets."""
     return Allocation.SINGLE if file.magnet.is_bidirectional else Allocation.CLASS_AB
 
 
 def min_single_force(file: RigFile) -> float:
-    """Return the least force of a magnet that stands alone, N."""
+    """Return the smallest force of a magnet without an opposing one, N."""
     table = file.tracking
     return -table.force_max_N if file.magnet.is_bidirectional else table.force_min_N
 
 
 def opposing_magnets(file: RigFile) -> list[int]:
-    """Return for each magnet that which pulls against it on one line, itself where it is alone.
+    """Return for each magnet the index of the opposing magnet on the same line.
 
-    What goes both ways needs none.
+    The index is its own if there is none, and for all bidirectional magnets.
     """
     lines = np.array(
-        [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.body_magnets]
+        [
+            [*magnet.direction, *np.cross(magnet.position_m, magnet.direction)]
+            for magnet in file.body_magnets
+        ]
     )
-    against = list(range(len(lines)))
+    opposing = list(range(len(lines)))
     if file.magnet.is_bidirectional:
-        return against
+        return opposing
     for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _LINE_TOLERANCE).tolist():
-        if against[i] == i and against[j] in (i, j):
-            against[i] = j
-    return against
+        if opposing[i] == i and opposing[j] in (i, j):
+            opposing[i] = j
+    return opposing
 
 
 def monitoring_settings(rig: BodyRig) -> dict[str, float]:
-    """Return by what a controller finds what is lost, and how it lands."""
+    """Return the settings by which a controller detects lost magnets and heads, and lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
-    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
-    others = inverses_without_head(rig.settings)
-    down = LANDING_TRAVEL_RATIO * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    current_lag = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
+    inverses = inverses_without_head(rig.settings)
+    landing_ticks = LANDING_TRAVEL_RATIO * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
     return {
-        "follow": 1.0 - math.exp(-rig.dt / late),
+        "follow": 1.0 - math.exp(-rig.dt / current_lag),
         "slew": _CERTAIN_SLEW_RATIO
         * amplifier.supply
         / rig.settings.magnet.poles.inductance(rig.gap)
@@ -148,9 +176,11 @@ def monitoring_settings(rig: BodyRig) -> dict[str, float]:
         "off": table.lost_A or 0.0,
         "off_ticks": max(1, round(table.lost_s / rig.dt)),
         "spare": spare_magnets(rig.settings) if table.lost_A else 0,
-        "land_ticks": min(math.ceil(down), MAX_LANDING_TICKS),
+        "land_ticks": min(math.ceil(landing_ticks), MAX_LANDING_TICKS),
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
         "doubt": AXES_ODD * max(1, round(table.head_s / rig.dt)),
-        "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),
-        "spare_heads": sum(1 << one for one, rows in enumerate(others) if rows.any()),
+        "noisy": int(
+            all(sensor.noise_m > sensor.step_m for sensor in rig.settings.position_sensors)
+        ),
+        "spare_heads": sum(1 << sensor for sensor, rows in enumerate(inverses) if rows.any()),
     }

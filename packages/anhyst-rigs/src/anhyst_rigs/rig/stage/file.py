@@ -1,6 +1,6 @@
-"""A short-stroke stage, from its files: a body between magnets that ride on a long stroke.
+"""Read the rig file of a short-stroke stage: a body between magnets that ride on a long stroke.
 
-It is free in one to six coordinates: displacements and angles from where it works.
+The body has one to six degrees of freedom: displacements and rotations from its operating point.
 """
 
 from __future__ import annotations
@@ -34,47 +34,50 @@ from anhyst_rigs.rig.stage.geometry import (
 
 
 class StageRig(BodyRig):
-    """A stage as its file describes it."""
+    """A stage as described by its rig file."""
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
-        """All that its motion may teach."""
+        """Names of all parameters that can be estimated from its motion."""
         return stage_parameter_names(len(self.settings.body_magnets))
 
     @cached_property
     def lines_of_action(self) -> LinesOfAction:
-        """Where everything acts on the body: its coordinates count from where it works.
+        """Lines of all forces and sensors; coordinates are 0 at the operating point.
 
-        Each magnet has a gap sensor of its own. Weight is along -z, and a load along the set-point.
+        Each magnet has its own gap sensor. The weight acts along -z, and a load along the
+        set-point.
         """
         file, body = self.settings, self.settings.body
         lines = [
-            (one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.body_magnets
+            (magnet.position_m, magnet.direction, magnet.gap_m or file.gap_m)
+            for magnet in file.body_magnets
         ]
         ends = zip(axis_indices(file), stop_distances(file), strict=True)
         heads = zip(head_lines(file), file.position_sensors, strict=True)
         along = file.scan.direction
         return LinesOfAction(
             coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in ends],
-            magnets=[({"r": place, "d": way}, gap) for place, way, gap in lines],
+            magnets=[({"r": place, "d": direction}, gap) for place, direction, gap in lines],
             gap_sensors=[
-                ({"r": place, "d": [-one for one in way]}, gap) for place, way, gap in lines
+                ({"r": place, "d": [-magnet for magnet in direction]}, gap)
+                for place, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
             force_along=along,
             load={"r": ORIGIN, "d": along},
             load_rest=0.0,
-            heads=[({"r": place, "d": way}, sensor) for (place, way), sensor in heads],
+            heads=[({"r": place, "d": direction}, sensor) for (place, direction), sensor in heads],
         )
 
 
 def read_stage(path: PathLike) -> BodyRig:
-    """Read the rig file of a stage; where its iron comes from the loops, it is fitted to them."""
+    """Read the rig file of a stage; iron "from loops" is fitted to the loops."""
     place = Path(path)
     settings = read_rig_file(place, "tracking")
     faults = [*plant_faults(settings), *_travel_faults(settings)]
     if settings.magnet.kind == "law":
-        text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
+        text = 'a stage needs a magnet with an iron; write kind = "electromagnet"'
         key = settings.key_path(settings.magnet, "kind")
         faults.append(FileFault(key, text, code="not-for-this-kind"))
     faults = faults or list(_line_faults(settings)) or list(_pose_faults(settings))
@@ -90,8 +93,8 @@ def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
     """Return the rig file and all files that it names."""
     del controller
     rig = StageRig(Path(path), read_rig_file(path, "tracking"))
-    taught = [] if rig.calibration_path is None else [rig.calibration_path]
-    return [rig.path, *taught, *rig.measured_loops.files]
+    calibration_files = [] if rig.calibration_path is None else [rig.calibration_path]
+    return [rig.path, *calibration_files, *rig.measured_loops.files]
 
 
 def _travel_faults(file: RigFile) -> Iterator[FileFault]:
@@ -104,46 +107,52 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
                 f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
             )
             yield FileFault(file.key_path(magnet, "gap_m"), text, code="range-too-narrow")
-    if not travel > (off := 0.5 * file.frame.stray_m):
-        text = f"the body travels {travel:g} m either way, and the long stroke is off by {off:g} m"
+    if not travel > (path_error := 0.5 * file.frame.stray_m):
+        text = (
+            f"the body travels {travel:g} m in both directions, but the long stroke has an error "
+        )
+        text += f"of {path_error:g} m"
         yield FileFault(
             ("frame", "stray_m"), f"{text}; move the stops apart", code="range-too-narrow"
         )
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find lines of magnets and position sensors that the file leaves open.
+    """Find magnets and position sensors whose direction or position is missing.
 
-    A body that is free in x alone has them along x, and where it does not turn their places do not
-    matter.
+    Directions are optional only if the body is free in x only; positions are optional if it does
+    not rotate.
     """
     free = file.body.free
-    needed = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
+    required = {
+        "direction": free != ["x"],
+        "position_m": any(axis.startswith("r") for axis in free),
+    }
     for table in (*file.body_magnets, *file.position_sensors):
-        for key in (key for key, is_needed in needed.items() if is_needed):
+        for key in (key for key, is_needed in required.items() if is_needed):
             if key not in table.model_fields_set:
                 text = f"is missing, a body that is free in {', '.join(free)} needs it; add it"
                 yield FileFault(file.key_path(table, key), text, code="missing")
 
 
 def _pose_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find what keeps a body from being seen, held or moved."""
+    """Find reasons why a body cannot be measured, held or moved."""
     free = ", ".join(file.body.free)
-    if len({one.stands for one in file.position_sensors}) > 1:
-        text = "some stand on the ground and some do not; let all do the same"
+    if len({head.stands for head in file.position_sensors}) > 1:
+        text = "some are on the ground and some are not; make all the same"
         yield FileFault(("sensor",), text, code="option-differs")
     for sensor, row in zip(file.position_sensors, head_rows(file), strict=True):
         if not row.any():
-            text = f"reads nothing of a body that is free in {free}; turn it, or remove it"
+            text = f"measures no coordinate of a body that is free in {free}; turn it, or remove it"
             yield FileFault(file.key_path(sensor), text, code="axis-not-seen")
     if file.body.gravity_m_per_s2 and not weight_wrench(file).any():
         text = f"weight is along -z, and does not move a body that is free in {free}; remove it"
         yield FileFault(file.key_path(file.body, "gravity_m_per_s2"), text, code="without-effect")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
-        text = f"the position sensors do not tell {free} apart; add one, or move them"
+        text = f"the position sensors cannot separate {free}; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
     if abs(np.linalg.norm(scan_direction(file)) - 1.0) > UNIT_LENGTH_TOLERANCE:
-        text = f"the body is free in {free} and cannot go there; correct it"
+        text = f"the body is free in {free} and cannot move in this direction; correct it"
         yield FileFault(file.key_path(file.scan, "direction"), text, code="wrong-direction")
     try:
         layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
@@ -152,13 +161,16 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
     if not layout.share((-weight_wrench(file)).tolist())[1]:
-        text = "no pulls of these magnets hold the body and its weight; turn one, or add one"
+        text = "these magnets cannot hold the body and its weight; turn one, or add one"
         yield FileFault(("magnet",), text, code="load-too-large")
         return
-    able = largest_wrench_factor(file, scan_wrench(file))
+    max_force = largest_wrench_factor(file, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
-        needed = file.body.mass_kg * max(getattr(file.scan, key))
-        if needed > 1.01 * able:  # which is found to a part in a thousand
-            text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, and the magnets push with "
-            text += f"{able:.4g} N along the set-point, either way, beside the weight; lower it"
+        required_force = file.body.mass_kg * max(getattr(file.scan, key))
+        if required_force > 1.01 * max_force:  # accuracy of the search: 0.1 %
+            text = (
+                f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
+            )
+            text += f"{max_force:.4g} N along the set-point in both directions in "
+            text += "addition to the weight; lower it"
             yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

@@ -1,4 +1,4 @@
-"""A stage ready to run: its magnets identified from loops, a method fitted to them and corrected."""
+"""Prepare a stage for a run: identify its magnets, fit a method, and apply a calibration."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 
 
 def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify what is known of the magnets of a stage, from its loops or others of them."""
+    """Identify the magnet of a stage from the loops of its rig file, or from other loops."""
 
-    def usable(known: IdentifiedMagnet) -> bool:
+    def usable(magnet: IdentifiedMagnet) -> bool:
         try:
-            return bool(fit_method_compensator(rig, known, "full"))
+            return bool(fit_method_compensator(rig, magnet, "full"))
         except InputError:
             return False
 
@@ -43,10 +43,7 @@ def make_stage(
     method: MethodName,
     calibrated: CalibratedMethod | None = None,
 ) -> StageSetup:
-    """Fit one variant to what is known and put it behind the controller.
-
-    It is corrected by what was found, here or in the file that the rig names.
-    """
+    """Fit a method, and apply the given calibration or that of the rig file, if any."""
     learnt = calibrated or rig.method_calibration(method)
     if learnt is None:
         return StageSetup(rig, fit_method_compensator(rig, magnet, method))
@@ -61,17 +58,19 @@ def apply_calibration(
     learnt: CalibratedMethod,
     drift: Drift = NO_DRIFT,
 ) -> StageSetup:
-    """Return a stage whose controller is corrected by what was found of its method.
+    """Return a stage whose controller is corrected by a calibration.
 
-    Fitted is it for a width of the loop.
+    `fitted` returns the compensator for a relative change of the loop width.
     """
-    each = tuple(fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets)))
+    compensators = tuple(
+        fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets))
+    )
     return StageSetup(
         rig,
-        each[0],
+        compensators[0],
         drift=drift,
-        correction_rows=correction_rows(learnt, each[0], rig),
-        own_compensators=each,
+        correction_rows=correction_rows(learnt, compensators[0], rig),
+        own_compensators=compensators,
         body_corrections={name: learnt.value(name) for name in ("payload", *CENTRE_PARAMETERS)},
         cable_stiffness=learnt.value("cable_N_per_m"),
     )
@@ -80,7 +79,7 @@ def apply_calibration(
 def fit_method_compensator(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
-    """Fit one variant to what is known of a magnet whose loops are wider by a part."""
+    """Fit a method to a magnet whose loop width is changed by a relative amount."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
         operating = OperatingRange(
@@ -92,7 +91,7 @@ def fit_method_compensator(
             current_max=table.amplifier.current_high_A,
             is_bipolar=table.magnet.is_bidirectional,
         )
-        known = calibrate_magnet(magnet, width_change=wider) if wider else magnet
-        return fit_compensators(rig, operating, [known], method, table.tracking.format)[0]
+        widened = calibrate_magnet(magnet, width_change=wider) if wider else magnet
+        return fit_compensators(rig, operating, [widened], method, table.tracking.format)[0]
     except InputError as error:
         raise error.with_location(rig.measured_loops.description) from error

@@ -1,4 +1,4 @@
-"""The body of a stage as matrices over the coordinates in which it is free."""
+"""Describe the body of a stage by matrices over its free coordinates."""
 
 from __future__ import annotations
 
@@ -14,115 +14,126 @@ from anhyst_rigs.rig.tables import AXES
 
 
 def axis_indices(file: RigFile) -> list[int]:
-    """Return the coordinates, 0 to 5."""
+    """Return the indices of the free coordinates, 0 to 5."""
     return [AXES.index(axis) for axis in file.body.free]
 
 
 def axis_unit(axis: str) -> str:
-    """Return the unit of a coordinate as columns end with it."""
+    """Return the unit of a coordinate, as in the names of columns."""
     return "rad" if axis.startswith("r") else "m"
 
 
 def error_columns(free: Sequence[str]) -> list[str]:
-    """Return the columns of a recording that hold the error of each coordinate."""
+    """Return the columns of a recording with the error of each coordinate."""
     return [f"error_{axis}_{axis_unit(axis)}" for axis in free]
 
 
 def _line_rows(
     file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]
 ) -> FloatArray:
-    """Return for each line how a body that moves along a coordinate moves along the line."""
-    whole = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
-    return np.ascontiguousarray(whole[:, axis_indices(file)])
+    """Return one row per line: velocity along the line per velocity of each coordinate."""
+    all_rows = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
+    return np.ascontiguousarray(all_rows[:, axis_indices(file)])
 
 
 def magnet_rows(file: RigFile) -> FloatArray:
-    """Return the wrench of 1 N of each magnet, a row a magnet, N and N m."""
-    return _line_rows(file, [(one.position_m, one.direction) for one in file.body_magnets])
+    """Return the wrench per force of each magnet, one row per magnet, N/N and N m/N."""
+    return _line_rows(file, [(magnet.position_m, magnet.direction) for magnet in file.body_magnets])
 
 
 def head_rows(file: RigFile) -> FloatArray:
-    """Return what each head reads of a coordinate, a row a head."""
+    """Return the change of each head's reading per change of a coordinate, one row per head."""
     return _line_rows(file, head_lines(file))
 
 
 def head_lines(file: RigFile) -> list[tuple[list[float], list[float]]]:
-    """Return where each position sensor looks at the body, m, and the way in which it reads."""
+    """Return the measured point of each head, m, and the direction of increasing readings."""
     sensors = file.position_sensors
-    return [(one.position_m or ORIGIN, one.direction or ALONG_X["d"]) for one in sensors]
+    return [(sensor.position_m or ORIGIN, sensor.direction or ALONG_X["d"]) for sensor in sensors]
 
 
 def pose_at_body(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
-    """Return the poses that heads read, a row a tick, taken to the place where the body is.
+    """Convert poses that heads on the ground read, one row per tick, to poses of the body.
 
-    On the ground they see what a turn moves there: p + target x th, as in the core's ``axes.h``.
+    A rotation th moves the body at their measured points: p + target x th, as in the core's
+    ``axes.h``.
     """
     if not file.has_ground_heads:
         return poses
-    axes, at, seen = axis_indices(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
-    at[:, axes], seen[:, axes] = targets, poses
-    seen[:, :3] -= np.cross(at[:, :3], seen[:, 3:])
-    return np.ascontiguousarray(seen[:, axes])
+    axes, target_poses, read_poses = (
+        axis_indices(file),
+        np.zeros((len(poses), 6)),
+        np.zeros((len(poses), 6)),
+    )
+    target_poses[:, axes], read_poses[:, axes] = targets, poses
+    read_poses[:, :3] -= np.cross(target_poses[:, :3], read_poses[:, 3:])
+    return np.ascontiguousarray(read_poses[:, axes])
 
 
 def inverses_without_head(file: RigFile) -> FloatArray:
-    """Return for each head how the others give the pose, zeros where they do not determine it."""
+    """Return for each head the matrix from the readings of the other heads to the pose.
+
+    The matrix is zero if the other heads do not determine the pose.
+    """
     rows = head_rows(file)
-    left = [np.delete(rows, head, axis=0) for head in range(len(rows))]
-    inverses = [np.linalg.pinv(one) * (np.linalg.matrix_rank(one) == rows.shape[1]) for one in left]
-    return np.array([np.insert(one, head, 0.0, axis=1) for head, one in enumerate(inverses)])
+    remaining_rows = [np.delete(rows, head, axis=0) for head in range(len(rows))]
+    inverses = [
+        np.linalg.pinv(matrix) * (np.linalg.matrix_rank(matrix) == rows.shape[1])
+        for matrix in remaining_rows
+    ]
+    return np.array([np.insert(matrix, head, 0.0, axis=1) for head, matrix in enumerate(inverses)])
 
 
 def _centre_of_mass_rows(file: RigFile) -> FloatArray:
-    """Return how the centre of mass moves with the six coordinates of the body."""
+    """Return the matrix from the six coordinates to the motion of the centre of mass."""
     jump = np.eye(6)
     jump[:3, 3:] = np.cross(np.eye(3), file.body.centre_m).T
     return jump
 
 
 def mass_matrix(file: RigFile) -> FloatArray:
-    """Return masses and moments of inertia about the point that the pose is of."""
+    """Return the mass matrix about the reference point of the pose, kg, kg m and kg m^2."""
     inertia = file.body.inertia_kg_m2 or [0.0, 0.0, 0.0]
     jump = _centre_of_mass_rows(file)
-    whole = jump.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ jump
-    return np.ascontiguousarray(whole[np.ix_(axis_indices(file), axis_indices(file))])
+    full_matrix = jump.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ jump
+    return np.ascontiguousarray(full_matrix[np.ix_(axis_indices(file), axis_indices(file))])
 
 
 def decoupling_matrices(file: RigFile) -> tuple[FloatArray, FloatArray]:
-    """Return what takes errors to the centre of mass, and accelerations of it to a wrench."""
-    apart = np.ascontiguousarray(
+    """Return matrices: pose to centre of mass, and its acceleration to a wrench."""
+    centre_rows = np.ascontiguousarray(
         _centre_of_mass_rows(file)[np.ix_(axis_indices(file), axis_indices(file))]
     )
-    return apart, np.ascontiguousarray(mass_matrix(file) @ np.linalg.inv(apart))
+    return centre_rows, np.ascontiguousarray(mass_matrix(file) @ np.linalg.inv(centre_rows))
 
 
 def weight_wrench(file: RigFile) -> FloatArray:
-    """Return the wrench of the weight, which is along -z."""
-    down = np.array([0.0, 0.0, -file.body.weight_N])
-    return np.concatenate([down, np.cross(file.body.centre_m, down)])[axis_indices(file)]
+    """Return the wrench of the weight, which acts along -z."""
+    weight = np.array([0.0, 0.0, -file.body.weight_N])
+    return np.concatenate([weight, np.cross(file.body.centre_m, weight)])[axis_indices(file)]
 
 
 def scan_direction(file: RigFile) -> FloatArray:
-    """Return the way of the set-point, a number a coordinate."""
+    """Return the direction of the set-point, one component per coordinate."""
     return np.array([*file.scan.direction, 0.0, 0.0, 0.0])[axis_indices(file)]
 
 
 def weight_along_scan(file: RigFile) -> float:
-    """Return the force of the weight along the set-point, N; magnets that hold it give the opposite."""
+    """Return the weight along the set-point, N; the magnets apply the opposite force."""
     return float(weight_wrench(file) @ scan_direction(file))
 
 
 def scan_wrench(file: RigFile) -> FloatArray:
-    """Return the wrench that moves the centre of mass along the set-point, of 1 N."""
+    """Return the wrench per newton that accelerates the centre of mass along the set-point."""
     return np.asarray(mass_matrix(file) @ scan_direction(file)) / file.body.mass_kg
 
 
 def travel_m(file: RigFile) -> float:
-    """Return how far the body moves along a coordinate either way before an end stop, m."""
+    """Return the distance to the nearer end stop along a coordinate, m."""
     return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
 
 
 def stop_distances(file: RigFile) -> list[float]:
-    """Return how far each coordinate goes either way before an end stop, m or rad."""
+    """Return the distance of each coordinate to its end stops in both directions, m or rad."""
     travel, tilt = travel_m(file), file.body.tilt_rad
     return [tilt if axis_unit(axis) == "rad" else travel for axis in file.body.free]

@@ -1,4 +1,7 @@
-"""A stage and its controller in lock-step: runs motions."""
+"""Run motions of a stage: plant and controller in lock-step.
+
+The module also computes PID, feedforward and all settings of the controller from the rig file.
+"""
 
 from __future__ import annotations
 
@@ -46,52 +49,51 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss, recording_columns
 from anhyst_rigs.rig.stage.setpoint import SetPoint, frame_stray, motion_ticks, tick_times
 
 CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
-"""Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
+"""Methods with constants; pairs work in class A about the bias at which these are fitted."""
 MAX_POSE_STOP_RATIO = 2.0
-"""By how much farther off than the end stops let it a reading is not believed."""
+"""Largest plausible pose relative to the end stops; a larger reading is rejected."""
 
 
 @dataclass(frozen=True)
 class Feedforward:
-    """Gains of the force that is fed forward: ``mass*(a + jerk*j + snap*s)`` with ``a`` weighted."""
+    """Gains of the feedforward force ``mass*(acceleration*a + jerk*j + snap*s)``."""
 
-    acceleration: float = 1.0  # 1 for the mass that the file says
+    acceleration: float = 1.0  # 1: mass of the rig file
     jerk: float = 0.0  # s
     snap: float = 0.0  # s2
 
 
 @dataclass(frozen=True)
 class StageSetup(Setup):
-    """All that a run of a stage needs."""
+    """Everything that a run of a stage needs."""
 
-    # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
+    # number format of PID and allocation; f64 for any compensator, f32 for f32 and fixed ones
     number_format: NumberFormat = "f64"
-    drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
-    correction_rows: FloatArray | None = (
-        None  # of every magnet, as the core has it; not in fixed point
-    )
-    # what was found of the body: what is fed forward is for its mass and centre of mass
+    drift: Drift = NO_DRIFT  # difference between the plant and the rig file
+    # of every magnet, in the form of the core; not in fixed point
+    correction_rows: FloatArray | None = None
+    # estimated changes of mass and centre of mass, used by the feedforward
     body_corrections: Mapping[ParameterName, float] = field(default_factory=dict)
-    cable_stiffness: float = 0.0  # N/m, and against such a cable
+    cable_stiffness: float = 0.0  # estimated stiffness that the feedforward compensates, N/m
 
     @property
     def assumed_rig(self) -> BodyRig:
-        """The stage as its controller believes it to be."""
+        """Stage as assumed by its controller."""
         return assumed_rig(self.rig, self.body_corrections) if self.body_corrections else self.rig
 
     def make_plant(self, seed: int) -> Plant:
-        """Return the plant, drifted, at rest where it works, its iron demagnetised."""
+        """Return the drifted plant at its operating point, at rest and demagnetised."""
         return drifted_plant(self.rig, self.drift, seed)
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
-        """Return PIDs and allocation over force controllers, in their formats."""
+        """Return PID and allocation with the force controllers, in their number formats."""
         return make_axes_controller(self, drives)
 
 
 def pid_coefficients(rig: BodyRig) -> dict[str, float]:
-    """Return the PID as a filter of second order, by the trapezoidal rule.
+    """Return the PID as a second-order filter, discretised by the trapezoidal rule.
 
-    Where integral and lead end and begin, the rig file says in parts of the crossover.
+    The rig file gives the corner frequencies of integral and lead relative to the crossover.
     """
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
@@ -103,29 +105,29 @@ def pid_coefficients(rig: BodyRig) -> dict[str, float]:
 
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
-    # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = fast*(z - 1)/(z + 1)
-    fast = 2.0 / dt
-    up = (1.0 / lead, 1.0 + low / lead, low)
-    down = (1.0 / high, 1.0, 0.0)
+    # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = bilinear_rate*(z - 1)/(z + 1)
+    bilinear_rate = 2.0 / dt
+    numerator_s = (1.0 / lead, 1.0 + low / lead, low)
+    denominator_s = (1.0 / high, 1.0, 0.0)
 
     def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
-        a, b, c = p[0] * fast**2, p[1] * fast, p[2]
+        a, b, c = p[0] * bilinear_rate**2, p[1] * bilinear_rate, p[2]
         return a + b + c, 2.0 * (c - a), a - b + c
 
-    numerator, denominator = bilinear(up), bilinear(down)
-    b0, b1, b2 = (gain * one / denominator[0] for one in numerator)
-    a1, a2 = (one / denominator[0] for one in denominator[1:])
+    numerator, denominator = bilinear(numerator_s), bilinear(denominator_s)
+    b0, b1, b2 = (gain * coefficient / denominator[0] for coefficient in numerator)
+    a1, a2 = (coefficient / denominator[0] for coefficient in denominator[1:])
     return {"b0": b0, "b1": b1, "b2": b2, "a1": a1, "a2": a2}
 
 
 def feedforward_force(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
-    """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
+    """Return the feedforward force at every tick, N, advanced by the delay of the loop."""
     rig = setup.rig
     time = tick_times(rig, motion_ticks(rig, motion)) + rig.loop_delay
     place, acceleration, jerk, snap = motion.derivatives_at(time)
-    moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
+    mass_acceleration = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(
-        setup.assumed_rig.settings.body.mass_kg * moved + setup.cable_stiffness * place
+        setup.assumed_rig.settings.body.mass_kg * mass_acceleration + setup.cable_stiffness * place
     )
 
 
@@ -137,10 +139,10 @@ def track(
     learnt_force: FloatArray | None = None,
     load: FloatArray | None = None,
 ) -> Recording:
-    """Follow a motion from rest, the iron demagnetised.
+    """Run a motion from rest with demagnetised iron.
 
-    `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
-    along the set-point.
+    `learnt_force` is added to the feedforward. `load`, N, pushes along the set-point and is unknown
+    to the controller.
     """
     rig, n = setup.rig, motion_ticks(setup.rig, motion)
     time = tick_times(rig, n + 1)
@@ -149,7 +151,7 @@ def track(
         forward = forward + learnt_force
     wrench = feedforward_wrench(setup.assumed_rig, forward)
     scenario = scan_scenario(rig, place, frame_stray(rig, motion, time), wrench)
-    # The body is off its reference by too little for the cable to feel it.
+    # The position error is too small to change the force of the cable.
     pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
     return run_scenario(setup, replace(scenario, load=pulled), seed)
 
@@ -157,10 +159,10 @@ def track(
 def scan_scenario(
     rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
-    """Return the scenario of a stage that moves along its set-point, or an offset beside it, m.
+    """Return the scenario of a motion along the set-point, with an optional offset, m.
 
-    Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
-    ride on the frame, position heads do not.
+    `place` and `stray` of the long stroke, m, have one value more than `wrench` has rows. The
+    magnets ride on the long stroke, the position heads do not.
     """
     n, along = len(wrench), scan_direction(rig.settings)
     frame = np.outer(place + stray, along)
@@ -168,7 +170,7 @@ def scan_scenario(
 
 
 def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
-    """Go through a scenario from rest."""
+    """Run a scenario from rest and check for loss of control."""
     rig, run = setup.rig, SimulatedLoop(setup, seed).run(scenario)
     return Recording(
         recording_columns(rig, run, scenario), find_stage_loss(rig, run, scenario.ticks)
@@ -176,16 +178,16 @@ def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Record
 
 
 def feedforward_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
-    """Return the wrench of a force along the set-point, a row a tick.
+    """Return the wrench of a force along the set-point at the centre of mass, one row per tick.
 
-    It moves the centre of mass, and carries the weight.
+    The wrench also carries the weight.
     """
     file = rig.settings
     return np.asarray(np.outer(forward, scan_wrench(file)) - weight_wrench(file))
 
 
 def bias_force(rig: BodyRig, method: str) -> float:
-    """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
+    """Return the force of each magnet at rest, N; half of the largest for constant methods."""
     if rig.settings.magnet.is_bidirectional:
         return 0.0
     return 0.5 * rig.settings.tracking.force_max_N if method in CONSTANT_METHODS else rig.idle_force
@@ -194,17 +196,17 @@ def bias_force(rig: BodyRig, method: str) -> float:
 def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
     """Return the matrices of a controller, by their names in the core.
 
-    Beside them `at`, what each head reads of a pose.
+    In addition, `at` is the reading of each head per coordinate.
     """
-    file, at = setup.rig.settings, head_rows(setup.rig.settings)
+    file, head_matrix = setup.rig.settings, head_rows(setup.rig.settings)
     decouple, weigh = decoupling_matrices(setup.assumed_rig.settings)
     b0, b1, b2, a1, a2 = pid_coefficients(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
     ends = np.array(stop_distances(file))[:, None]
     return {
-        "at": at,
-        "see": np.ascontiguousarray(np.linalg.pinv(at)),
-        "without": inverses_without_head(file).reshape(at.size, len(at)),
+        "at": head_matrix,
+        "see": np.ascontiguousarray(np.linalg.pinv(head_matrix)),
+        "without": inverses_without_head(file).reshape(head_matrix.size, len(head_matrix)),
         "ground": np.array(axis_indices(file) if file.has_ground_heads else [], dtype=float),
         "decouple": decouple,
         "weigh": weigh,
@@ -218,8 +220,8 @@ def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
 def make_axes_controller(
     setup: StageSetup, drives: Sequence[ForceController] = ()
 ) -> TrackingAxes | FixedAxes:
-    """Return PIDs, decoupling and allocation over force controllers."""
-    magnets = [one.native for one in drives or setup.make_compensators()]
+    """Return PID, decoupling and allocation with the force controllers."""
+    magnets = [drive.native for drive in drives or setup.make_compensators()]
     if setup.number_format == "fixed":
         assert setup.correction_rows is None, "in fixed point nothing corrects a force controller"
         return make_fixed_stage_controller(setup).make_core(
@@ -227,8 +229,8 @@ def make_axes_controller(
         )
     settings = controller_settings(setup) | monitoring_settings(setup.rig)
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
-    made = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
-    controller = made(
+    controller_class = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
+    controller = controller_class(
         magnets, wrench_layout(setup.rig.settings, kind, idle), controller_matrices(setup), settings
     )
     if setup.correction_rows is not None:
@@ -237,12 +239,12 @@ def make_axes_controller(
 
 
 def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
-    """Return the words of a controller in fixed point."""
+    """Return the controller in fixed point."""
     file, settings = setup.rig.settings, controller_settings(setup)
-    how = int(settings["allocation"]), settings["idle"]
+    allocation = int(settings["allocation"]), settings["idle"]
     bounds = min_single_force(file), file.tracking.force_max_N
     drives = DriveLayout(
-        magnet_rows(file), opposing_magnets(file), axis_yields(file), *how, *bounds
+        magnet_rows(file), opposing_magnets(file), axis_yields(file), *allocation, *bounds
     )
     return make_fixed_controller(
         controller_matrices(setup), drives, settings | monitoring_settings(setup.rig)
@@ -250,7 +252,7 @@ def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:
-    """Return what a controller is given beside its PID and its magnets, SI."""
+    """Return the settings of a controller other than PID and geometry, SI units."""
     rig, compensator = setup.rig, setup.compensator
     amplifier, scales = rig.settings.amplifier, compensator.scales
     low, high = amplifier.current_low_A, amplifier.current_high_A
@@ -272,11 +274,11 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
 
 
 def parameter_blocks(setup: StageSetup) -> list[Block]:
-    """Return for each magnet the parameter block of its compensator of a law."""
+    """Return the parameter block of each magnet, for compensators with a hysteresis law."""
     return [parameter_block(compensator) for compensator in setup.compensators]
 
 
 def parameter_block(compensator: ForceController) -> Block:
-    """Return the parameter block of a compensator of a law."""
+    """Return the parameter block of a compensator with a hysteresis law."""
     assert isinstance(compensator.parameters, HysteresisInverse)
     return compensator.parameters.block

@@ -1,4 +1,4 @@
-"""What a recording of a stage holds, and where it says that the stage was lost."""
+"""Compute the columns of a stage's recording, and detect loss of control."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from anhyst_rigs.rig.stage.geometry import (
 )
 
 WRENCH_UNITS = ("N", "N_m")
-"""Units of a force along a coordinate and about one."""
+"""Units of a force along and of a moment about a coordinate."""
 
 
 def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
-    """Return the columns of a recording: along the set-point, of all coordinates and magnets."""
+    """Return the columns of a recording: along the set-point, per coordinate, and per magnet."""
     file, n = rig.settings, len(run)
     reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
     poses = np.column_stack([run[name] for name in axis_columns("pose", free)]) + scenario.frame[:n]
     errors = reference - poses
     wrench = axis_columns("demand", free, WRENCH_UNITS)
     demand = np.column_stack([run[name] for name in wrench]) @ along
-    ticks, late = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
+    ticks, delay_ticks = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
     count = len(file.body_magnets)
-    behind = range(count + 1, count + len(file.position_sensors) + 1)
-    heads = np.column_stack([run[column_name("gap_read", "m", number)] for number in behind])
-    read = pose_at_body(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
+    head_numbers = range(count + 1, count + len(file.position_sensors) + 1)
+    heads = np.column_stack([run[column_name("gap_read", "m", number)] for number in head_numbers])
+    poses_read = pose_at_body(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
     return {
         "t_s": run["t_s"],
@@ -53,20 +53,23 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         "error_m": errors @ along,
         "demand_N": demand,
         "force_N": run["force_N"],
-        # the force less what was demanded a delay earlier
-        "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand)),
+        # force minus the demand one delay earlier
+        "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - delay_ticks, ticks, demand)),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
         **{name: run[name] for name in magnet_columns(signals, 1, count)},
-        **dict(zip(pose_columns(free), read.T, strict=True)),
-        **{name: run[own] for name, own in zip(demand_columns(free), wrench, strict=True)},
+        **dict(zip(pose_columns(free), poses_read.T, strict=True)),
+        **{
+            name: run[wrench_name]
+            for name, wrench_name in zip(demand_columns(free), wrench, strict=True)
+        },
     }
 
 
 def axis_columns(
     signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")
 ) -> list[str]:
-    """Return the columns of a signal of every coordinate, in the loop's own record."""
+    """Return the columns of a signal per coordinate, as the simulated loop names them."""
     return [
         column_name(signal, units[axis_unit(axis) == "rad"], number)
         for number, axis in enumerate(free, 1)
@@ -74,10 +77,14 @@ def axis_columns(
 
 
 def find_stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
-    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
+    """Return the first tick on an end stop or with an unbounded demand; None if there is none."""
     file, stop = rig.settings, "an end stop was reached"
-    most = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
-    bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
+    max_demand = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
+    bounds = [
+        SignalBound(
+            "the demanded force exceeded all bounds", run["demand_N"], -max_demand, max_demand
+        )
+    ]
     poses = axis_columns("pose", file.body.free)
     for name, end in zip(poses, stop_distances(file), strict=True):
         bounds.append(SignalBound(stop, run[name], -end, end))
@@ -85,10 +92,10 @@ def find_stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
 
 
 def pose_columns(free: Sequence[str]) -> list[str]:
-    """Return the columns of a recording that hold the pose as it was read."""
+    """Return the columns of a recording with the measured pose."""
     return [f"pose_read_{axis}_{axis_unit(axis)}" for axis in free]
 
 
 def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
-    """Return the columns of a recording that hold the wrench that was demanded, or another one."""
+    """Return the columns of a recording with the demanded or another wrench."""
     return [f"{signal}_{axis}_{WRENCH_UNITS[axis_unit(axis) == 'rad']}" for axis in free]

@@ -1,4 +1,8 @@
-"""Set-points of a stage: scans at constant speed with turnarounds whose snap is limited."""
+"""Compute set-points of a stage: scans at constant speed with snap-limited turnarounds.
+
+The acceleration of a turnaround is a pulse whose jerk rises and falls linearly. The module also
+computes braking motions and the path error of the long stroke.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +17,25 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 
 STRAY_DELAY_S = 5e-3
-"""How late a long stroke follows the acceleration, s."""
-_OWN_STRAY_HZ = 3.0  # of what it does by itself
+"""Delay of the long stroke's path error after the acceleration, s."""
+_OWN_STRAY_HZ = 3.0  # path error without acceleration
 
 
 @dataclass(frozen=True)
 class SetPoint:
-    """A motion that begins at rest, at any time."""
+    """A motion from rest; it can be evaluated at any time."""
 
-    # largest acceleration of each turnaround, m/s2; the first one begins at rest
+    # largest acceleration of each turnaround, m/s2; the first one starts at rest
     peaks: tuple[float, ...]
-    speed: float  # between turnarounds, m/s
-    cruise: float  # s. The jerk rises and falls in a snap phase each at both ends of a jerk phase.
+    speed: float  # speed between turnarounds, m/s
+    cruise: float  # s; jerk_phase: rise of the acceleration; snap_phase: rise of the jerk
     jerk_phase: float
     snap_phase: float
-    has_final_rest: bool = False  # the last turnaround ends at rest
+    has_final_rest: bool = False  # whether the last turnaround ends at rest
 
     @property
     def pulses(self) -> list[tuple[float, float, float]]:
-        """Begin, length and signed height of each pulse of acceleration, s, s, m/s2."""
+        """Start (s), length (s) and signed height (m/s2) of each acceleration pulse."""
         pulses, time, speed = [], self.cruise, 0.0
         for number, peak in enumerate(self.peaks):
             target = self.speed if number % 2 == 0 else -self.speed
@@ -44,51 +48,56 @@ class SetPoint:
 
     @property
     def duration(self) -> float:
-        """Until the end of the last cruise, s."""
+        """Time until the end of the last cruise, s."""
         begin, length, _ = self.pulses[-1]
         return begin + length + self.cruise
 
     def derivatives_at(
         self, time: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return position, acceleration, jerk and snap at some times, m, m/s2, m/s3, m/s4."""
-        sums = [np.zeros_like(time) for _ in range(4)]
+        """Return position, acceleration, jerk and snap at given times, m, m/s2, m/s3, m/s4."""
+        derivatives = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
             rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
             for sign, start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    sums[number] += sign * rise * self._integrate_jerk_pulse(time - start, order)
-        return sums[0], sums[1], sums[2], sums[3]
+                    derivatives[number] += (
+                        sign * rise * self._integrate_jerk_pulse(time - start, order)
+                    )
+        return derivatives[0], derivatives[1], derivatives[2], derivatives[3]
 
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
-        """Integrate a jerk that rises to one and falls again so many times; -1 is its slope.
+        """Integrate a jerk pulse of height one `order` times; order -1 is its derivative.
 
-        From its end on only lower powers are left: a path of hours keeps its digits.
+        After the pulse, only lower powers of time remain, so that hours of motion keep full
+        precision.
         """
         end, later = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
-        left = (
-            self._integrate_within_pulse(end, order - one) * later**one / one
-            for one in range(1, order)
+        remaining = (
+            self._integrate_within_pulse(end, order - power) * later**power / power
+            for power in range(1, order)
         )
         return np.asarray(
-            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(left)
+            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(remaining)
         )
 
     def _integrate_within_pulse(self, time: FloatArray, order: int) -> FloatArray:
-        """Return the same until its end."""
+        """Return the integral for times until the end of the pulse."""
         snap, jerk = self.snap_phase, self.jerk_phase
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1
-        whole = np.prod(np.arange(1, power + 1)) if power else 1.0
+        factorial = np.prod(np.arange(1, power + 1)) if power else 1.0
         parts = (
-            sign / snap * np.where(time >= at, np.maximum(time - at, 0.0) ** power, 0.0)
-            for at, sign in corners
+            sign
+            / snap
+            * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
+            for corner_time, sign in corners
         )
-        return np.asarray(sum(parts) / whole)
+        return np.asarray(sum(parts) / factorial)
 
 
 def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
-    """Return the motion that a rig file describes, with these accelerations."""
+    """Return the motion of a rig file with the given peak accelerations."""
     return SetPoint(
         tuple(peaks), table.speed_m_per_s, table.cruise_s, table.jerk_phase_s, table.snap_phase_s
     )
@@ -96,30 +105,30 @@ def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """A way to rest, as a stage is led along it, a value a tick."""
+    """A motion that ends at rest, sampled at the ticks."""
 
-    position: FloatArray  # from where it begins, m; one more than ticks
+    position: FloatArray  # from the start of the motion, m; one value more than ticks
     acceleration: FloatArray  # m/s2
-    # acceleration, jerk, snap and position so much later as the loop is late, m/s2, m/s3, m/s4, m
+    # acceleration, jerk, snap and position, advanced by the delay of the loop, m/s2, m/s3, m/s4, m
     early_derivatives: FloatArray
 
     def __len__(self) -> int:
-        """Return its ticks."""
+        """Return the number of ticks."""
         return self.acceleration.size
 
     def reverse(self) -> SampledMotion:
-        """Return the same the other way."""
+        """Return the motion in the opposite direction."""
         return SampledMotion(-self.position, -self.acceleration, -self.early_derivatives)
 
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
-        """Return speed, m/s, and acceleration, m/s2, at a tick of it."""
+        """Return speed, m/s, and acceleration, m/s2, at a tick."""
         around = self.position[max(tick - 1, 0) : tick + 2]
         speed = (around[-1] - around[0]) / ((around.size - 1) * dt)
         return float(speed), float(self.acceleration[tick])
 
 
 def sample_motion(motion: SetPoint, dt: float, ahead: float) -> SampledMotion:
-    """Return the course of a motion that rests at its end, led so many seconds ahead."""
+    """Sample a motion that ends at rest; feedforward values are advanced by `ahead`, s."""
     time = dt * np.arange(round(motion.duration / dt) + 1, dtype=np.float64)
     position, acceleration, _, _ = motion.derivatives_at(time)
     later, *derivatives = motion.derivatives_at(time[:-1] + ahead)
@@ -129,50 +138,52 @@ def sample_motion(motion: SetPoint, dt: float, ahead: float) -> SampledMotion:
 def plan_braking(
     speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float
 ) -> SampledMotion:
-    """Return the course that ends a motion in the middle: its speed goes to zero along a cubic.
+    """Return a motion that brakes to rest with a cubic speed profile.
 
-    It takes as long as the hardest turnaround, so that it needs no more force than that.
+    Its duration follows from the hardest turnaround, so that it needs no larger force.
     """
-    lasts = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
-    count = round(lasts / dt)
+    duration = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
+    count = round(duration / dt)
 
     def at(time: FloatArray) -> list[FloatArray]:
-        s = np.minimum(time / lasts, 1.0)
-        moves = s < 1.0
-        position = lasts * (
+        s = np.minimum(time / duration, 1.0)
+        is_moving = s < 1.0
+        position = duration * (
             speed * (s**4 / 2.0 - s**3 + s)
-            + lasts * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
+            + duration * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
         )
-        first = speed / lasts * (6.0 * s**2 - 6.0 * s) + acceleration * (3.0 * s**2 - 4.0 * s + 1.0)
-        second = speed / lasts**2 * (12.0 * s - 6.0) + acceleration / lasts * (6.0 * s - 4.0)
-        third = (12.0 * speed / lasts**3 + 6.0 * acceleration / lasts**2) * np.ones_like(s)
-        return [first * moves, second * moves, third * moves, position]
+        first = speed / duration * (6.0 * s**2 - 6.0 * s) + acceleration * (
+            3.0 * s**2 - 4.0 * s + 1.0
+        )
+        second = speed / duration**2 * (12.0 * s - 6.0) + acceleration / duration * (6.0 * s - 4.0)
+        third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
+        return [first * is_moving, second * is_moving, third * is_moving, position]
 
     time = dt * np.arange(count + 1, dtype=np.float64)
     return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
 
 
 def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off along a motion, m."""
+    """Return the path error of the long stroke along a motion, m."""
     return frame_stray_from(
         rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time
     )
 
 
 def frame_stray_from(rig: BodyRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off, m: half with the acceleration, half by itself.
+    """Return the path error of the long stroke, m: half from its acceleration, half independent.
 
-    The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
+    `late` is the acceleration :data:`STRAY_DELAY_S` earlier, relative to its largest value.
     """
     stray = rig.settings.frame.stray_m
     return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
 
 
 def tick_times(rig: BodyRig, count: int) -> FloatArray:
-    """Return when the first ticks are, s."""
+    """Return the times of the first ticks, s."""
     return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
 
 
 def motion_ticks(rig: BodyRig, motion: SetPoint) -> int:
-    """Return how many ticks a motion takes."""
+    """Return the number of ticks of a motion."""
     return round(motion.duration / rig.dt)

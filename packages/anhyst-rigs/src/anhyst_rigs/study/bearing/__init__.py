@@ -1,1 +1,1 @@
-"""Magnetic bearings in simulation: plant, controller, and what compensation is worth."""
+"""Simulate magnetic bearings: plant, controller, and the benefit of compensation."""

@@ -1,4 +1,4 @@
-"""Every fault of ``docs/firmware.md``, while the firmware holds the armature in the air."""
+"""Inject every fault of ``docs/firmware.md`` while the firmware levitates the armature."""
 
 from __future__ import annotations
 
@@ -18,56 +18,63 @@ from anhyst_rigs.rig.bearing.scenario import MIN_LIFT_S
 from anhyst_rigs.rig.bench.bearing import BearingBench
 
 FaultAction = Callable[[BearingBench, int], bool]
-"""Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
+"""Function that is called before every tick with the bench and the tick since the fault.
+
+It returns whether the link stays alive.
+"""
+# Bits of ``PORT_...`` in ``firmware/port/port.h``.
 _NO_SAMPLE_BIT = 1
-_AMPLIFIER_BIT, _EMERGENCY_STOP_BIT, _OVER_CURRENT_BIT, _SUPPLY_BIT, _TOO_WARM_BIT = 2, 4, 8, 16, 32
-"""Bits of ``PORT_...`` in ``firmware/port/port.h``."""
+_AMPLIFIER_BIT = 2
+_EMERGENCY_STOP_BIT = 4
+_OVER_CURRENT_BIT = 8
+_SUPPLY_BIT = 16
+_TOO_WARM_BIT = 32
 _SENSOR_ERROR_CODE = -(1 << 31)
-"""What a sensor says that is broken."""
+"""Code of a broken sensor."""
 _SAG_RATIO = 0.2
-"""What a sagging supply is left with."""
+"""Supply voltage after a sag, relative to the nominal one."""
 _MAX_FALL_S = 1.0
-"""Until an armature lies."""
+"""Longest time that is simulated after a fault, until the armature rests."""
 _HOVER_CHECK_S = 0.25
-"""After so long it is seen to levitate on."""
+"""Simulated time after a fault that the armature must survive levitated."""
 _REST_S = 0.02
-"""Without current on its rest, so long, it lies."""
+"""Time on a stop without current after which the armature counts as at rest."""
 _OVERLOAD_S = 0.1
 _STEP_M = 10e-6
 
 
 @dataclass(frozen=True)
 class FaultInjection:
-    """What goes wrong."""
+    """A fault that is injected."""
 
-    name: str  # in words
-    expected_fault: Fault  # that the controller gives; ``NONE`` where it goes on
-    action: FaultAction  # what is done
+    name: str  # description
+    expected_fault: Fault  # expected reason; ``NONE`` if the armature must stay levitated
+    action: FaultAction  # injects the fault
 
 
 @dataclass(frozen=True)
 class FaultOutcome:
-    """How a fault in the air ended."""
+    """The result of a fault while levitated."""
 
     injection: FaultInjection
-    fault: Fault  # that the controller gave
-    is_levitating: bool  # whether it went on hovering
-    seconds: float  # from the fault until the armature lay without current, s; NaN where it went on
-    # at which it first came to the stop on which it rests, and to that at the magnet, m/s; 0 where
-    # it did not
+    fault: Fault  # reported reason
+    is_levitating: bool  # whether the armature stayed levitated
+    seconds: float  # from the fault to rest without current, s; NaN if levitated
+    # speeds at the first contact with the rest and with the stop at the magnet, m/s; 0 without
+    # contact
     rest_speed: float
     magnet_speed: float
-    # largest distance from where it hovered while it went on, m; NaN where it came down
+    # largest deviation of the gap after the fault, m; NaN if the armature came down
     max_deviation: float
 
     @property
     def is_as_expected(self) -> bool:
-        """Whether the controller gave the reason that belongs to the fault, or went on."""
+        """Whether the controller reported the expected reason, or the armature stayed levitated."""
         expected = self.injection.expected_fault
         return self.fault is expected and self.is_levitating == (expected is Fault.NONE)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the outcome for JSON."""
         return {
             "fault": self.injection.name,
             "expected": self.injection.expected_fault.name.lower(),
@@ -80,135 +87,137 @@ class FaultOutcome:
         }
 
 
-def _replace_readings(
+def _fake_readings(
     ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]
 ) -> FaultAction:
-    """Let sensors show something else for some ticks: a number, or what becomes of a sample."""
+    """Replace sensor readings for some ticks by numbers or by functions of the sample."""
 
     def change(sample: PlantSample) -> PlantSample:
-        numbers = {name: one(sample) if callable(one) else one for name, one in readings.items()}
-        return replace(sample, **numbers)
+        changed = {
+            name: reading(sample) if callable(reading) else reading
+            for name, reading in readings.items()
+        }
+        return replace(sample, **changed)
 
-    def act(running: BearingBench, n: int) -> bool:
-        running.tap.change_sample = change if n < ticks else None
+    def act(bench: BearingBench, tick: int) -> bool:
+        bench.tap.change_sample = change if tick < ticks else None
         return True
 
     return act
 
 
-def _freeze_position(running: BearingBench, n: int) -> bool:
-    """Freeze the sensor of the position, and step the target."""
-    if n == 0:
-        running.demand(running.gap + _STEP_M)
-        last: list[PlantSample] = []
+def _freeze_position(bench: BearingBench, tick: int) -> bool:
+    """Freeze the position sensor, and step the target."""
+    if tick == 0:
+        bench.demand(bench.gap + _STEP_M)
+        samples: list[PlantSample] = []
 
         def frozen(sample: PlantSample) -> PlantSample:
-            last.append(sample)
-            return replace(sample, position=last[0].position)
+            samples.append(sample)
+            return replace(sample, position=samples[0].position)
 
-        running.tap.change_sample = frozen
+        bench.tap.change_sample = frozen
     return True
 
 
-def _miss_ticks(running: BearingBench, n: int) -> bool:
-    """Miss five ticks in a row."""
-    if n == 0:
-        running.tap.ticks_to_skip = 5
-        running.advance(5)
+def _miss_ticks(bench: BearingBench, tick: int) -> bool:
+    """Let the controller miss five ticks in a row."""
+    if tick == 0:
+        bench.tap.ticks_to_skip = 5
+        bench.advance(5)
     return True
 
 
-def _sag_supply(running: BearingBench, n: int) -> bool:
-    """Let the supply fall; the board reports it a millisecond later."""
-    if n == 0:
-        running.bearing.supply *= _SAG_RATIO
-    if n == round(1e-3 * running.rate):
-        running.tap.change_sample = lambda sample: replace(sample, status=_SUPPLY_BIT)
+def _sag_supply(bench: BearingBench, tick: int) -> bool:
+    """Reduce the supply; the board reports it after 1 ms."""
+    if tick == 0:
+        bench.bearing.supply *= _SAG_RATIO
+    if tick == round(1e-3 * bench.rate):
+        bench.tap.change_sample = lambda sample: replace(sample, status=_SUPPLY_BIT)
     return True
 
 
-def _command_stop(running: BearingBench, n: int) -> bool:
-    if n == 0:
-        running.command(Command.STOP)
+def _command_stop(bench: BearingBench, tick: int) -> bool:
+    if tick == 0:
+        bench.command(Command.STOP)
     return True
 
 
-def _send_bad_blocks(running: BearingBench, n: int) -> bool:
-    """Send a block with a broken checksum, and one whose words are not valid behind a right one."""
-    if n == 0:
-        words = running.link.read_block()
+def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
+    """Send a block with a wrong checksum, and one with invalid words and a correct checksum."""
+    if tick == 0:
+        words = bench.link.read_block()
         words[2] ^= 0x40
         for broken in (words, set_generation(words, 7)):
             try:
-                running.link.write_block(broken)
+                bench.link.write_block(broken)
             except RequestRefusedError:
                 continue
             raise NegativeResult(
-                "the controller took a parameter block that is not valid", code="bad-block-taken"
+                "the controller accepted an invalid parameter block", code="bad-block-taken"
             )
     return True
 
 
-def _swap_block(running: BearingBench, n: int) -> bool:
+def _swap_block(bench: BearingBench, tick: int) -> bool:
     """Swap in the same parameters as another generation."""
-    if n == 0:
-        running.link.write_block(set_generation(running.link.read_block(), 9))
+    if tick == 0:
+        bench.link.write_block(set_generation(bench.link.read_block(), 9))
     return True
 
 
-def _apply_overload(running: BearingBench, n: int) -> bool:
-    """Load it with more than the largest force can carry, for a while."""
-    if n in (0, round(_OVERLOAD_S * running.rate)):
-        running.load(1.2 * running.max_load if n == 0 else running.rest_load)
+def _apply_overload(bench: BearingBench, tick: int) -> bool:
+    """Apply a load above the largest force for 100 ms."""
+    if tick in (0, round(_OVERLOAD_S * bench.rate)):
+        bench.load(1.2 * bench.max_load if tick == 0 else bench.rest_load)
     return True
 
 
 def fault_injections() -> Iterator[FaultInjection]:
-    """Every fault, with the reason that the controller has to give."""
+    """Yield every fault with the reason that the controller must report."""
     yield FaultInjection(
-        "three samples missing", Fault.NONE, _replace_readings(3, status=_NO_SAMPLE_BIT)
+        "three samples missing", Fault.NONE, _fake_readings(3, status=_NO_SAMPLE_BIT)
     )
-    missing = Fault.POSITION_MISSING
-    yield FaultInjection("no samples any more", missing, _replace_readings(status=_NO_SAMPLE_BIT))
+    position_missing = Fault.POSITION_MISSING
+    yield FaultInjection("no samples", position_missing, _fake_readings(status=_NO_SAMPLE_BIT))
     yield FaultInjection(
-        "samples missing for 2 ms", missing, _replace_readings(40, status=_NO_SAMPLE_BIT)
+        "samples missing for 2 ms", position_missing, _fake_readings(40, status=_NO_SAMPLE_BIT)
     )
-    far = round(0.95 * Q31)
+    code_out_of_range = round(0.95 * Q31)
     yield FaultInjection(
-        "position out of range", Fault.POSITION_RANGE, _replace_readings(position=far)
+        "position out of range", Fault.POSITION_RANGE, _fake_readings(position=code_out_of_range)
     )
 
     def jumped(sample: PlantSample) -> int:
         return max(sample.position - round(0.7 * Q31), 1 + _SENSOR_ERROR_CODE)
 
-    yield FaultInjection("position jumps", Fault.POSITION_STEP, _replace_readings(position=jumped))
+    yield FaultInjection("position jumps", Fault.POSITION_STEP, _fake_readings(position=jumped))
     yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _freeze_position)
-    broken, far = _replace_readings(current=_SENSOR_ERROR_CODE), round(1.9 * Q30)
-    yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, broken)
+    error_code_action = _fake_readings(current=_SENSOR_ERROR_CODE)
+    code_out_of_range = round(1.9 * Q30)
+    yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, error_code_action)
     yield FaultInjection(
-        "current out of range", Fault.CURRENT_RANGE, _replace_readings(current=far)
+        "current out of range", Fault.CURRENT_RANGE, _fake_readings(current=code_out_of_range)
     )
-    other, turned = (
+    current_mismatch, inverted_current = (
         Fault.CURRENT_MISMATCH,
-        _replace_readings(current=lambda sample: -sample.current),
+        _fake_readings(current=lambda sample: -sample.current),
     )
-    yield FaultInjection("current sensor disconnected", other, _replace_readings(current=0))
-    yield FaultInjection("current read with the wrong sign", other, turned)
+    yield FaultInjection("current sensor disconnected", current_mismatch, _fake_readings(current=0))
+    yield FaultInjection("current read with the wrong sign", current_mismatch, inverted_current)
     yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _miss_ticks)
-    yield FaultInjection("link lost", Fault.LINK_LOST, lambda running, n: False)
+    yield FaultInjection("link lost", Fault.LINK_LOST, lambda bench, tick: False)
     yield FaultInjection("command stop", Fault.STOPPED, _command_stop)
     yield FaultInjection(
-        "emergency stop open", Fault.EMERGENCY_STOP, _replace_readings(status=_EMERGENCY_STOP_BIT)
+        "emergency stop open", Fault.EMERGENCY_STOP, _fake_readings(status=_EMERGENCY_STOP_BIT)
     )
     yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _sag_supply)
+    yield FaultInjection("winding too warm", Fault.TOO_WARM, _fake_readings(status=_TOO_WARM_BIT))
     yield FaultInjection(
-        "winding too warm", Fault.TOO_WARM, _replace_readings(status=_TOO_WARM_BIT)
+        "amplifier reports a fault", Fault.AMPLIFIER, _fake_readings(status=_AMPLIFIER_BIT)
     )
     yield FaultInjection(
-        "amplifier reports a fault", Fault.AMPLIFIER, _replace_readings(status=_AMPLIFIER_BIT)
-    )
-    yield FaultInjection(
-        "over-current", Fault.OVER_CURRENT, _replace_readings(status=_OVER_CURRENT_BIT)
+        "over-current", Fault.OVER_CURRENT, _fake_readings(status=_OVER_CURRENT_BIT)
     )
     yield FaultInjection("bad parameter blocks", Fault.NONE, _send_bad_blocks)
     yield FaultInjection("another block swapped in", Fault.NONE, _swap_block)
@@ -216,7 +225,7 @@ def fault_injections() -> Iterator[FaultInjection]:
 
 
 class FaultRuns:
-    """Lifts, hovers, does something bad and watches, again and again in one session."""
+    """Run one fault after another in one session: lift, hover, inject, monitor, recover."""
 
     def __init__(self, setup: BearingSetup, bench: BearingBench) -> None:
         self.setup = setup
@@ -226,84 +235,84 @@ class FaultRuns:
         self._is_first = True
 
     def run(self, injection: FaultInjection) -> FaultOutcome:
-        """Let one thing go wrong in the air."""
+        """Run one fault while the armature is levitated."""
         self._lift_to_hover()
-        ending = self._monitor(injection)
-        self._recover(ending)
-        return ending
+        outcome = self._monitor(injection)
+        self._recover(outcome)
+        return outcome
 
     def _ticks(self, seconds: float) -> int:
         return round(seconds * self.running.rate)
 
     def _lift_to_hover(self) -> None:
-        """Lift off with the iron as it is: its memory has followed every current so far."""
-        running = self.running
-        running.load(running.rest_load)
-        if running.state is not State.READY:
-            running.advance(self._ticks(0.005))
-            running.command(Command.DEMAGNETISED if self._is_first else Command.ARM)
+        """Lift off; after the first fault the controller continues with its hysteresis state."""
+        bench = self.running
+        bench.load(bench.rest_load)
+        if bench.state is not State.READY:
+            bench.advance(self._ticks(0.005))
+            bench.command(Command.DEMAGNETISED if self._is_first else Command.ARM)
         self._is_first = False
-        running.demand(self._gap)
-        running.advance(1)
-        running.command(Command.LIFT)
-        running.advance(self._ticks(MIN_LIFT_S))
-        phase = Phase(running.link.status().codes.phase)
-        if running.state is not State.RUN or phase is not Phase.HOVER:
+        bench.demand(self._gap)
+        bench.advance(1)
+        bench.command(Command.LIFT)
+        bench.advance(self._ticks(MIN_LIFT_S))
+        phase = Phase(bench.link.status().codes.phase)
+        if bench.state is not State.RUN or phase is not Phase.HOVER:
             raise NegativeResult(
-                f"the armature does not hover before a fault: state {running.state.name.lower()}, "
-                f"phase {phase.name.lower()}, fault {running.fault.name.lower()}",
+                f"the armature does not hover before a fault: state {bench.state.name.lower()}, "
+                f"phase {phase.name.lower()}, fault {bench.fault.name.lower()}",
                 code="does-not-hover",
             )
 
     def _monitor(self, injection: FaultInjection) -> FaultOutcome:
-        running, body = self.running, self.setup.rig.settings.body
-        begin, still = running.gap, 0
-        rest_speed = magnet_speed = away = 0.0
-        inside, speed = True, 0.0
+        bench, body = self.running, self.setup.rig.settings.body
+        begin_gap, rest_ticks = bench.gap, 0
+        rest_speed = magnet_speed = max_deviation = 0.0
+        is_free, speed = True, 0.0
         seconds = math.nan
-        for n in range(
+        for tick in range(
             self._ticks(_HOVER_CHECK_S if injection.expected_fault is Fault.NONE else _MAX_FALL_S)
         ):
-            running.sends_heartbeat = injection.action(running, n)
-            now = running.step()
-            gap = now["gap"]
-            rests = gap >= body.stop_high_m
-            outside = rests or gap <= body.stop_low_m
-            if inside and rests:
+            bench.sends_heartbeat = injection.action(bench, tick)
+            signals = bench.step()
+            gap = signals["gap"]
+            is_on_rest = gap >= body.stop_high_m
+            is_on_stop = is_on_rest or gap <= body.stop_low_m
+            if is_free and is_on_rest:
                 rest_speed = rest_speed or speed
-            elif inside and outside:
+            elif is_free and is_on_stop:
                 magnet_speed = magnet_speed or speed
-            inside, speed = not outside, abs(now["velocity"])
-            away = max(away, abs(gap - begin))
-            still = still + 1 if outside and not _has_current(now) else 0
-            if still >= _REST_S * running.rate:
-                seconds = n / running.rate - _REST_S
+            is_free, speed = not is_on_stop, abs(signals["velocity"])
+            max_deviation = max(max_deviation, abs(gap - begin_gap))
+            rest_ticks = rest_ticks + 1 if is_on_stop and not _has_current(signals) else 0
+            if rest_ticks >= _REST_S * bench.rate:
+                seconds = tick / bench.rate - _REST_S
                 break
-        running.sends_heartbeat = True
-        levitates = running.state is State.RUN
-        away = away if levitates else math.nan
+        bench.sends_heartbeat = True
+        levitates = bench.state is State.RUN
+        max_deviation = max_deviation if levitates else math.nan
         return FaultOutcome(
-            injection, running.fault, levitates, seconds, rest_speed, magnet_speed, away
+            injection, bench.fault, levitates, seconds, rest_speed, magnet_speed, max_deviation
         )
 
-    def _recover(self, ending: FaultOutcome) -> None:
-        """Everything works again: clear the fault, or land."""
-        running = self.running
-        running.tap.change_sample = None
-        running.load(running.rest_load)
-        running.bearing.supply = self._supply
-        if ending.is_levitating:
-            running.command(Command.LAND)
+    def _recover(self, outcome: FaultOutcome) -> None:
+        """Remove the fault, and clear it in the controller or land."""
+        bench = self.running
+        bench.tap.change_sample = None
+        bench.load(bench.rest_load)
+        bench.bearing.supply = self._supply
+        if outcome.is_levitating:
+            bench.command(Command.LAND)
         for _ in range(self._ticks(_MAX_FALL_S)):
-            now = running.step()
-            if running.state is not State.RUN and not _has_current(now):
+            signals = bench.step()
+            if bench.state is not State.RUN and not _has_current(signals):
                 break
-        running.advance(self._ticks(0.05))
-        if running.state is State.FAULT:
-            running.command(Command.CLEAR)
-            running.advance(1)
+        bench.advance(self._ticks(0.05))
+        if bench.state is State.FAULT:
+            bench.command(Command.CLEAR)
+            bench.advance(1)
 
 
-def _has_current(now: Mapping[str, float]) -> bool:
-    """Whether a current is asked for."""
-    return any(value for name, value in now.items() if name.startswith("command"))
+def _has_current(signals: Mapping[str, float]) -> bool:
+    """Whether any current is commanded."""
+    return any(value for name, value in signals.items() if name.startswith("command"))

@@ -1,15 +1,14 @@
-"""Test cases beside steps: holding a position, trajectories, loads, and things that go wrong.
+"""Run standstill, trajectories, load steps and disturbing events with every variant of a bearing.
 
-Limit cycles at a standstill, distinguished from noise.
+A limit cycle at standstill must be distinguished from noise. Sensor noise is amplified near the
+peak of the sensitivity, so a peak in the spectrum is not evidence. The record is therefore divided
+into pieces of a few periods of the strongest oscillation, long enough that their noise is
+independent. For noise, the complex amplitudes of the pieces are independent normal numbers. A cycle
+is found if
 
-Sensor noise through a loop swells around the peak of its sensitivity, so a peak in a spectrum
-proves nothing. A record is cut into pieces of a few periods of the strongest oscillation, so long
-that noise in one says nothing about the next. If it is noise, their complex amplitudes are
-independent normal numbers. A cycle shows in one of two ways:
-
-- it keeps its phase: the mean of the amplitudes is larger than noise would let it be;
-- or it keeps its size while its phase wanders: the powers are more alike than those of noise, which
-  are distributed exponentially (Moran's test).
+- the phase is constant: the mean of the amplitudes is larger than noise permits;
+- or the amplitude is constant while the phase drifts: the powers scatter less than the exponential
+  distribution of noise (Moran's test).
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ from anhyst_rigs.rig.recording import RISE_CODE, Recording, peak_deviation
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
 
-_PERIODS_PER_PIECE = 6  # a piece
-_MIN_PIECES = 5  # at least
-_MAX_CANDIDATES = 5  # peaks of the spectrum that are looked at
-_FALSE_ALARM_PROBABILITY = 1e-3  # that a record of noise is taken for a cycle
-_MIN_VARIANCE_SHARE = 0.1  # of the variance
+_PERIODS_PER_PIECE = 6  # number of periods in a piece
+_MIN_PIECES = 5  # minimum number of pieces
+_MAX_CANDIDATES = 5  # number of peaks of the spectrum that are tested
+_FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a cycle
+_MIN_VARIANCE_SHARE = 0.1  # smallest share of the variance
 _PADDING_FACTOR = 8
 
 
@@ -49,52 +48,56 @@ _PADDING_FACTOR = 8
 class LimitCycle:
     """A lasting oscillation."""
 
-    amplitude: float  # of its fundamental, in the unit of the signal
+    amplitude: float  # amplitude of the fundamental, in the unit of the signal
     period: float  # s
-    variance_share: float  # of the signal's variance that the fundamental makes up, 0..1
+    variance_share: float  # share of the signal's variance in the fundamental, 0..1
 
 
 def min_detectable_frequency(duration: float) -> float:
-    """Return below which frequency no cycle can be distinguished from noise."""
+    """Return the lowest frequency of a cycle that can be distinguished from noise, Hz."""
     return _PERIODS_PER_PIECE * _MIN_PIECES / duration
 
 
 def find_limit_cycle(
     time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9
 ) -> LimitCycle | None:
-    """Look for a limit cycle in a record of a standstill."""
+    """Find a limit cycle in a record of a standstill; None if there is none."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
     y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
     variance = float(np.mean(y**2))
     if variance <= 0.5 * min_amplitude**2:
         return None
-    tick = float(t[-1] - t[0]) / (len(t) - 1)
-    for frequency in _peak_frequencies(y, tick):
-        amplitudes = _amplitudes(y, tick, frequency)
+    tick_s = float(t[-1] - t[0]) / (len(t) - 1)
+    for frequency in _peak_frequencies(y, tick_s):
+        amplitudes = _amplitudes(y, tick_s, frequency)
         power = float(np.mean(np.abs(amplitudes) ** 2))
-        share = 0.5 * power / variance
-        if share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
+        variance_share = 0.5 * power / variance
+        if variance_share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
             continue
         if _has_constant_phase(amplitudes, len(y)) or _has_constant_amplitude(amplitudes):
-            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, share))
+            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, variance_share))
     return None
 
 
-def _peak_frequencies(y: FloatArray, tick: float) -> list[float]:
+def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
     """Return the frequencies of the strongest oscillations, strongest first, Hz."""
     length = _PADDING_FACTOR * len(y)
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
-    first = math.ceil(min_detectable_frequency(len(y) * tick) * length * tick)
-    tops = first + _select_distant_peaks(power[first:], 2 * _PADDING_FACTOR)
-    below, top, above = (np.log(power[tops + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
-    bend = below - 2.0 * top + above
-    shift = np.divide(0.5 * (below - above), bend, out=np.zeros_like(top), where=bend < 0.0)
-    return [float(f) for f in (tops + shift) / (length * tick)]
+    first_bin = math.ceil(min_detectable_frequency(len(y) * tick_s) * length * tick_s)
+    peak_bins = first_bin + _select_distant_peaks(power[first_bin:], 2 * _PADDING_FACTOR)
+    left_log, peak_log, right_log = (
+        np.log(power[peak_bins + i] + np.finfo(float).tiny) for i in (-1, 0, 1)
+    )
+    curvature = left_log - 2.0 * peak_log + right_log
+    shift = np.divide(
+        0.5 * (left_log - right_log), curvature, out=np.zeros_like(peak_log), where=curvature < 0.0
+    )
+    return [float(f) for f in (peak_bins + shift) / (length * tick_s)]
 
 
 def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
-    """Return the places of the highest peaks so far apart, highest first."""
+    """Return the indices of the highest peaks with a minimum distance, highest first."""
     inner = power[1:-1]
     peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
     chosen: list[int] = []
@@ -106,54 +109,54 @@ def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
     return np.array(chosen, dtype=np.intp)
 
 
-def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.complex128]:
+def _amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
     """Return the complex amplitude of an oscillation in every piece."""
-    length = round(_PERIODS_PER_PIECE / (frequency * tick))
+    length = round(_PERIODS_PER_PIECE / (frequency * tick_s))
     count = len(y) // length
     window = np.hanning(length)
-    turn = np.exp(-2j * np.pi * frequency * tick * np.arange(count * length))
-    pieces = (y[: count * length] * turn).reshape(count, length)
+    rotation = np.exp(-2j * np.pi * frequency * tick_s * np.arange(count * length))
+    pieces = (y[: count * length] * rotation).reshape(count, length)
     return np.asarray(2.0 * (pieces @ window) / np.sum(window))
 
 
 def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
-    """Whether their mean is too large for noise, at the best of all frequencies."""
+    """Whether the mean amplitude is too large for noise, even at the best frequency."""
     count = len(amplitudes)
     mean = complex(np.mean(amplitudes))
-    together = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
-    doubt = max(0.0, 1.0 - together) ** (count - 1)
-    return bool(0.5 * samples * doubt < _FALSE_ALARM_PROBABILITY)
+    coherence = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
+    false_alarm_probability = max(0.0, 1.0 - coherence) ** (count - 1)
+    return bool(0.5 * samples * false_alarm_probability < _FALSE_ALARM_PROBABILITY)
 
 
 def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
-    """Whether the powers are too much alike for noise."""
+    """Whether the powers scatter too little for noise."""
     count = len(amplitudes)
     power = np.abs(amplitudes) ** 2
     if np.any(power <= 0.0):
         return False
-    unlike = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
-    moran = 2.0 * count * unlike / (1.0 + (count + 1.0) / (6.0 * count))
+    log_spread = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
+    moran = 2.0 * count * log_spread / (1.0 + (count + 1.0) / (6.0 * count))
     return bool(2 * _MAX_CANDIDATES * chdtr(count - 1, moran) < _FALSE_ALARM_PROBABILITY)
 
 
 Event = Literal["overload", "wrong initial state", "dropped sample"]
 EVENTS: tuple[Event, ...] = get_args(Event)
 Subject = TrajectoryCase | Event | float | None
-"""What an experiment tries; None: it stands still."""
+"""The case of an experiment; None: standstill."""
 
 STANDSTILL_S = 1.0
 RECOVERY_S = 0.3
 OVERLOAD_S = 0.1
 DROP_STEP_M = 50e-6
 RECOVERY_BAND_M = 1e-6
-"""An error of the position within this counts as recovered, m."""
+"""Position error within which the armature counts as recovered, m."""
 MIN_EXCESS_BAND_M = 50e-9
-"""A difference within this does not show, however fine the sensor, m."""
+"""Smallest difference of two runs that counts as an effect of an event, m."""
 
 
 @dataclass(frozen=True)
 class ExperimentTrial:
-    """One experiment with a noise of its own."""
+    """One experiment with one noise seed."""
 
     setup: BearingSetup
     seed: int
@@ -162,27 +165,27 @@ class ExperimentTrial:
 
 @dataclass(frozen=True)
 class ExperimentOutcome:
-    """What an experiment gave."""
+    """The result of an experiment."""
 
-    figures: dict[str, float]  # Numbers by name
-    # the limit cycle if there was one; None where nobody looked for any
+    figures: dict[str, float]  # figures by name
+    # the limit cycle, if any; None if none was searched for
     cycles: tuple[LimitCycle, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentFigures(CaseFigures):
-    """What one variant gave in an experiment."""
+    """The results of one variant in an experiment."""
 
-    # of all runs; a mean over runs with and without one would be neither. None: not looked for
+    # limit cycles of all runs, which are not averaged; None if none were searched for
     cycles: tuple[LimitCycle, ...] | None
 
     def median(self, name: Literal["amplitude", "period"]) -> float | None:
-        """Return the median of the runs that have a limit cycle, m or s."""
+        """Return the median amplitude (m) or period (s) of the runs with a limit cycle."""
         values = [getattr(cycle, name) for cycle in self.cycles or ()]
         return statistics.median(values) if values else None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``figures.json`` holds it."""
+        """Return the content of ``figures.json``."""
         if self.cycles is None:
             return super().as_dict()
         return super().as_dict() | {
@@ -193,7 +196,7 @@ class ExperimentFigures(CaseFigures):
 
 
 Experiment = Callable[[ExperimentTrial], ExperimentOutcome | None]
-"""An experiment; it gives None where levitation was lost."""
+"""An experiment; it returns None if levitation was lost."""
 
 
 def run_variants(
@@ -213,12 +216,12 @@ def run_variants(
 
 
 def _summarise(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
-    held = [one for one in outcomes if one is not None]
-    looked = [one.cycles for one in held if one.cycles is not None]
-    cycles = tuple(cycle for run in looked for cycle in run)
+    successful = [outcome for outcome in outcomes if outcome is not None]
+    searched = [outcome.cycles for outcome in successful if outcome.cycles is not None]
+    cycles = tuple(cycle for run in searched for cycle in run)
     return ExperimentFigures.summarise(
-        [None if one is None else one.figures for one in outcomes],
-        cycles=cycles if looked and len(held) == len(outcomes) else None,
+        [None if outcome is None else outcome.figures for outcome in outcomes],
+        cycles=cycles if searched and len(successful) == len(outcomes) else None,
     )
 
 
@@ -227,7 +230,7 @@ VariantFigures = Mapping[MethodName, ExperimentFigures]
 
 @dataclass(frozen=True)
 class Experiments:
-    """All that is tried beside steps, with every variant."""
+    """All experiments except steps, with every variant."""
 
     standstill: VariantFigures
     trajectories: tuple[tuple[TrajectoryCase, VariantFigures], ...]
@@ -235,21 +238,22 @@ class Experiments:
     events: Mapping[Event, VariantFigures]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``figures.json`` holds it."""
+        """Return the content of ``figures.json``."""
 
-        def rows(tried: VariantFigures) -> dict[str, Any]:
-            return {name: one.as_dict() for name, one in tried.items()}
+        def rows(by_variant: VariantFigures) -> dict[str, Any]:
+            return {name: figures.as_dict() for name, figures in by_variant.items()}
 
         return {
             "standstill": rows(self.standstill),
             "trajectories": [
-                {**shape.model_dump(), "variants": rows(tried)}
-                for shape, tried in self.trajectories
+                {**shape.model_dump(), "variants": rows(by_variant)}
+                for shape, by_variant in self.trajectories
             ],
             "load_steps": [
-                {"force_N": force, "variants": rows(tried)} for force, tried in self.load_steps
+                {"force_N": force, "variants": rows(by_variant)}
+                for force, by_variant in self.load_steps
             ],
-            "events": {event: rows(tried) for event, tried in self.events.items()},
+            "events": {event: rows(by_variant) for event, by_variant in self.events.items()},
         }
 
 
@@ -259,164 +263,175 @@ def run_experiments(
     seeds: Sequence[int],
     parts: Iterator[Progress],
 ) -> Experiments:
-    """Stand still, follow all trajectories of a rig file, step its loads, and let things go wrong."""
+    """Run the standstill, all trajectories and load steps of a rig file, and all events."""
 
-    def tried(work: Experiment, what: Subject = None) -> VariantFigures:
-        return run_variants(work, setups, seeds, what, next(parts))
+    def run_all(experiment: Experiment, subject: Subject = None) -> VariantFigures:
+        return run_variants(experiment, setups, seeds, subject, next(parts))
 
     return Experiments(
-        tried(run_standstill),
-        tuple((shape, tried(run_trajectory, shape)) for shape in rig.settings.trajectories),
-        tuple((force, tried(run_load_step, force)) for force in rig.settings.load_steps_N),
-        {event: tried(run_event, event) for event in EVENTS},
+        run_all(run_standstill),
+        tuple((shape, run_all(run_trajectory, shape)) for shape in rig.settings.trajectories),
+        tuple((force, run_all(run_load_step, force)) for force in rig.settings.load_steps_N),
+        {event: run_all(run_event, event) for event in EVENTS},
     )
 
 
 def plan_standstill(setup: BearingSetup) -> tuple[Scenario, int]:
-    """Return a scenario of hanging still, and the tick from which on that is judged."""
-    script = _lift_off(setup)
-    begin = script.ticks
-    return script.hold(STANDSTILL_S).build(), begin
+    """Return a scenario of a standstill, and the tick at which the evaluation starts."""
+    builder = _lift_off(setup)
+    begin_tick = builder.ticks
+    return builder.hold(STANDSTILL_S).build(), begin_tick
 
 
 def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
-    """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
+    """Return a scenario of two periods of a trajectory, and the tick at which the second starts."""
     rig = setup.rig
-    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
-    phase = np.arange(2 * period) / period
+    period_ticks = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
+    phase = np.arange(2 * period_ticks) / period_ticks
     wave = triangle_wave(phase) if shape.kind == "triangle" else sine(phase)
-    script = _lift_off(setup)
-    script.follow(rig.settings.gap_m - shape.amplitude_m * wave)
-    return script.build(), script.ticks - period
+    builder = _lift_off(setup)
+    builder.follow(rig.settings.gap_m - shape.amplitude_m * wave)
+    return builder.build(), builder.ticks - period_ticks
 
 
 def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
-    """Return a scenario in which the load steps by so many newtons, and at which tick."""
-    script = _lift_off(setup)
-    begin = script.ticks
-    script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
-    return script.build(), begin
+    """Return a scenario with a load step in newtons, and its tick."""
+    builder = _lift_off(setup)
+    begin_tick = builder.ticks
+    builder.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
+    return builder.build(), begin_tick
 
 
 def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
-    part = _run_part(trial, *plan_standstill(trial.setup))
-    if part is None:
+    """Hold a position: rms of the true gap, its mean error, and a limit cycle if there is one."""
+    recording = _run_part(trial, *plan_standstill(trial.setup))
+    if recording is None:
         return None
-    gap = part["gap_m"]
-    cycle = find_limit_cycle(part["t_s"], gap)
+    gap = recording["gap_m"]
+    cycle = find_limit_cycle(recording["t_s"], gap)
     figures = {
         "rms_m": float(np.std(gap)),
         "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.gap_m,
-        "current_rms_A": float(np.std(part["current_A"])),
+        "current_rms_A": float(np.std(recording["current_A"])),
     }
     return ExperimentOutcome(figures, () if cycle is None else (cycle,))
 
 
 def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Follow a trajectory for two periods; judge the second."""
+    """Follow a trajectory for two periods; evaluate the second."""
     assert isinstance(trial.subject, TrajectoryCase)
-    part = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
-    if part is None:
+    recording = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
+    if recording is None:
         return None
-    off = part["gap_m"] - part["reference_m"]
+    error = recording["gap_m"] - recording["reference_m"]
     return ExperimentOutcome(
         {
-            "tracking_rms_m": rms(off),
-            "tracking_peak_m": peak_deviation(off),
-            "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+            "tracking_rms_m": rms(error),
+            "tracking_peak_m": peak_deviation(error),
+            "force_error_rms_N": rms(recording["force_N"] - recording["demand_N"]),
         }
     )
 
 
 def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Step the load by so many newtons: how far the armature gives way, and for how long."""
+    """Apply a load step: peak of the position error (m) and recovery time (s)."""
     assert isinstance(trial.subject, float)
-    part = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
-    if part is None:
+    recording = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
+    if recording is None:
         return None
-    error = part["gap_m"] - part["reference_m"]
+    error = recording["gap_m"] - recording["reference_m"]
     return ExperimentOutcome(
         {
             "peak_m": peak_deviation(error),
-            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), RECOVERY_BAND_M),
+            "recovery_s": recovery_time(
+                recording["t_s"], error, float(recording["t_s"][0]), RECOVERY_BAND_M
+            ),
         }
     )
 
 
 def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Let something go wrong and see how much it shows, and for how long.
+    """Run a disturbing event, and return the size and the duration of its effect.
 
-    ``overload``: for 100 ms the load is larger than any current carries, so that force and current
-    stay at their limits and the armature rests on its stop; judged is how long it takes to come
-    back. ``wrong initial state``: the iron comes from the largest current, the controller takes it
-    for demagnetised, and lifts; judged from lift-off. ``dropped sample``: one sample of the
-    position is lost in a step of 50 um, where the armature is fastest; judged from there. Of the
-    latter two counts what is different from the same run, with the same noise, without the event.
+    ``overload``: for 100 ms the load exceeds the largest force, so that the armature rests on its
+    stop. The result is the recovery time after the overload. ``wrong initial state``: the iron is
+    magnetised by the largest current, but the controller assumes demagnetised iron. The evaluation
+    starts at lift-off. ``dropped sample``: one position sample is lost during a step of 50 um, at
+    the largest speed. The evaluation starts at this tick. The last two are compared with a run
+    without the event and with equal noise.
     """
     if trial.subject == "overload":
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
-        usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
-        # control begins at another tick each: with a stronger iron earlier
+        reference_run, event_run = (_run(trial, scenario, largest) for largest in (False, True))
+        # control starts earlier with a stronger iron
         return _compare_runs(
-            trial.setup, usual, unusual, lambda run: int(np.argmax(run["state"] == RISE_CODE))
+            trial.setup,
+            reference_run,
+            event_run,
+            lambda run: int(np.argmax(run["state"] == RISE_CODE)),
         )
-    script = _lift_off(trial.setup)
-    room = script.gap - trial.setup.rig.settings.body.stop_low_m
-    scenario = script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
-    usual, step = _run(trial, scenario), scenario.steps[0]
-    if usual[1]:
+    builder = _lift_off(trial.setup)
+    stop_distance = builder.gap - trial.setup.rig.settings.body.stop_low_m
+    scenario = builder.step(builder.gap - min(DROP_STEP_M, stop_distance / 2.0), RECOVERY_S).build()
+    reference_run, reference_step = _run(trial, scenario), scenario.steps[0]
+    if reference_run[1]:
         return None
-    speed = usual[0].slice_ticks(step.begin, step.end)["velocity_m_per_s"]
-    begin = step.begin + int(np.argmax(np.abs(speed)))
-    scenario.command[begin] |= DROP_SAMPLE_BIT
-    return _compare_runs(trial.setup, usual, _run(trial, scenario), lambda _: begin)
+    velocity = reference_run[0].slice_ticks(reference_step.begin, reference_step.end)[
+        "velocity_m_per_s"
+    ]
+    begin_tick = reference_step.begin + int(np.argmax(np.abs(velocity)))
+    scenario.command[begin_tick] |= DROP_SAMPLE_BIT
+    return _compare_runs(trial.setup, reference_run, _run(trial, scenario), lambda _: begin_tick)
 
 
 def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     rig = trial.setup.rig
-    script = _lift_off(trial.setup)
-    script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
-    script.set_load(rig.settings.load.force_N)
-    begin = script.ticks
-    scenario = script.hold(RECOVERY_S).build()
+    builder = _lift_off(trial.setup)
+    builder.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
+    builder.set_load(rig.settings.load.force_N)
+    begin_tick = builder.ticks
+    scenario = builder.hold(RECOVERY_S).build()
     recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
-    part = recording.slice_ticks(begin, len(recording))
-    # It lies on its stop when the load goes: what counts is that it levitates again.
-    lost = levitation_loss_time(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
-    if lost or len(recording) < scenario.ticks:
+    recovery = recording.slice_ticks(begin_tick, len(recording))
+    # The armature rests on its stop when the overload ends; it must be levitated in the last third.
+    has_lost = (
+        levitation_loss_time(rig, recovery, 2 * (scenario.ticks - begin_tick) // 3) is not None
+    )
+    if has_lost or len(recording) < scenario.ticks:
         return None
-    error = part["gap_m"] - part["reference_m"]
-    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), RECOVERY_BAND_M)
+    error = recovery["gap_m"] - recovery["reference_m"]
+    seconds = recovery_time(recovery["t_s"], error, float(recovery["t_s"][0]), RECOVERY_BAND_M)
     return ExperimentOutcome({"recovery_s": seconds})
 
 
 def excess_band(rig: BodyRig, excess: FloatArray) -> float:
-    """Return the difference of two runs beyond which an event shows, m.
+    """Return the difference of two runs above which an event has an effect, m.
 
-    Three times what one reading is uncertain by, noise and resolution together. Runs that differ
-    by a few readings long ago may stay apart by more than that, as the iron goes other minor loops:
-    four times the standard deviation of the last third, if that is more.
+    The band is three times the resolution of one reading, including noise. Two runs that differ by
+    a few early readings can stay further apart, because the iron follows other minor loops.
+    Therefore, the band is at least four times the standard deviation of the last third.
     """
-    reading = 3.0 * position_resolution(rig)
-    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M)
+    resolution_band = 3.0 * position_resolution(rig)
+    return max(
+        resolution_band, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M
+    )
 
 
 def _compare_runs(
     setup: BearingSetup,
-    usual: tuple[Recording, bool],
-    unusual: tuple[Recording, bool],
-    begins: Callable[[Recording], int],
+    reference_run: tuple[Recording, bool],
+    event_run: tuple[Recording, bool],
+    begin_of: Callable[[Recording], int],
 ) -> ExperimentOutcome | None:
-    """Compare a run with one that knows no event, each from where it begins."""
-    if usual[1] or unusual[1]:
+    """Compare a run with an event to one without, each from its own start."""
+    if reference_run[1] or event_run[1]:
         return None
     errors = []
-    for recording, _ in (usual, unusual):
-        part = recording.slice_ticks(begins(recording), len(recording))
-        errors.append(part["gap_m"] - part["reference_m"])
+    for recording, _ in (reference_run, event_run):
+        compared = recording.slice_ticks(begin_of(recording), len(recording))
+        errors.append(compared["gap_m"] - compared["reference_m"])
     count = min(map(len, errors))
     excess = errors[1][:count] - errors[0][:count]
     time = setup.rig.dt * np.arange(count)
@@ -428,15 +443,15 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
     return ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
 
 
-def _run_part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
-    """Run a scenario and return it from a tick on; None where levitation was lost."""
-    recording, lost = _run(trial, scenario)
-    return None if lost else recording.slice_ticks(begin, len(recording))
+def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
+    """Run a scenario and return its recording from a tick; None if levitation was lost."""
+    recording, has_lost = _run(trial, scenario)
+    return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 
 
 def _run(
     trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
 ) -> tuple[Recording, bool]:
     recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
-    lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
-    return recording, lost or len(recording) < scenario.ticks
+    has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
+    return recording, has_lost or len(recording) < scenario.ticks

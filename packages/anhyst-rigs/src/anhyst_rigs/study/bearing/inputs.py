@@ -1,4 +1,4 @@
-"""What a rig file and a controller file of a bearing name: read, and checked before any work."""
+"""Read and check the files that a rig file and a controller file of a bearing name."""
 
 from __future__ import annotations
 
@@ -23,42 +23,42 @@ from anhyst_rigs.study.bearing.operating import OperatingPoint, find_operating_p
 def read_files(
     rig_path: PathLike, controller_path: PathLike | None
 ) -> tuple[BodyRig, ControllerFile]:
-    """Read a rig file and a controller file, which lies beside it if it is not named."""
+    """Read a rig file and a controller file (default: controller.toml next to it)."""
     rig = read_bearing(rig_path)
     return rig, read_bearing_controller(rig, controller_path)
 
 
 def read_bearing_controller(rig: BodyRig, path: PathLike | None) -> ControllerFile:
-    """Read the controller file of a bearing, which lies beside the rig file if it is not named."""
+    """Read the controller file of a bearing; the default is next to the rig file."""
     return read_controller(rig.path.parent / "controller.toml" if path is None else path)
 
 
 def list_bearing_files(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
-    """Return rig file and controller file, and all files that they name."""
+    """Return the rig file, the controller file, and all files that they name."""
     return _named_files(*read_files(rig_path, controller_path))
 
 
 def _named_files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured, of_rig = (
+    measured, rig_files = (
         rig.measured_loops,
         [rig.path, rig.model_path, rig.flux_table_path, rig.calibration_path],
     )
-    named = [*of_rig, controller.path, controller.model]
-    return [file for file in named if file is not None] + list(measured.files)
+    paths = [*rig_files, controller.path, controller.model]
+    return [file for file in paths if file is not None] + list(measured.files)
 
 
 @dataclass(frozen=True)
 class BearingInputs:
-    """A rig, a controller and the loops, read and checked against each other."""
+    """A rig, a controller and the measured loops, checked against each other."""
 
-    rig: BodyRig  # its magnet is whole
+    rig: BodyRig  # with a complete magnet
     controller: ControllerFile
     loops: Loops
-    model: Model | None  # that the controller file names
+    model: Model | None  # model of the controller file
     operating_point: OperatingPoint
 
     def identify_magnet(self) -> IdentifiedMagnet:
-        """Return what the controller knows; a model that it does not name is identified."""
+        """Return the loops with the model of the controller file, or with a newly identified one."""
         if self.model is not None:
             return IdentifiedMagnet(self.loops, self.model)
         return identify_magnet(self.loops, self.rig.settings.loops)
@@ -67,33 +67,41 @@ class BearingInputs:
 def check_inputs(
     rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
 ) -> BearingInputs:
-    """Read and check everything that a rig and a controller name, before any work."""
-    reads = _named_files(rig, controller)
+    """Read and check all files of a rig and a controller, before any computation."""
+    input_files = _named_files(rig, controller)
     for path in outputs:
-        check_writable(path, input_files=reads)
-    at = None if rig.settings.magnet.has_iron_from_loops else find_operating_point(rig)
+        check_writable(path, input_files=input_files)
+    operating_point = None if rig.settings.magnet.has_iron_from_loops else find_operating_point(rig)
     check_controller(controller, rig)
     check_calibration_covers(rig, controller.settings.compensation.variant, rig.calibration_path)
     model = _controller_model(controller, rig)
     loops = rig.measured_loops.read()
     gaps = list(loops.by_schedule())
-    middle = rig.settings.gap_m
-    if not min(gaps) < middle < max(gaps):
+    operating_gap = rig.settings.gap_m
+    if not min(gaps) < operating_gap < max(gaps):
         raise InputError(
             f"{rig.measured_loops.description}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
-            f"works at {middle:g} m; measure loops around it",
+            f"works at {operating_gap:g} m; measure loops around it",
             code="gaps-not-covered",
         )
-    whole = complete_rig(rig, loops)
-    return BearingInputs(whole, controller, loops, model, at or find_operating_point(whole))
+    completed_rig = complete_rig(rig, loops)
+    return BearingInputs(
+        completed_rig,
+        controller,
+        loops,
+        model,
+        operating_point or find_operating_point(completed_rig),
+    )
 
 
-def check_calibration_covers(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:
-    """Refuse a calibration that says nothing of a method; `named` is how its path is shown."""
+def check_calibration_covers(
+    rig: BodyRig, method: MethodName, shown_path: Path | str | None
+) -> None:
+    """Refuse a calibration without the given method; `shown_path` is for the message."""
     if rig.calibration_path is not None and rig.method_calibration(method) is None:
         raise InputError(
-            f"{rig.path}: control.calibration: {named} says nothing of '{method}', and others would "
-            "be calibrated alone; calibrate again, with all methods",
+            f"{rig.path}: control.calibration: {shown_path} does not contain '{method}', so only other "
+            "methods would be calibrated; calibrate again with all methods",
             code="method-missing",
             key="control.calibration",
         )

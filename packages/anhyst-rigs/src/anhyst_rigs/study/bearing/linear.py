@@ -1,19 +1,18 @@
-"""A bearing linearised at an operating point, from tick to tick.
+"""Linearise a bearing at an operating point, and analyse its sampled control loop.
 
-With the position ``p = gap_middle - gap``, the winding's voltage v, current i and flux linkage psi,
-and the current i_m that would hold that flux::
+The position is ``p = gap_middle - gap``. The winding has the voltage v, the current i and the flux
+linkage psi. The current i_m is the current that would hold this flux in steady state::
 
     m p'' = k_i i_m + k_s p - d p'
-    psi' = L i_m' + k_i p' = v - R i      motion induces what the force takes
-    i = i_m + (t/L) psi'                  eddy currents hold the flux back by the time t
+    psi' = L i_m' + k_i p' = v - R i      motion induces a voltage
+    i = i_m + (t/L) psi'                  eddy currents delay the flux by the time t
 
-Nothing is approximated in going over to ticks: what the controller puts out is held for a tick and
-takes effect after the delay, which may be a fraction of a tick. A symmetric pair of magnets behaves
-as one with k_i, k_s, L and R of both added up, and so does its compensation.
+The discretisation is exact: the controller output is held for a tick and takes effect after the
+delay, which may be a fraction of a tick. A symmetric pair of magnets equals one magnet with the
+sums of k_i, k_s, L and R, and with the sum of both compensations.
 
-The loop around it: loop gain, sensitivity, poles and margins. The controller is the core's, with the
-gains per tick that it runs with; between it and the current stands what compensates the magnet,
-linearised too.
+The loop is analysed by loop gain, sensitivity, poles and margins. The controller uses the gains per
+tick of the C core. The compensation between controller and current is linearised too.
 """
 
 from __future__ import annotations
@@ -34,38 +33,38 @@ from anhyst.support.numeric import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
-_GRID_POINTS = 3000  # frequencies between which crossings are searched
-_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
+_GRID_POINTS = 3000  # number of frequencies between which crossings are searched
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
 
 
 @dataclass(frozen=True)
 class LinearBearing:
-    """What a bearing is for small movements."""
+    """A bearing for small movements."""
 
     mass: float  # kg
-    k_i: float  # force for each ampere, N/A
-    # force for each metre that the gap closes, N/m, less what the load drive gives; positive where
+    k_i: float  # slope of the force over the current, N/A
+    # slope of the force as the gap closes, N/m, minus the stiffness of the load drive; positive if
     # the magnet is unstable
     k_s: float
-    inductance: float  # for small changes at this gap, H
+    inductance: float  # incremental inductance at this gap, H
     resistance: float  # ohm
     damping: float = 0.0  # N s/m
-    eddy_time: float = 0.0  # by which the flux lags behind the current, s
+    eddy_time: float = 0.0  # eddy-current lag of the flux, s
 
     @property
     def current_drive_pole(self) -> float:
-        """The fastest growing pole while the flux follows a held current, Hz; negative: stable."""
+        """The rightmost pole with an impressed current, Hz; negative: stable."""
         return _rightmost_pole(_motion_matrix(self)[:2, :2])
 
     @property
     def voltage_drive_pole(self) -> float:
-        """The same while the voltage is held: the winding slows it down, Hz."""
+        """The rightmost pole with an impressed voltage, Hz. The winding makes it slower."""
         return _rightmost_pole(_motion_matrix(self))
 
 
 @dataclass(frozen=True)
 class AnalogueAmplifier:
-    """An analogue current controller, ``v = gain e + reset times the integral of e``."""
+    """An analogue current controller, ``v = gain e + integral_gain times the integral of e``."""
 
     gain: float  # V/A
     integral_gain: float  # V/(A s)
@@ -73,31 +72,32 @@ class AnalogueAmplifier:
 
 @dataclass(frozen=True)
 class DigitalAmplifier:
-    """A current controller that computes a voltage once a tick.
+    """A current controller that computes a voltage once per tick.
 
-    ``v = feed r + gain (r - i) + I``, ``I`` grows by ``reset (r - i)`` a tick; r is the reference.
+    ``v = feedforward r + gain (r - i) + I``; ``I`` increases by ``integral_gain (r - i)`` per tick.
+    The reference is r.
     """
 
-    feedforward: float  # V/A; the resistance that it knows
+    feedforward: float  # V/A; the nominal resistance
     gain: float  # V/A
-    integral_gain: float  # V/A a tick
-    sensor_bandwidth: float = math.inf  # of the current it reads, Hz; infinite: no lag
+    integral_gain: float  # V/A per tick
+    sensor_bandwidth: float = math.inf  # bandwidth of the current sensor, Hz; infinite: no lag
 
 
 @dataclass(frozen=True)
 class LoopTiming:
-    """When and how fast the loop measures and acts."""
+    """Sample rate, delay and sensor bandwidth of a loop."""
 
-    rate: float  # ticks a second, Hz
-    # from the sample to the amplifier's command, those of sensor and amplifier included
+    rate: float  # ticks per second, Hz
+    # from the sample to the amplifier's command, including the delays of sensor and amplifier
     delay_ticks: float
-    sensor_bandwidth: float = math.inf  # of the position, Hz; infinite: no lag
+    sensor_bandwidth: float = math.inf  # bandwidth of the position sensor, Hz; infinite: no lag
 
 
 def discretise(
     bearing: LinearBearing, amplifier: AnalogueAmplifier | DigitalAmplifier, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return matrices a, b, c from the current's reference at a tick to the position read, m/A."""
+    """Return matrices a, b, c from the current reference at a tick to the position reading, m/A."""
     a, b, current, direct = voltage_matrices(bearing)
     if isinstance(amplifier, AnalogueAmplifier):
         a, b = _close_current_loop(a, b, current, direct, amplifier)
@@ -107,14 +107,14 @@ def discretise(
         return a, b, _pad_with_zeros(position, len(b))
     if math.isinf(amplifier.sensor_bandwidth) and direct != 0.0:
         raise ValueError("with eddy currents the current must be read through a lag")
-    reads = _pad_with_zeros(current, len(b))
-    a, b, current = _append_sensor_lag(a, b, reads, direct, amplifier.sensor_bandwidth)
+    sensor_row = _pad_with_zeros(current, len(b))
+    a, b, current = _append_sensor_lag(a, b, sensor_row, direct, amplifier.sensor_bandwidth)
     a, b = _discretise_with_delay(a, b, timing)
-    reads = _pad_with_zeros(current, len(b))
+    sensor_row = _pad_with_zeros(current, len(b))
     closed = np.block(
         [
-            [a - amplifier.gain * np.outer(b, reads), b[:, None]],
-            [-amplifier.integral_gain * reads[None, :], np.ones((1, 1))],
+            [a - amplifier.gain * np.outer(b, sensor_row), b[:, None]],
+            [-amplifier.integral_gain * sensor_row[None, :], np.ones((1, 1))],
         ]
     )
     reference = np.append((amplifier.feedforward + amplifier.gain) * b, amplifier.integral_gain)
@@ -126,22 +126,27 @@ def _pad_with_zeros(row: FloatArray, length: int) -> FloatArray:
 
 
 def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return what the voltage does, without an amplifier."""
-    held = bearing.eddy_time / bearing.inductance
-    share = 1.0 / (1.0 + bearing.resistance * held)
-    into = np.array([0.0, 0.0, share / bearing.inductance])
-    return _motion_matrix(bearing), into, np.array([0.0, 0.0, share]), share * held
+    """Return state, input, current row and feedthrough of a bearing that is driven by a voltage."""
+    lag_per_inductance = bearing.eddy_time / bearing.inductance
+    voltage_share = 1.0 / (1.0 + bearing.resistance * lag_per_inductance)
+    input_vector = np.array([0.0, 0.0, voltage_share / bearing.inductance])
+    return (
+        _motion_matrix(bearing),
+        input_vector,
+        np.array([0.0, 0.0, voltage_share]),
+        voltage_share * lag_per_inductance,
+    )
 
 
 def _motion_matrix(bearing: LinearBearing) -> FloatArray:
-    """Matrix of position, velocity and i_m while the voltage is held."""
+    """Return the state matrix of position, velocity and i_m at constant voltage."""
     mass, inductance = bearing.mass, bearing.inductance
-    slowed = bearing.resistance / (inductance + bearing.resistance * bearing.eddy_time)
+    winding_rate = bearing.resistance / (inductance + bearing.resistance * bearing.eddy_time)
     return np.array(
         [
             [0.0, 1.0, 0.0],
             [bearing.k_s / mass, -bearing.damping / mass, bearing.k_i / mass],
-            [0.0, -bearing.k_i / inductance, -slowed],
+            [0.0, -bearing.k_i / inductance, -winding_rate],
         ]
     )
 
@@ -153,96 +158,98 @@ def _rightmost_pole(matrix: FloatArray) -> float:
 def _close_current_loop(
     a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: AnalogueAmplifier
 ) -> tuple[FloatArray, FloatArray]:
-    """Close the analogue current controller, whose integral becomes the last state."""
+    """Close the analogue current controller; its integral becomes the last state."""
     gain, reset = amplifier.gain, amplifier.integral_gain
-    share = 1.0 / (1.0 + gain * direct)  # the voltage passes into the current at once
-    voltage = share * np.append(-gain * current, 1.0)
-    flows = _pad_with_zeros(current, 4) + direct * voltage
-    whole = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
-    whole[3] = -reset * flows
-    reference = share * gain
-    return whole, np.append(reference * b, reset * (1.0 - direct * reference))
+    voltage_share = 1.0 / (1.0 + gain * direct)  # the voltage changes the current immediately
+    voltage = voltage_share * np.append(-gain * current, 1.0)
+    current_row = _pad_with_zeros(current, 4) + direct * voltage
+    matrix = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
+    matrix[3] = -reset * current_row
+    reference_gain = voltage_share * gain
+    return matrix, np.append(reference_gain * b, reset * (1.0 - direct * reference_gain))
 
 
 def _append_sensor_lag(
-    a: FloatArray, b: FloatArray, reads: FloatArray, direct: float, bandwidth: float
+    a: FloatArray, b: FloatArray, output: FloatArray, direct: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Append a lag of first order behind an output, which becomes the output."""
+    """Append a first-order lag to an output; the lag becomes the output."""
     if math.isinf(bandwidth):
-        return a, b, reads
+        return a, b, output
     lag = 2.0 * math.pi * bandwidth
-    whole = block_diag(a, -lag)
-    whole[-1, :-1] = lag * reads
-    return whole, np.append(b, lag * direct), np.eye(len(whole))[-1]
+    matrix = block_diag(a, -lag)
+    matrix[-1, :-1] = lag * output
+    return matrix, np.append(b, lag * direct), np.eye(len(matrix))[-1]
 
 
 def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
-    """Matrices over a time in which the input is held."""
+    """Return the matrices over a time with a constant input."""
     n = len(b)
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = a, b
-    after = expm(whole * seconds)
-    return after[:n, :n], after[:n, n]
+    matrix = np.zeros((n + 1, n + 1))
+    matrix[:n, :n], matrix[:n, n] = a, b
+    transition = expm(matrix * seconds)
+    return transition[:n, :n], transition[:n, n]
 
 
 def _discretise_with_delay(
     a: FloatArray, b: FloatArray, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray]:
-    """Go over to ticks: the input of tick n takes effect `delay_ticks` later."""
-    tick, n = 1.0 / timing.rate, len(b)
-    waiting = math.floor(timing.delay_ticks)
-    part = timing.delay_ticks - waiting
-    over_tick, _ = _hold_matrices(a, b, tick)
-    rest, now = _hold_matrices(a, b, (1.0 - part) * tick)
-    _, begin = _hold_matrices(a, b, part * tick)
-    # Rows behind the plant's: what waits, the newest first.
-    line = waiting + (1 if part > 0.0 else 0)
-    whole, into = np.zeros((n + line, n + line)), np.zeros(n + line)
-    whole[:n, :n] = over_tick
-    if part > 0.0:
-        whole[:n, n + line - 1] = rest @ begin
-    if waiting == 0:
-        into[:n] = now
+    """Return the matrices over a tick; the input of tick n takes effect `delay_ticks` later."""
+    tick_s, n = 1.0 / timing.rate, len(b)
+    whole_ticks = math.floor(timing.delay_ticks)
+    fraction = timing.delay_ticks - whole_ticks
+    over_tick, _ = _hold_matrices(a, b, tick_s)
+    second_transition, second_input = _hold_matrices(a, b, (1.0 - fraction) * tick_s)
+    _, first_input = _hold_matrices(a, b, fraction * tick_s)
+    # The rows after those of the plant hold the delayed inputs, the newest first.
+    delay_states = whole_ticks + (1 if fraction > 0.0 else 0)
+    matrix = np.zeros((n + delay_states, n + delay_states))
+    input_vector = np.zeros(n + delay_states)
+    matrix[:n, :n] = over_tick
+    if fraction > 0.0:
+        matrix[:n, n + delay_states - 1] = second_transition @ first_input
+    if whole_ticks == 0:
+        input_vector[:n] = second_input
     else:
-        whole[:n, n + waiting - 1] = now
-    if line > 0:
-        into[n] = 1.0
-        whole[range(n + 1, n + line), range(n, n + line - 1)] = 1.0
-    return whole, into
+        matrix[:n, n + whole_ticks - 1] = second_input
+    if delay_states > 0:
+        input_vector[n] = 1.0
+        matrix[range(n + 1, n + delay_states), range(n, n + delay_states - 1)] = 1.0
+    return matrix, input_vector
 
 
 @dataclass(frozen=True)
 class Compensation:
-    """What stands between demand and current: ``i = (u - k_s p)/k_i``."""
+    """The linear compensation between demand and current: ``i = (u - k_s p)/k_i``."""
 
     k_i: float  # N/A
-    k_s: float = 0.0  # n/m; 0 for a constant ratio of force and current
+    k_s: float = 0.0  # N/m; 0 for a constant ratio of force and current
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from instability."""
+    """Stability margins of a loop."""
 
-    stable: bool  # whether the closed loop is; the margins mean something only if it is
-    # factors below and above 1 by which the loop gain may change; 0 and infinite without limit
+    stable: bool  # whether the closed loop is stable; otherwise the margins are meaningless
+    # factors on the loop gain, below and above 1, at the stability limit; 0 and infinite without
+    # limit
     gain_down: float
     gain_up: float
-    phase: float  # least phase margin, degrees
-    # additional delay that makes it unstable, s (exact for whole ticks); infinite if none does
+    phase: float  # smallest phase margin, degrees
+    # additional delay at the stability limit, s (exact for whole ticks); infinite without limit
     delay: float
     crossover: float  # highest frequency with a loop gain of 1, Hz; 0 if there is none
-    peak: float  # of the sensitivity
+    peak: float  # peak of the sensitivity
     peak_frequency: float  # Hz
 
 
 @dataclass(frozen=True)
 class LinearLoop:
-    """A linear loop."""
+    """A linear control loop of a bearing."""
 
     bearing: LinearBearing
     amplifier: AnalogueAmplifier | DigitalAmplifier
     timing: LoopTiming
-    controller: Pidd2  # of the rate of the chain
+    controller: Pidd2  # at the sample rate of the loop
     compensation: Compensation
 
     def __post_init__(self) -> None:
@@ -254,11 +261,11 @@ class LinearLoop:
 
     @cached_property
     def plant(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Matrices a, b, c from the current's reference at a tick to the position read, m/A."""
+        """Matrices a, b, c from the current reference at a tick to the position reading, m/A."""
         return discretise(self.bearing, self.amplifier, self.timing)
 
     def plant_response(self, frequency: ArrayLike) -> ComplexArray:
-        """Return the position read for each ampere of the reference, m/A."""
+        """Return the response from the current reference to the position reading, m/A."""
         a, b, c = self.plant
         return _frequency_response(a, b, c, self._z(frequency))
 
@@ -271,51 +278,53 @@ class LinearLoop:
         return np.asarray(current * _frequency_response(*self.plant, z))
 
     def sensitivity(self, frequency: ArrayLike) -> ComplexArray:
-        """Return what the controller sees of what is added to the sensor."""
+        """Return the response from a signal added to the sensor to the controller's reading."""
         return np.asarray(1.0 / (1.0 + self.loop_gain(frequency)))
 
     @cached_property
     def poles(self) -> ComplexArray:
-        """Of the closed loop, in z; stable if all lie within the unit circle."""
+        """Poles of the closed loop in z; stable if all are inside the unit circle."""
         a, b, c = self.plant
-        own, into, out, through = _controller_matrices(self.controller)
-        share = 1.0 / self.compensation.k_i
-        direct = share * (through[1] - self.compensation.k_s)
-        closed = np.block(
+        controller_matrix, controller_input, controller_output, feedthrough = _controller_matrices(
+            self.controller
+        )
+        inverse_k_i = 1.0 / self.compensation.k_i
+        position_gain = inverse_k_i * (feedthrough[1] - self.compensation.k_s)
+        matrix = np.block(
             [
-                [a + direct * np.outer(b, c), share * np.outer(b, out)],
-                [np.outer(into[:, 1], c), own],
+                [a + position_gain * np.outer(b, c), inverse_k_i * np.outer(b, controller_output)],
+                [np.outer(controller_input[:, 1], c), controller_matrix],
             ]
         )
-        return np.asarray(np.linalg.eigvals(closed), dtype=np.complex128)
+        return np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
 
     @property
     def is_stable(self) -> bool:
-        """Whether the closed loop is; a filter or integral without gain does not count."""
+        """Whether the closed loop is stable; filters and integrals without gain are ignored."""
         return bool(np.max(np.abs(self.poles)) < 1.0)
 
     @cached_property
     def margins(self) -> Margins:
-        """How far it is from instability."""
+        """The stability margins."""
         return _find_margins(self)
 
     def _z(self, frequency: ArrayLike) -> ComplexArray:
-        turn = 2j * np.pi / self.timing.rate
-        return np.exp(turn * np.atleast_1d(np.asarray(frequency, dtype=float)))
+        exponent = 2j * np.pi / self.timing.rate
+        return np.exp(exponent * np.atleast_1d(np.asarray(frequency, dtype=float)))
 
 
 def _controller_matrices(
     controller: Pidd2,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Matrices from reference and position to the demand; the states are those of ``pidd2_real.h``."""
+    """Return matrices from reference and position to the demand; states as in ``pidd2_real.h``."""
     p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
     # first = s (y - position), second = t (first - velocity)
     a = np.array([[1.0 - s, 0.0, 0.0], [-s * t, 1.0 - t, 0.0], [0.0, 0.0, 1.0]])
     b = np.array([[0.0, s], [0.0, s * t], [k, -k]])
-    out = np.array([d * s + e * s * t, e * t, 1.0])
-    through = np.array([weight * p, -p - d * s - e * s * t])
-    used = [d != 0.0 or e != 0.0, e != 0.0, k != 0.0]
-    return a[np.ix_(used, used)], b[used], out[used], through
+    output = np.array([d * s + e * s * t, e * t, 1.0])
+    feedthrough = np.array([weight * p, -p - d * s - e * s * t])
+    is_used = [d != 0.0 or e != 0.0, e != 0.0, k != 0.0]
+    return a[np.ix_(is_used, is_used)], b[is_used], output[is_used], feedthrough
 
 
 def _frequency_response(
@@ -324,9 +333,9 @@ def _frequency_response(
     """Return c (z - a)^-1 b for every z."""
     if len(b) == 0:
         return np.zeros(len(z), dtype=np.complex128)
-    whole = z[:, None, None] * np.eye(len(b)) - a
+    matrices = z[:, None, None] * np.eye(len(b)) - a
     return np.asarray(
-        np.linalg.solve(whole, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c
+        np.linalg.solve(matrices, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c
     )
 
 
@@ -340,35 +349,40 @@ def _find_margins(loop: LinearLoop) -> Margins:
         return complex(loop.loop_gain(frequency)[0])
 
     values = loop.loop_gain(grid)
-    through_axis = [
+    axis_crossings = [
         gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)
-    ] + [float(values[-1].real)]  # real at half the rate
-    factors = [-1.0 / x for x in through_axis if x < 0.0]
-    ones = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
-    turned = [math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in ones]
-    delays = [(angle % 360.0) / 360.0 / f for angle, f in zip(turned, ones, strict=True)]
-    i = int(np.argmax(np.abs(1.0 / (1.0 + values))))
-    highest = minimize_scalar(
+    ] + [float(values[-1].real)]  # the loop gain is real at half the rate
+    factors = [-1.0 / x for x in axis_crossings if x < 0.0]
+    crossover_frequencies = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
+    phase_margins = [
+        math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in crossover_frequencies
+    ]
+    delays = [
+        (angle % 360.0) / 360.0 / f
+        for angle, f in zip(phase_margins, crossover_frequencies, strict=True)
+    ]
+    peak_index = int(np.argmax(np.abs(1.0 / (1.0 + values))))
+    peak_search = minimize_scalar(
         lambda f: -abs(complex(loop.sensitivity(f)[0])),
-        bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
+        bounds=(grid[max(peak_index - 1, 0)], grid[min(peak_index + 1, len(grid) - 1)]),
         method="bounded",
     )
     return Margins(
         stable=loop.is_stable,
         gain_down=max((x for x in factors if x < 1.0), default=0.0),
         gain_up=min((x for x in factors if x > 1.0), default=math.inf),
-        phase=min((abs(angle) for angle in turned), default=180.0),
+        phase=min((abs(angle) for angle in phase_margins), default=180.0),
         delay=min(delays, default=math.inf),
-        crossover=max(ones, default=0.0),
-        peak=float(-highest.fun),
-        peak_frequency=float(highest.x),
+        crossover=max(crossover_frequencies, default=0.0),
+        peak=float(-peak_search.fun),
+        peak_frequency=float(peak_search.x),
     )
 
 
 def _find_roots(
     function: Callable[[float], float], grid: FloatArray, values: FloatArray
 ) -> list[float]:
-    """Return the roots of a function between neighbours of opposite sign."""
+    """Return the roots of a function between neighbouring grid points of opposite sign."""
     change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]
 
@@ -377,14 +391,14 @@ Zone = Literal["A", "B", "C", "D"]
 
 
 ZONE_LIMITS: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
-"""Largest peak of the sensitivity by zone: 9.5, 12 and 14 dB. A: as newly commissioned; B: fit for
-long operation; C: for a limited time."""
+"""Largest peak of the sensitivity in each zone of ISO 14839-3: 9.5, 12 and 14 dB. A: newly
+commissioned; B: long-term operation; C: limited time."""
 
 
 def find_zone(peak: float) -> Zone:
-    """Return the zone of a peak sensitivity; beyond C, and where it is not a number, D.
+    """Return the zone of a peak sensitivity. Above zone C, and for NaN, it is D.
 
-    >>> zone(2.1), zone(3.0), zone(4.4), zone(9.0)
+    >>> find_zone(2.1), find_zone(3.0), find_zone(4.4), find_zone(9.0)
     ('A', 'A', 'C', 'D')
     """
     return next((name for name, largest in ZONE_LIMITS.items() if peak <= largest), "D")

@@ -1,4 +1,8 @@
-"""Levitate a bearing with its firmware: ``anhyst simulate --board``."""
+"""Levitate a bearing with its firmware: the command ``anhyst simulate --board``.
+
+The controller of a rig is compiled and built into the firmware of a board. One run is compared with
+the simulation tick by tick, and every fault is injected once.
+"""
 
 from __future__ import annotations
 
@@ -33,26 +37,26 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
 QEMU = "qemu-mps2"
 _LIFTED_DISTANCE_M = 5e-6
-"""From its rest: an armature that is further away has been lifted."""
+"""Distance from the rest above which the armature counts as lifted."""
 _WORK_OF_PARTS = (2.0, 3.0, 7.0)
-"""Model and code, the run, the faults: parts of the whole."""
+"""Relative work of model and code, of the run, and of the faults, for the progress."""
 
 
 @dataclass(frozen=True)
 class BoardComparison:
-    """What a firmware did in the air.
+    """The run of a firmware compared with its simulation.
 
     Parameters
     ----------
     rig : BodyRig
     controller : ControllerFile
     board : str
-        Where it ran.
+        Board that ran the firmware.
     simulated : Recording
-        The same run with the simulated controller.
+        The run with the simulated controller.
     recorded : Recording
-        The same of the firmware: gaps, speeds and currents are those of the plant.
-    endings : tuple of Ending
+        The run with the firmware. Gaps, speeds and currents are those of the plant.
+    outcomes : tuple of FaultOutcome
         Of every fault.
     """
 
@@ -65,28 +69,28 @@ class BoardComparison:
 
     @property
     def differing_ticks(self) -> int:
-        """Ticks at which a current is another than the simulated one."""
+        """Number of ticks with a current that differs from the simulation."""
         return count_differences(self.simulated, self.recorded)
 
     @property
     def landing_speed(self) -> float:
-        """At which the armature came to its rest the first time after it was in the air, m/s."""
-        gap, speed = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
-        rest = self.rig.settings.body.stop_high_m
-        air = np.flatnonzero(gap < rest - _LIFTED_DISTANCE_M)
-        if not air.size:
+        """The speed at the rest after the last lift, m/s; NaN without a landing."""
+        gap, speeds = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
+        rest_gap = self.rig.settings.body.stop_high_m
+        lifted_ticks = np.flatnonzero(gap < rest_gap - _LIFTED_DISTANCE_M)
+        if not lifted_ticks.size:
             return math.nan
-        down = np.flatnonzero(gap[air[-1] :] >= rest)
-        return float(speed[air[-1] + down[0] - 1]) if down.size else math.nan
+        rest_ticks = np.flatnonzero(gap[lifted_ticks[-1] :] >= rest_gap)
+        return float(speeds[lifted_ticks[-1] + rest_ticks[0] - 1]) if rest_ticks.size else math.nan
 
     @property
     def has_landed(self) -> bool:
-        """Whether it lies, without current and ready to lift again."""
-        driven = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
-        return bool(self.recorded["state"][-1] == State.READY and not driven)
+        """Whether the run ends in the state ready without current."""
+        has_current = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
+        return bool(self.recorded["state"][-1] == State.READY and not has_current)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it for JSON; times and distances that do not apply are null."""
+        """Return all results for JSON; times and distances that do not apply are null."""
         return {
             "format": "anhyst-firmware-run",
             "rig": self.rig.settings.name,
@@ -102,31 +106,33 @@ class BoardComparison:
         }
 
     def raise_if_failed(self) -> None:
-        """Raise where the firmware did not do as the simulation, or as it should.
+        """Raise an error if the firmware differs, did not land, or reported a wrong reason.
 
         Raises
         ------
         NegativeResult
-            Says what.
+            With the reason.
         """
         if self.differing_ticks:
-            text = "the firmware drove another current than the simulation at "
+            text = "the current of the firmware differs from the simulation at "
             text += f"{self.differing_ticks} of {len(self.recorded)} ticks"
             raise NegativeResult(text, code="firmware-differs")
         if not self.has_landed:
             text = "the firmware did not land the armature at the end of its run"
             raise NegativeResult(text, code="not-landed")
-        wrong = [ending.injection.name for ending in self.outcomes if not ending.is_as_expected]
-        if wrong:
-            text = f"the firmware did not notice what it should: {'; '.join(wrong)}"
+        unexpected = [
+            outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected
+        ]
+        if unexpected:
+            text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected)}"
             raise NegativeResult(text, code="faults-not-noticed")
 
 
 def count_differences(simulated: Recording, recorded: Recording) -> int:
-    """Return at how many ticks a current of a run is another than in its simulation."""
+    """Return the number of ticks at which a current differs between a run and its simulation."""
     n = min(len(simulated), len(recorded))
-    other = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
-    return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
+    differs = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
+    return int(np.count_nonzero(np.any(differs, axis=0))) + abs(len(simulated) - len(recorded))
 
 
 def _command_columns(run: Recording) -> list[str]:
@@ -140,34 +146,34 @@ def run_board(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> BoardComparison:
-    """Compile the controller of a rig, build the firmware of a board around it, and run it."""
+    """Compile the controller of a rig, build it into the firmware of a board, and run it."""
     if Path(out).suffix != ".json":
-        text = f"{out}: the run of a firmware is written as .json; name it so"
+        text = f"{out}: the run of a firmware is written as .json; use this ending"
         raise InputError(text, code="wrong-ending")
     check_compiler(board)
     if board == QEMU:
         find_qemu()
     rig, controller = read_files(rig_path, controller_path)
-    ready = check_inputs(rig, controller, (out,))
-    parts = split_progress(progress, _WORK_OF_PARTS)
+    inputs = check_inputs(rig, controller, (out,))
+    progress_parts = split_progress(progress, _WORK_OF_PARTS)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.identify_magnet(), board, Path(folder)
+            inputs.rig, controller, inputs.identify_magnet(), board, Path(folder)
         )
-        next(parts)(1, 1)
+        next(progress_parts)(1, 1)
         *scenarios, _ = plan_recorded_run(setup.rig, setup.controller)
         loop = SimulatedLoop(setup)
-        simulated = Recording.concatenate([loop.run(one) for one in scenarios])
-        reports = split_progress(next(parts), [1.0] * len(scenarios))
-        with closing(BearingBench(setup, firmware, board=board)) as running:
-            recorded = Recording.concatenate(list(map(running.run, scenarios, reports)))
-        with closing(BearingBench(setup, firmware, board=board)) as running:
-            runs, todo, endings = FaultRuns(setup, running), list(fault_injections()), []
-            report = next(parts)
-            for injection in todo:
-                endings.append(runs.run(injection))
-                report(len(endings), len(todo))
-    return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
+        simulated = Recording.concatenate([loop.run(scenario) for scenario in scenarios])
+        part_reports = split_progress(next(progress_parts), [1.0] * len(scenarios))
+        with closing(BearingBench(setup, firmware, board=board)) as bench:
+            recorded = Recording.concatenate(list(map(bench.run, scenarios, part_reports)))
+        with closing(BearingBench(setup, firmware, board=board)) as bench:
+            fault_runs, injections, outcomes = FaultRuns(setup, bench), list(fault_injections()), []
+            report_fault = next(progress_parts)
+            for injection in injections:
+                outcomes.append(fault_runs.run(injection))
+                report_fault(len(outcomes), len(injections))
+    return BoardComparison(inputs.rig, controller, board, simulated, recorded, tuple(outcomes))
 
 
 def build_firmware(
@@ -177,22 +183,24 @@ def build_firmware(
     board: str,
     folder: Path,
 ) -> tuple[BearingSetup, Path]:
-    """Compile what a rig is simulated with, and build a firmware around it."""
+    """Compile the controller of a rig, and build it into the firmware of a board."""
     model = folder / "model.toml"
-    table = controller.settings
-    kind = table.compensation.variant
-    if controller.model is None or rig.method_calibration(kind) is not None:
-        write_model(model_to_compile(rig, knowledge, kind), model)
+    controller_table = controller.settings
+    variant = controller_table.compensation.variant
+    if controller.model is None or rig.method_calibration(variant) is not None:
+        write_model(model_to_compile(rig, knowledge, variant), model)
     else:
         model = controller.model
-    request = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
+    request = CompileRequest(
+        "simplified" if variant == "simplified" else "full", "q31", controller_table.rate_Hz
+    )
     compiled = compile_model(model, folder / "c", request, controller.path)
-    setup = make_setups(rig, controller, knowledge, (kind,))[kind]
+    setup = make_setups(rig, controller, knowledge, (variant,))[variant]
     settings = dict(setup.position_control.settings("fixed"))
     if compiled.manifest["controller"]["settings"] != settings:
         raise InputError(
-            f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "
-            f"{rig.path} says; write [converter], and [pair] where there is one",
+            f"{controller.path}: differs from {rig.path} in the amplifiers or the second magnet; "
+            "enter [converter], and [pair] if there is a second magnet",
             code="controller-and-rig-differ",
         )
     return setup, build(board, folder / "c", folder / "firmware")

@@ -1,7 +1,8 @@
-"""The operating point of a bearing: slopes of its magnet, poles, and the linear loop around it.
+"""Find the operating point of a bearing: magnet slopes, poles and the linear loop.
 
-Just after a reversal only the reversible part of the iron answers. A controller that works in small
-movements meets that slope and not the one of the whole loop.
+The slopes are measured on the virtual magnet, on its steady-state loop. Just after a reversal only
+the reversible part of the iron responds. Small movements therefore have a smaller slope than the
+full loop.
 """
 
 from __future__ import annotations
@@ -25,89 +26,103 @@ from anhyst_rigs.study.bearing import linear
 _CURRENT_POINTS = 1200
 _GAP_STEP_M = 2e-6
 MIN_TICKS_PER_POLE = 20.0
-"""Least sample rate in multiples of the unstable pole of the plant without controller."""
+"""Smallest sample rate, as a multiple of the unstable pole of the plant."""
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """What a bearing is where it works."""
+    """The operating point of a bearing."""
 
     gap: float  # m
-    force: float  # of one magnet, N
-    current: float  # midway between the rising and the falling branch, A
-    force_max: float  # largest at this gap, N
-    slopes: ReversalSlopes  # static slopes, and those just after the current was turned
-    # the whole bearing for small movements; a pair as one magnet with the windings in series, whose
-    # current is the difference of each one from its bias
+    force: float  # force of one magnet, N
+    current: float  # mean of the ascending and the descending branch, A
+    force_max: float  # largest force at this gap, N
+    slopes: ReversalSlopes  # static slopes, and slopes just after a reversal
+    # the bearing for small movements; a pair of magnets as one magnet with the windings in series,
+    # whose current is the deviation of each current from its bias
     bearing: linear.LinearBearing
 
 
 def find_operating_point(rig: BodyRig) -> OperatingPoint:
     """Measure the magnet of a rig at its operating gap and load."""
     settings = rig.settings
-    gap, high = settings.gap_m, settings.amplifier.current_high_A
-    up = np.linspace(0.0, high, _CURRENT_POINTS)
-    path = np.concatenate([up, up[::-1]])
-    load, ends = rig.static_load, np.array([settings.body.stop_low_m, settings.body.stop_high_m])
-    narrowest = float(np.min(rig.magnet_gaps(ends)))
+    gap, current_high_A = settings.gap_m, settings.amplifier.current_high_A
+    ascending_current = np.linspace(0.0, current_high_A, _CURRENT_POINTS)
+    path = np.concatenate([ascending_current, ascending_current[::-1]])
+    load_N = rig.static_load
+    stop_gaps = np.array([settings.body.stop_low_m, settings.body.stop_high_m])
+    smallest_gap = float(np.min(rig.magnet_gaps(stop_gaps)))
     force, psi, _ = rig.static_map(path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENT_POINTS - 1]))
-    _check_lift_off(rig, float(rig.static_map(up, np.full(up.size, ends[1]))[0][-1]))
+    _check_lift_off(
+        rig,
+        float(
+            rig.static_map(ascending_current, np.full(ascending_current.size, stop_gaps[1]))[0][-1]
+        ),
+    )
     if settings.hall_probe is not None:
-        density = float(rig.static_map(up, np.full(up.size, narrowest))[2][-1])
-        _check_probe(rig, settings.hall_probe, density, narrowest)
+        density = float(
+            rig.static_map(ascending_current, np.full(ascending_current.size, smallest_gap))[2][-1]
+        )
+        _check_probe(rig, settings.hall_probe, density, smallest_gap)
     bias = settings.bias_N
     key = ("load", "force_N") if bias is None else ("control", "bias_N")
-    wanted = load if bias is None else bias
-    least, most = float(force[0]), float(force[_CURRENT_POINTS - 1])
-    if not least < wanted < most:
-        text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
-        text += f", {least:.4g} to {most:.4g} N; correct it"
+    target_force = load_N if bias is None else bias
+    min_force, max_force = float(force[0]), float(force[_CURRENT_POINTS - 1])
+    if not min_force < target_force < max_force:
+        text = f"{target_force:g} N is not within what the magnet pulls at {gap:g} m"
+        text += f", {min_force:.4g} to {max_force:.4g} N; correct it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
-    rising = float(np.interp(wanted, force[:_CURRENT_POINTS], up))
-    falling = float(np.interp(wanted, force[_CURRENT_POINTS:][::-1], up))
-    current = 0.5 * (rising + falling)
-    step = HeldBearing(rig).magnet().hold
+    ascending_current_A = float(np.interp(target_force, force[:_CURRENT_POINTS], ascending_current))
+    descending_current_A = float(
+        np.interp(target_force, force[_CURRENT_POINTS:][::-1], ascending_current)
+    )
+    current = 0.5 * (ascending_current_A + descending_current_A)
+    hold = HeldBearing(rig).magnet().hold
     try:
-        slopes = measure_slopes(step, current, gap, 0.0, high, _GAP_STEP_M)
+        slopes = measure_slopes(hold, current, gap, 0.0, current_high_A, _GAP_STEP_M)
     except ValueError as error:
-        text = f"at {wanted:g} N {error}; raise or lower it"
+        text = f"at {target_force:g} N {error}; raise or lower it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
-    around = 0.05 * high
-    linkage = np.interp([current - around, current + around], up, psi[:_CURRENT_POINTS])
-    magnets = float(len(rig.settings.body_magnets))
+    current_span = 0.05 * current_high_A
+    linkage = np.interp(
+        [current - current_span, current + current_span], ascending_current, psi[:_CURRENT_POINTS]
+    )
+    magnet_count = float(len(rig.settings.body_magnets))
     point = linear.LinearBearing(
         mass=settings.body.mass_kg,
-        k_i=magnets * slopes.static.k_i,
-        k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
-        inductance=magnets * float(linkage[1] - linkage[0]) / (2.0 * around),
-        resistance=magnets * settings.magnet.poles.resistance,
+        k_i=magnet_count * slopes.static.k_i,
+        k_s=magnet_count * slopes.static.k_s - settings.load.stiffness_N_per_m,
+        inductance=magnet_count * float(linkage[1] - linkage[0]) / (2.0 * current_span),
+        resistance=magnet_count * settings.magnet.poles.resistance,
         damping=settings.body.damping_N_s_per_m + settings.load.damping_N_s_per_m,
         eddy_time=settings.magnet.eddy_time_s,
     )
     check_rate(rig, point.current_drive_pole)
-    return OperatingPoint(gap, wanted, current, float(force[_CURRENT_POINTS - 1]), slopes, point)
+    return OperatingPoint(
+        gap, target_force, current, float(force[_CURRENT_POINTS - 1]), slopes, point
+    )
 
 
 def has_constant_gains(setup: BearingSetup) -> bool:
-    """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
+    """Whether the compensator of a setup consists of constants, so that its loop is linear.
 
-    What any other drive does to small movements, at the static slopes or at the much smaller ones
-    just after a reversal, no linear loop can show.
+    For any other compensator no linear loop describes small movements, because their slope is
+    between the static slope and the much smaller slope after a reversal.
     """
     return "k_i_N_per_A" in setup.compensator.parameters.constants
 
 
 def check_load(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that no current can carry."""
-    load, faults = rig.static_load, list[FileFault]()
-    if not load < force_max:
-        text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
+    """Refuse a load that is larger than the largest force."""
+    load_N, faults = rig.static_load, list[FileFault]()
+    if not load_N < force_max:
+        text = f"no current can carry {load_N:.4g} N: the magnet reaches {force_max:.4g} N"
         text += "; lower it or raise current_high_A"
         faults.append(FileFault(("load", "force_N"), text, code="load-too-large"))
     for index, step in enumerate(rig.settings.load_steps_N):
-        if load < force_max <= load + step:
-            text = f"{load:.4g} N and this step are {load + step:.4g} N"
+        if load_N < force_max <= load_N + step:
+            text = f"{load_N:.4g} N and this step are {load_N + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"
             assert rig.settings.load_case is not None
             key = rig.settings.key_path(rig.settings.load_case, "forces_N", index)
@@ -117,16 +132,16 @@ def check_load(rig: BodyRig, force_max: float) -> None:
 
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
-    """Refuse a sample rate that is too slow for the plant."""
-    rate, least = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
-    if rate < least:
-        text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
-        text += f"; use at least {MIN_TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
+    """Refuse a sample rate that is too low for the unstable pole of the plant."""
+    rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
+    if rate_Hz < min_rate_Hz:
+        text = f"{rate_Hz:.6g} Hz is too low for the unstable pole of the plant at {pole_Hz:.4g} Hz"
+        text += f"; use at least {MIN_TICKS_PER_POLE:g} times that, {math.ceil(min_rate_Hz)} Hz"
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
 def _check_lift_off(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that is carried at the operating gap and not lifted off its rest."""
+    """Refuse a load that cannot be lifted off its rest."""
     if not rig.static_load < force_max:
         gap = rig.settings.body.stop_high_m
         text = f"no current lifts {rig.static_load:.4g} N off the rest at {gap:g} m, the magnet reaches "
@@ -135,64 +150,64 @@ def _check_lift_off(rig: BodyRig, force_max: float) -> None:
 
 
 def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: float) -> None:
-    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap, T."""
-    seen = density * (1.0 + probe.gain_error)
-    if seen > probe.range_T:
-        text = f"the largest current makes {seen:.4g} T at a gap of {gap:g} m; raise it"
-        place = rig.settings.key_path(probe, "range_T")
-        raise faults_error(rig.path, [FileFault(place, text, code="range-too-narrow")])
+    """Refuse a Hall probe whose range is below the largest flux density at the smallest gap, T."""
+    read_density = density * (1.0 + probe.gain_error)
+    if read_density > probe.range_T:
+        text = f"the largest current makes {read_density:.4g} T at a gap of {gap:g} m; raise it"
+        key = rig.settings.key_path(probe, "range_T")
+        raise faults_error(rig.path, [FileFault(key, text, code="range-too-narrow")])
 
 
 def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> linear.LinearLoop:
-    """Return the loop of a setup for small movements.
+    """Return the linear loop of a setup for small movements.
 
-    Constants are those of the drive where it has any; a constant ratio cancels no negative
-    stiffness. Every other drive counts as knowing the static slopes.
+    If the compensator consists of constants, the loop uses them. A constant ratio does not cancel the
+    negative stiffness. Every other compensator is assumed to use the static slopes.
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     sensor = rig.settings.gap_sensor
-    magnets = float(len(rig.settings.body_magnets))
-    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
-    numbers = setup.compensator.parameters.constants
+    magnet_count = float(len(rig.settings.body_magnets))
+    delay_ticks = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
+    drive_constants = setup.compensator.parameters.constants
     k_i, k_s = operating_point.bearing.k_i, operating_point.bearing.k_s
     if has_constant_gains(setup):
-        k_i = magnets * numbers["k_i_N_per_A"]
-        k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
+        k_i = magnet_count * drive_constants["k_i_N_per_A"]
+        k_s = magnet_count * drive_constants.get("k_s_N_per_m", 0.0)
     return linear.LinearLoop(
         bearing=operating_point.bearing,
-        amplifier=_make_amplifier(rig, magnets),
-        timing=linear.LoopTiming(timing.rate_Hz, late, sensor.bandwidth_Hz),
+        amplifier=_make_amplifier(rig, magnet_count),
+        timing=linear.LoopTiming(timing.rate_Hz, delay_ticks, sensor.bandwidth_Hz),
         controller=setup.controller.pidd2(),
         compensation=linear.Compensation(k_i, k_s),
     )
 
 
 def _make_amplifier(
-    rig: BodyRig, magnets: float
+    rig: BodyRig, magnet_count: float
 ) -> linear.AnalogueAmplifier | linear.DigitalAmplifier:
-    gain, reset = (magnets * number for number in current_controller_gains(rig))
+    gain, integral_gain = (magnet_count * gain_ for gain_ in current_controller_gains(rig))
     if rig.settings.amplifier.mode == "current":
-        return linear.AnalogueAmplifier(gain, reset)
+        return linear.AnalogueAmplifier(gain, integral_gain)
     return linear.DigitalAmplifier(
-        magnets * rig.settings.magnet.poles.resistance,
+        magnet_count * rig.settings.magnet.poles.resistance,
         gain,
-        reset * rig.dt,
+        integral_gain * rig.dt,
         rig.settings.current_sensor.bandwidth_Hz,
     )
 
 
 def sweep_frequencies(rig: BodyRig) -> FloatArray:
-    """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
+    """Return the frequencies of a swept sine around the bandwidth of a bearing, Hz."""
     return geometric_spacing(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
 
 PATHOLOGICAL_SLOPE_RATIO = 0.25
-"""Share of the static gain below which an iron is called pathological just after a reversal."""
-_SETTLING_CYCLES = 3  # until a loop has settled
-_SAMPLES_PER_BRANCH = 400  # a branch
-_SLOPE_SPAN = 0.05  # of the range, to either side: where the static slopes are taken
-_REVERSAL_STEP = 0.0005  # of the range: how far the current goes back
+"""Slope after a reversal over the static slope below which an iron is called pathological."""
+_SETTLING_CYCLES = 3  # cycles until the loop is in steady state
+_SAMPLES_PER_BRANCH = 400  # number of samples of a branch
+_SLOPE_SPAN = 0.05  # half-width of the fit of a static slope, relative to the current range
+_REVERSAL_STEP = 0.0005  # size of a reversal, relative to the current range
 
 
 @dataclass(frozen=True)
@@ -200,31 +215,31 @@ class Slopes:
     """Force and its slopes at an operating point."""
 
     force: float  # N
-    k_i: float  # for each ampere, N/A
-    k_s: float  # for each metre that the gap closes, N/m
+    k_i: float  # slope over the current, N/A
+    k_s: float  # slope as the gap closes, N/m
 
 
 @dataclass(frozen=True)
 class ReversalSlopes:
-    """Slopes of a magnet with a memory."""
+    """Static slopes of a magnet with hysteresis, and slopes just after a reversal."""
 
-    static: Slopes  # of the middle between the rising and the falling branch of the settled loop
-    after_rise: float  # force for each ampere just after the current was turned, N/A
+    static: Slopes  # of the mean of both branches of the steady-state loop
+    after_rise: float  # slope just after a maximum of the current, N/A
     after_fall: float
 
     @property
     def slope_ratio(self) -> float:
-        """The lesser slope after a reversal, in parts of the static one."""
+        """The smaller slope after a reversal over the static slope."""
         return min(self.after_rise, self.after_fall) / self.static.k_i
 
     @property
     def label(self) -> Literal["regular", "pathological"]:
-        """What that makes of the iron."""
+        """The class of the iron."""
         return label_iron(self.slope_ratio)
 
 
 def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
-    """Return what an iron is called whose slope after a reversal is this part of the static one."""
+    """Return the class of an iron from its slope after a reversal over the static slope."""
     return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
 
 
@@ -236,28 +251,30 @@ def measure_slopes(
     high: float,
     gap_step: float,
 ) -> ReversalSlopes:
-    """Measure the slopes of a magnet with a memory on its settled loop."""
-    around, turn = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
-    if not low + around < current < high - around:
-        raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
-    below, at, above = (
-        _mean_branch(apply, current, position, low, high)
-        for position in (gap - gap_step, gap, gap + gap_step)
+    """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
+    slope_span, reversal_step = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
+    if not low + slope_span < current < high - slope_span:
+        raise ValueError(
+            f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A"
+        )
+    below_gap, at_gap, above_gap = (
+        _mean_branch(apply, current, held_gap, low, high)
+        for held_gap in (gap - gap_step, gap, gap + gap_step)
     )
     _settle_on_loop(apply, gap, low, high)
-    rising = _drive(apply, gap, low, current)[-1]
-    after_rise = (rising - apply(current - turn, gap)) / turn
-    _drive(apply, gap, current - turn, high)
-    falling = _drive(apply, gap, high, current)[-1]
-    after_fall = (apply(current + turn, gap) - falling) / turn
-    k_s = (below[0] - above[0]) / (2.0 * gap_step)
-    return ReversalSlopes(Slopes(at[0], at[1], k_s), float(after_rise), float(after_fall))
+    ascending_force = _drive(apply, gap, low, current)[-1]
+    after_rise = (ascending_force - apply(current - reversal_step, gap)) / reversal_step
+    _drive(apply, gap, current - reversal_step, high)
+    descending_force = _drive(apply, gap, high, current)[-1]
+    after_fall = (apply(current + reversal_step, gap) - descending_force) / reversal_step
+    k_s = (below_gap[0] - above_gap[0]) / (2.0 * gap_step)
+    return ReversalSlopes(Slopes(at_gap[0], at_gap[1], k_s), float(after_rise), float(after_fall))
 
 
 def _drive(
     apply: Callable[[float, float], float], gap: float, start: float, end: float
 ) -> FloatArray:
-    """Go from one current to another and return the forces on the way."""
+    """Drive the current from one value to another and return the forces along this path."""
     return np.array(
         [apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]]
     )
@@ -274,13 +291,15 @@ def _settle_on_loop(
 def _mean_branch(
     apply: Callable[[float, float], float], current: float, gap: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Return force and slope over the current of the middle of both branches."""
+    """Return force and slope over the current, of the mean of both branches."""
     _settle_on_loop(apply, gap, low, high)
-    rising, falling = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
+    ascending, descending = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
     grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
-    middle = 0.5 * (rising[:-1] + falling[-2::-1])  # at grid[1:-1]
-    off = grid[1:-1] - current
-    near = np.abs(off) <= _SLOPE_SPAN * (high - low)
-    # A parabola, so that the bend of the curve does not tilt its slope.
-    bend = np.polynomial.Polynomial.fit(off[near], middle[near], 2).convert().coef
-    return float(bend[0]), float(bend[1])
+    mean_force = 0.5 * (ascending[:-1] + descending[-2::-1])  # at grid[1:-1]
+    deviation = grid[1:-1] - current
+    is_near = np.abs(deviation) <= _SLOPE_SPAN * (high - low)
+    # A parabola, so that the curvature does not bias the slope.
+    coefficients = (
+        np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
+    )
+    return float(coefficients[0]), float(coefficients[1])

@@ -1,11 +1,11 @@
-"""Step responses of several variants over gaps, heights and noise seeds, and their figures.
+"""Measure step responses and sensitivities of bearings.
 
-Times are in seconds at equal distances. A step down is judged as one up.
+Step responses of several variants are evaluated over gaps, heights and noise seeds. Times are in
+seconds at equal intervals, and steps down are evaluated like steps up.
 
-Sensitivity of a running loop, measured: a stepped sine is added to what the controller sees.
-
-The loop answers so that the controller sees ``S`` times what was added. Nothing is linearised, so
-the answer holds for the amplitude that was injected; what the sine leaves unexplained is reported.
+The sensitivity is measured in the running nonlinear loop: a stepped sine is added to the position
+reading, and the ratio of the resulting reading to the added sine is the sensitivity. It applies to
+the amplitude of the sine. The residual that the sine does not explain is reported too.
 """
 
 from __future__ import annotations
@@ -41,37 +41,39 @@ from anhyst_rigs.study.engine.table import (
     strongest_baseline,
 )
 
-SETTLING_BAND = 0.02  # of a step's height
-_RESOLUTION_FACTOR = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
-_STANDSTILL_PART = 0.25  # last part of a hold, taken for standstill
-# Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
-# count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
+SETTLING_BAND = 0.02  # settling band, relative to the step height
+_RESOLUTION_FACTOR = 3.0  # smallest settling band, in multiples of the rms resolution of the sensor
+_STANDSTILL_PART = 0.25  # last part of a hold that is evaluated as standstill
+# Last part of a hold from which the noise in an overshoot is estimated. This noise counts
+# deviations to both sides, an overshoot only those to one side. Half the hold therefore gives as
+# many values as the whole hold gives for an overshoot.
 _NOISE_PART = 0.5
 
 
 @dataclass(frozen=True)
 class StepFigures:
-    """What a step of the reference did."""
+    """Figures of a step of the reference."""
 
-    # largest way beyond the new reference, % of the height, noise included; 0 if it was not reached
+    # largest excess over the new reference, % of the height, noise included; 0 if it was not
+    # reached
     overshoot_percent: float
-    # largest deviation of the gap from its mean over the last half of the hold, % of the height: an
-    # overshoot that is no larger shows nothing of the step
+    # largest deviation of the gap from its mean in the last half of the hold, % of the height; a
+    # smaller overshoot is not significant
     noise_percent: float
-    undershoot_percent: float  # largest way back behind the old reference, % of the height
+    undershoot_percent: float  # largest excursion opposite to the step, % of the height
     rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
-    # from the step until the gap stays within :data:`SETTLED` of the height around the new
-    # reference; infinite if it did not within the hold
+    # from the step until the gap stays within :data:`SETTLING_BAND` of the height around the new
+    # reference; infinite if it does not within the hold
     settling_time_s: float
-    settling_in_noise_s: float  # the same for :func:`settling_band`
-    steady_error_m: float  # mean of gap less reference over the last quarter of the hold
-    standstill_rms_m: float  # standard deviation of the gap there
+    settling_in_noise_s: float  # the same with :func:`settling_band`
+    steady_error_m: float  # mean of gap minus reference in the last quarter of the hold
+    standstill_rms_m: float  # standard deviation of the gap in this quarter
 
 
 def settling_band(height: float, resolution: float) -> float:
-    """Return within which distance of its reference a position counts as arrived.
+    """Return the distance from the reference within which a position counts as settled, m.
 
-    It depends on the step and the sensor alone: whoever trembles more gets no wider one.
+    The band depends only on the step and the sensor, so that it is equal for all variants.
     """
     return max(SETTLING_BAND * abs(height), _RESOLUTION_FACTOR * resolution)
 
@@ -79,63 +81,67 @@ def settling_band(height: float, resolution: float) -> float:
 def evaluate_step(
     time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
 ) -> StepFigures:
-    """Judge one step: one sample of the old level, then the hold at the new one."""
-    t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
+    """Evaluate one step: one sample of the old reference, then the hold at the new one."""
+    t, r, y = (np.asarray(signal, dtype=float) for signal in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
         raise ValueError("the reference must step after the first sample and stay for at least 7")
     height = float(r[1] - r[0])
-    way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
-    since = t[1:] - t[1]
-    rest = y[1 + int((1.0 - _STANDSTILL_PART) * len(way)) :]
-    late = way[int((1.0 - _NOISE_PART) * len(way)) :]
+    progress = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
+    elapsed = t[1:] - t[1]
+    standstill = y[1 + int((1.0 - _STANDSTILL_PART) * len(progress)) :]
+    late_progress = progress[int((1.0 - _NOISE_PART) * len(progress)) :]
     error = np.abs(y[1:] - r[1])
     return StepFigures(
-        overshoot_percent=100.0 * max(0.0, float(np.max(way)) - 1.0),
-        noise_percent=100.0 * float(np.max(np.abs(late - np.mean(late)))),
-        undershoot_percent=100.0 * max(0.0, -float(np.min(way))),
-        rise_time_s=_crossing_time(since, way, 0.9)
-        - min(_crossing_time(since, way, 0.1), since[-1]),
-        settling_time_s=_settling_time(since, error, SETTLING_BAND * abs(height)),
-        settling_in_noise_s=_settling_time(since, error, settling_band(height, resolution)),
-        steady_error_m=float(np.mean(rest)) - float(r[1]),
-        standstill_rms_m=float(np.std(rest)),
+        overshoot_percent=100.0 * max(0.0, float(np.max(progress)) - 1.0),
+        noise_percent=100.0 * float(np.max(np.abs(late_progress - np.mean(late_progress)))),
+        undershoot_percent=100.0 * max(0.0, -float(np.min(progress))),
+        rise_time_s=_crossing_time(elapsed, progress, 0.9)
+        - min(_crossing_time(elapsed, progress, 0.1), elapsed[-1]),
+        settling_time_s=_settling_time(elapsed, error, SETTLING_BAND * abs(height)),
+        settling_in_noise_s=_settling_time(elapsed, error, settling_band(height, resolution)),
+        steady_error_m=float(np.mean(standstill)) - float(r[1]),
+        standstill_rms_m=float(np.std(standstill)),
     )
 
 
 def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
-    """Return how long after a disturbance an error stays within a band."""
+    """Return the time after a disturbance until the error stays within a band, s."""
     t = np.asarray(time, dtype=float)
-    later = t >= start
-    return _settling_time(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+    is_later = t >= start
+    return _settling_time(
+        t[is_later] - start, np.abs(np.asarray(error, dtype=float))[is_later], band
+    )
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
-    """Return the rms of a current's rate of change; times the inductance, the voltage it took."""
+    """Return the rms rate of change of a current; multiplied by the inductance, a voltage."""
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
-def _crossing_time(since: FloatArray, way: FloatArray, share: float) -> float:
-    """Return when a share of the way was first covered, between samples; inf if never."""
-    beyond = np.flatnonzero(way >= share)
-    if not len(beyond):
+def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> float:
+    """Return the time at which a progress is first reached, interpolated; inf if never."""
+    reached_samples = np.flatnonzero(progress >= share)
+    if not len(reached_samples):
         return math.inf
-    i = int(beyond[0])
+    i = int(reached_samples[0])
     if i == 0:
-        return float(since[0])
-    part = (share - way[i - 1]) / (way[i] - way[i - 1])
-    return float(since[i - 1] + part * (since[i] - since[i - 1]))
+        return float(elapsed[0])
+    fraction = (share - progress[i - 1]) / (progress[i] - progress[i - 1])
+    return float(elapsed[i - 1] + fraction * (elapsed[i] - elapsed[i - 1]))
 
 
-def _settling_time(since: FloatArray, error: FloatArray, band: float) -> float:
+def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
     """Return the first time from which the error stays within the band; inf if it does not."""
     first = settling_tick(error, band)
     if not first:
         return 0.0
-    return math.inf if first == len(since) else float(since[first])
+    return math.inf if first == len(elapsed) else float(elapsed[first])
 
 
-_MIN_PERIODS, _MIN_SECONDS = 5, 0.02  # at least, of each frequency
-_MIN_SETTLING_PERIODS, _MIN_SETTLING_S = 2, 0.02
+_MIN_PERIODS = 5  # measured periods of each frequency
+_MIN_MEASURING_S = 0.02
+_MIN_SETTLING_PERIODS = 2
+_MIN_SETTLING_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -143,30 +149,30 @@ class Sensitivity:
     """A measured sensitivity."""
 
     frequency: FloatArray  # Hz; shape (n,)
-    ratio: NDArray[np.complex128]  # what the controller saw over what was injected; shape (n,)
-    # root mean square of what the sine does not explain (noise, harmonics), over that of the
+    ratio: NDArray[np.complex128]  # reading over injected sine; shape (n,)
+    # rms of the reading that the sine does not explain (noise, harmonics), over the rms of the
     # injected sine; shape (n,)
     residual_ratio: FloatArray
-    amplitude: float  # of the injected sine, m
+    amplitude: float  # amplitude of the injected sine, m
 
     @property
     def magnitude(self) -> FloatArray:
-        """Size of the ratio."""
+        """Magnitude of the ratio."""
         return np.abs(self.ratio)
 
     @property
     def decibel(self) -> FloatArray:
-        """Size of the ratio, dB."""
+        """Magnitude of the ratio, dB."""
         return np.asarray(20.0 * np.log10(self.magnitude))
 
     @property
     def peak(self) -> float:
-        """Largest size of the ratio."""
+        """Largest magnitude."""
         return float(np.max(self.magnitude))
 
     @property
     def peak_frequency(self) -> float:
-        """Where it is, Hz."""
+        """Frequency of the largest magnitude, Hz."""
         return float(self.frequency[int(np.argmax(self.magnitude))])
 
     @property
@@ -177,7 +183,7 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class _SinePiece:
-    """Where one frequency stands in the sweep: settling from `begin`, measured in between."""
+    """One frequency of the sweep with the ticks of its begin, evaluation and end."""
 
     frequency: float
     begin: int
@@ -188,54 +194,57 @@ class _SinePiece:
 def measure_sensitivity(
     run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
 ) -> Sensitivity:
-    """Measure the sensitivity of a loop."""
-    asked_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
-    if not (np.all(asked_Hz > 0.0) and np.all(asked_Hz < 0.5 * rate)):
+    """Measure the sensitivity of a loop; `run` injects a signal and returns the recording."""
+    frequencies_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
+    if not (np.all(frequencies_Hz > 0.0) and np.all(frequencies_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
-    pieces = _plan_sweep(asked_Hz.tolist(), rate)
-    sines = [sine(one.frequency / rate * np.arange(one.end - one.begin)) for one in pieces]
-    inject = amplitude * np.concatenate(sines)  # every sine is zero at its beginning
-    seen = run(inject)["gap_read_m"]
-    if len(seen) != len(inject):
-        raise ValueError(f"the run has {len(seen)} ticks where {len(inject)} were injected")
-    answers = [_fit_sine(seen, piece, rate) for piece in pieces]
+    pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
+    sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in pieces]
+    inject = amplitude * np.concatenate(sines)  # every sine starts at zero
+    position = run(inject)["gap_read_m"]
+    if len(position) != len(inject):
+        raise ValueError(f"the run has {len(position)} ticks where {len(inject)} were injected")
+    fits = [_fit_sine(position, piece, rate) for piece in pieces]
     return Sensitivity(
-        frequency=asked_Hz,
-        ratio=np.array([answer / amplitude for answer, _ in answers], dtype=np.complex128),
-        residual_ratio=np.array([rest for _, rest in answers]) / (amplitude / math.sqrt(2.0)),
+        frequency=frequencies_Hz,
+        ratio=np.array(
+            [amplitude_ratio / amplitude for amplitude_ratio, _ in fits], dtype=np.complex128
+        ),
+        residual_ratio=np.array([residual for _, residual in fits]) / (amplitude / math.sqrt(2.0)),
         amplitude=amplitude,
     )
 
 
 def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
-    """Lay the frequencies out one after the other, each over whole periods."""
+    """Arrange the frequencies one after another, each over whole periods."""
     pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
-        settle = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
-        periods = max(_MIN_PERIODS, math.ceil(_MIN_SECONDS * frequency))
-        first = begin + settle
-        end = first + round(periods / frequency * rate)
-        pieces.append(_SinePiece(frequency, begin, first, end))
+        settling_ticks = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
+        periods = max(_MIN_PERIODS, math.ceil(_MIN_MEASURING_S * frequency))
+        measured_from = begin + settling_ticks
+        end = measured_from + round(periods / frequency * rate)
+        pieces.append(_SinePiece(frequency, begin, measured_from, end))
         begin = end
     return pieces
 
 
-def _fit_sine(seen: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
-    """Return the complex amplitude against the sine of a piece, and the rms of what is left."""
+def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
+    """Return the complex amplitude relative to the sine of a piece, and the rms of the residual."""
     ticks = np.arange(piece.measured_from, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
-    # The middle and a slow drift are no answer to the sine.
+    # The mean and a slow drift do not belong to the response.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
-    row = seen[piece.measured_from : piece.end]
-    middle = float(np.mean(row))
-    coefficients, *_ = np.linalg.lstsq(basis, row - middle, rcond=None)
-    rest = row - middle - basis @ coefficients
-    return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(rest**2)))
+    measured = position[piece.measured_from : piece.end]
+    mean = float(np.mean(measured))
+    coefficients, *_ = np.linalg.lstsq(basis, measured - mean, rcond=None)
+    residual = measured - mean - basis @ coefficients
+    return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(residual**2)))
 
 
-OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
+OVERSHOOT = "overshoot_percent"
+NOISE = "noise_percent"
 STEP_FIGURES = (
     *(field.name for field in fields(StepFigures)),
     "tracking_rms_m",
@@ -244,14 +253,14 @@ STEP_FIGURES = (
     "current_rate_rms_A_per_s",
     "heat_W",
 )
-"""Of one step, by name; docs/simulate.md says what each is."""
+"""Names of the figures of one step; docs/simulate.md explains them."""
 _FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
-"""Of a step up and one down, the larger one counts; of all other figures the mean."""
+"""Figures of which the larger value of a step up and a step down counts. Others are averaged."""
 
 
 @dataclass(frozen=True)
 class StepRun:
-    """One run of steps: a variant at a gap with a noise of its own."""
+    """One run of steps: a variant at a gap and a load with one noise seed."""
 
     setup: BearingSetup
     gap: float
@@ -261,17 +270,17 @@ class StepRun:
 
 
 class StepResult(NamedTuple):
-    """One step of a run, judged."""
+    """The figures of one step of a run."""
 
     height: float  # m
-    figures: Mapping[str, float]  # by :data:`FIGURES`
+    figures: Mapping[str, float]  # by :data:`STEP_FIGURES`
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepCell(CaseFigures):
-    """One variant, gap, load and height over all seeds, by :data:`FIGURES`.
+    """The figures of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
 
-    Both directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+    Both directions of a seed give one value: their mean, or the maximum of overshoot and noise.
     """
 
     variant: MethodName
@@ -281,41 +290,42 @@ class StepCell(CaseFigures):
 
     @property
     def has_overshoot(self) -> bool:
-        """Whether the overshoot is certainly more than what the standstill adds to it."""
+        """Whether the overshoot is significantly larger than the noise in it."""
         return self.interval(OVERSHOOT).exceeds(self.interval(NOISE))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``figures.json`` holds it."""
-        where = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
-        return {"variant": self.variant, **where, **super().as_dict()}
+        """Return the content of ``figures.json``."""
+        case = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
+        return {"variant": self.variant, **case, **super().as_dict()}
 
 
 def position_resolution(rig: BodyRig) -> float:
-    """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
+    """Return the resolution of the position sensor, rms of noise and quantisation, m."""
     sensor = rig.settings.gap_sensor
     return math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run."""
+    """Run all steps of a run; returns their figures, and the time of a loss (s) or None."""
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
-    lost = levitation_loss_time(rig, recording, scenario.lift_end_tick)
-    if lost is not None or len(recording) < scenario.ticks:
-        return [], lost if lost is not None else float(recording["t_s"][-1])
+    lost_at_s = levitation_loss_time(rig, recording, scenario.lift_end_tick)
+    if lost_at_s is not None or len(recording) < scenario.ticks:
+        return [], lost_at_s if lost_at_s is not None else float(recording["t_s"][-1])
     return [_evaluate_recorded_step(run, recording, step) for step in scenario.steps], None
 
 
 def _evaluate_recorded_step(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
-    part = recording.slice_ticks(step.begin - 1, step.end)
-    time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
-    current, off = part["current_A"], gap - reference
+    step_recording = recording.slice_ticks(step.begin - 1, step.end)
+    time, gap = step_recording["t_s"], step_recording["gap_m"]
+    reference = step_recording["reference_m"]
+    current, error = step_recording["current_A"], gap - reference
     figures = {
         **asdict(evaluate_step(time, reference, gap, position_resolution(run.setup.rig))),
-        "tracking_rms_m": rms(off),
-        "tracking_peak_m": peak_deviation(off),
-        "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        "tracking_rms_m": rms(error),
+        "tracking_peak_m": peak_deviation(error),
+        "force_error_rms_N": rms(step_recording["force_N"] - step_recording["demand_N"]),
         "current_rate_rms_A_per_s": rms_rate_of_change(time, current),
         "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
     }
@@ -331,36 +341,40 @@ def compare_steps(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> list[StepCell]:
-    """Run every setup at every gap and load with every seed, and sum up."""
+    """Run every setup at every gap and load with every seed, and summarise the figures."""
     runs = [
         StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
     ]
     results = map_ordered(run_steps, runs, progress, jobs)
-    tried: dict[tuple[int, float, float], list[list[StepResult]]] = {}
+    steps_by_case: dict[tuple[int, float, float], list[list[StepResult]]] = {}
     for run, (steps, _) in zip(runs, results, strict=True):
-        tried.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
+        steps_by_case.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
     cells = []
     for setup, gap, load, height in product(setups, gaps, loads, heights):
-        mine = [merge_directions(steps, height) for steps in tried[id(setup), gap, load]]
-        where = {"variant": setup.method, "gap": gap, "height": height, "load": load}
-        cells.append(StepCell.summarise(mine, **where))
+        by_seed = [merge_directions(steps, height) for steps in steps_by_case[id(setup), gap, load]]
+        case = {"variant": setup.method, "gap": gap, "height": height, "load": load}
+        cells.append(StepCell.summarise(by_seed, **case))
     return cells
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
-    """Return what steps up and down of a height are together; None where there was none."""
-    pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
+    """Return the figures of steps up and down of one height together; None if there are no steps."""
+    step_figures = [
+        step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)
+    ]
     return {
         name: float(
-            (max if name in _FIGURES_BY_MAXIMUM else np.mean)([figures[name] for figures in pair])
+            (max if name in _FIGURES_BY_MAXIMUM else np.mean)(
+                [figures[name] for figures in step_figures]
+            )
         )
         for name in (STEP_FIGURES if steps else ())
     } or None
 
 
 def default_seeds(rig: BodyRig) -> range:
-    """Return the noise seeds that a rig file asks for."""
+    """Return the noise seeds of a rig file."""
     return range(rig.settings.noise_seeds)
 
 
@@ -369,87 +383,96 @@ SWEEP_AMPLITUDE_M = 0.5e-6
 
 
 class _LevitationLostError(Exception):
-    """What lies on its stop answers to no controller."""
+    """The armature was lost during a sweep."""
 
 
 def measure_loop_sensitivity(
     setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
-    """Measure the sensitivity of a loop by a swept sine."""
+    """Measure the sensitivity of a setup with a swept sine; None if the armature was lost."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
     loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
 
-    def run(inject: FloatArray) -> Recording:
+    def inject_sine(inject: FloatArray) -> Recording:
         recording = loop.run(ScenarioBuilder(rig, gap, load).hold(0.0, inject).build())
         if len(recording) < inject.size or levitation_loss_time(rig, recording) is not None:
             raise _LevitationLostError
         return recording
 
     try:
-        return measure_sensitivity(run, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz)
+        return measure_sensitivity(
+            inject_sine, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz
+        )
     except _LevitationLostError:
         return None
 
 
 @dataclass(frozen=True)
 class StepComparison:
-    """Figures of one step, up and down, under every variant."""
+    """Figures of one step, up and down, with every variant."""
 
-    gap: float  # around which it goes, m
+    gap: float  # gap around which the step is made, m
     load: float  # N
     height: float  # m
     cells: Mapping[MethodName, StepCell]  # by variant
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
-        """Return a figure of every variant, without a mean where levitation was lost."""
+        """Return a figure of every variant; without a mean if levitation was lost."""
         return {key: cell.interval(name) for key, cell in self.cells.items()}
 
 
 def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
-    """Put the cells of all variants beside each other."""
+    """Group the cells of all variants by gap, load and height."""
     by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
         by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
-    return tuple(StepComparison(*step, mine) for step, mine in by_step.items())
+    return tuple(StepComparison(*step, variant_cells) for step, variant_cells in by_step.items())
 
 
 def compare_overshoots(
-    step: StepComparison, mine: MethodName, baseline: MethodName
+    step: StepComparison, variant: MethodName, baseline: MethodName
 ) -> ComparedFigure:
-    """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
+    """Compare the overshoots of two variants in a step, above the larger noise of both."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
-    floor = max(noise[mine].mean, noise[baseline].mean)
-    return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
+    noise_floor = max(noise[variant].mean, noise[baseline].mean)
+    return compare("overshoot", baseline, overshoot[variant], overshoot[baseline], noise_floor)
 
 
 def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgement:
-    """Judge a variant, or the fullest model beside it where it has none."""
+    """Assess a variant, or the most complete hysteresis model if it uses none."""
     models = [name for name in MODEL_METHODS if any(name in step.cells for step in steps)]
-    mine = variant if variant in MODEL_METHODS or not models else models[-1]
-    if mine not in MODEL_METHODS:
+    model = variant if variant in MODEL_METHODS or not models else models[-1]
+    if model not in MODEL_METHODS:
         return Judgement("unknown", "no variant with a hysteresis model was run")
     compared = _compare_with(
-        steps, mine, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps]
+        steps, model, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps]
     )
     if not compared:
-        return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
-    judged = judge_against_baselines(mine, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])
-    flux = _compare_with(steps, mine, ["flux"] * len(steps))
-    if not flux:
-        return judged
-    less, more = (sum(getattr(one, way) for one in flux) for way in ("is_better", "is_worse"))
-    text = f"{judged.text}; than measured flux less at {less} and more at {more}"
-    return replace(judged, text=text)
+        return Judgement("unknown", f"{model} or every baseline lost levitation at every step")
+    judgement = judge_against_baselines(model, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])
+    flux_comparisons = _compare_with(steps, model, ["flux"] * len(steps))
+    if not flux_comparisons:
+        return judgement
+    less_count, more_count = (
+        sum(getattr(comparison, direction) for comparison in flux_comparisons)
+        for direction in ("is_better", "is_worse")
+    )
+    text = f"{judgement.text}; compared with measured flux, less at {less_count} and more at {more_count}"
+    return replace(judgement, text=text)
 
 
 def _compare_with(
-    steps: Sequence[StepComparison], mine: MethodName, others: Sequence[MethodName | None]
+    steps: Sequence[StepComparison], variant: MethodName, baselines: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
-    """Compare a variant with another one at each step where both held the armature."""
+    """Compare a variant with another one at each step at which both held the armature."""
     differences = [
-        compare_overshoots(step, mine, other)
-        for step, other in zip(steps, others, strict=True)
-        if other is not None and {mine, other} <= set(step.cells)
+        compare_overshoots(step, variant, baseline)
+        for step, baseline in zip(steps, baselines, strict=True)
+        if baseline is not None and {variant, baseline} <= set(step.cells)
     ]
-    return [one for one in differences if math.isfinite(one.model_value + one.baseline_value)]
+    return [
+        difference
+        for difference in differences
+        if math.isfinite(difference.model_value + difference.baseline_value)
+    ]

@@ -1,4 +1,7 @@
-"""Simulate a magnetic bearing and report what compensation is worth: ``anhyst simulate``."""
+"""Simulate a magnetic bearing and assess its compensation: the command ``anhyst simulate``.
+
+All variants run with the same gains. The rig file defines steps, trajectories and load steps.
+"""
 
 from __future__ import annotations
 
@@ -58,14 +61,14 @@ COMPARED_VARIANTS = (
     "flux",
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
-"""What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
+"""Variants that are compared with that of the controller file; ``flux`` only with a Hall probe."""
 _WORK_OF_PARTS = (5.0, 4.0)
-"""Model and first run, then the steps, in units of any other experiment."""
+"""Work of model and first run, and of the steps, relative to that of another experiment."""
 
 
 @dataclass(frozen=True, repr=False)
 class Simulation(StudyResult):
-    """What a simulation gave.
+    """The result of a simulation.
 
     Parameters
     ----------
@@ -75,27 +78,27 @@ class Simulation(StudyResult):
         Loops and model.
     setups : mapping of str to BearingSetup
         By variant.
-    at : OperatingPoint
+    operating_point : OperatingPoint
     recording : Recording
-        Of the controller file's own variant: lift-off, steps, load steps, landing.
-    shown : mapping of str to Recording
-        The steps alone, one noise seed, by variant.
+        Run of the variant of the controller file: lift-off, steps, load steps, landing.
+    step_recordings : mapping of str to Recording
+        Runs of the steps with one noise seed, by variant.
     scenario : Scenario
-        Of these.
+        Scenario of these runs.
     cells : list of StepCell
         Figures of all steps, over all seeds.
     experiments : Experiments
-        Figures of all else that was tried.
-    loops : mapping of str to linear.SimulatedLoop
-        For small movements, by variant.
+        Figures of all other experiments.
+    loops : mapping of str to linear.LinearLoop
+        Linear loops for small movements, by variant.
     sensitivity : mapping of str to Sensitivity
-        As measured, by variant; without those that lost levitation.
+        Measured sensitivities, by variant; without variants that lost levitation.
     plant : PlantCheck
-        What the loops say about the plant.
+        Comparison of the plant with the measured loops.
     left_out : mapping of str to str
-        Variants that could not be made, and why.
-    lost_late : sequence of str
-        What follows the steps of the recording and lost levitation.
+        Variants that could not be made, with the reason.
+    losses_after_steps : sequence of str
+        Parts of the recording after the steps in which levitation was lost.
     """
 
     kind: ClassVar = "levitation"
@@ -117,31 +120,32 @@ class Simulation(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Everything tried in which the controller file's own variant lost levitation."""
-        tried = self.experiments
+        """All experiments in which the variant of the controller file lost levitation."""
+        all_experiments = self.experiments
         blocks: list[tuple[str, CaseFigures]] = [
             *(
-                (f"steps at {1e3 * one.gap:g} mm", one)
-                for one in self.cells
-                if one.variant == self.main_variant
+                (f"steps at {1e3 * figures.gap:g} mm", figures)
+                for figures in self.cells
+                if figures.variant == self.main_variant
             ),
-            ("standstill", tried.standstill[self.main_variant]),
+            ("standstill", all_experiments.standstill[self.main_variant]),
         ]
-        for shape, by_variant in tried.trajectories:
+        for shape, by_variant in all_experiments.trajectories:
             title = f"{shape.kind} of {1e6 * shape.amplitude_m:g} um"
             blocks.append((title, by_variant[self.main_variant]))
-        for force, by_variant in tried.load_steps:
+        for force, by_variant in all_experiments.load_steps:
             blocks.append((f"load step of {force:g} N", by_variant[self.main_variant]))
         blocks += [
-            (event, by_variant[self.main_variant]) for event, by_variant in tried.events.items()
+            (event, by_variant[self.main_variant])
+            for event, by_variant in all_experiments.events.items()
         ]
-        lost = {title: one.lost for title, one in blocks if one.lost}
-        runs = [f"{title} ({n} run{'' if n == 1 else 's'})" for title, n in lost.items()]
-        swept = [] if self.main_variant in self.sensitivity else ["sensitivity"]
-        return [*self.losses_after_steps, *runs, *swept]
+        lost_counts = {title: figures.lost for title, figures in blocks if figures.lost}
+        runs = [f"{title} ({n} run{'' if n == 1 else 's'})" for title, n in lost_counts.items()]
+        sensitivity_losses = [] if self.main_variant in self.sensitivity else ["sensitivity"]
+        return [*self.losses_after_steps, *runs, *sensitivity_losses]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where the controller file's own variant lost levitation."""
+        """Raise NegativeResult if the variant of the controller file lost levitation."""
         if self.lost_in:
             raise NegativeResult(
                 f"'{self.main_variant}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
@@ -156,38 +160,38 @@ class Simulation(StudyResult):
 
     @property
     def main_variant(self) -> MethodName:
-        """MethodName of the controller file."""
+        """The variant of the controller file."""
         return self.controller.settings.compensation.variant
 
     def facts(self) -> dict[str, str]:
         """Return overshoot and standstill of every variant at the highest step."""
         facts = {"rig": self.rig.settings.name, "controller": self.main_variant}
         for name in self.setups:
-            last = [cell for cell in self.cells if cell.variant == name][-1]
+            highest_step = [cell for cell in self.cells if cell.variant == name][-1]
             facts[name] = (
-                f"overshoot {last.interval('overshoot_percent').mean:.2f} % of "
-                f"{1e6 * last.height:g} um, standstill "
-                f"{1e9 * last.interval('standstill_rms_m').mean:.0f} nm"
+                f"overshoot {highest_step.interval('overshoot_percent').mean:.2f} % of "
+                f"{1e6 * highest_step.height:g} um, standstill "
+                f"{1e9 * highest_step.interval('standstill_rms_m').mean:.0f} nm"
             )
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
+        """Return the figures of all steps, one row per variant, gap and height, SI and per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
         rows = []
         for cell in self.cells:
-            where = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
+            case = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
             means = {name: cell.interval(name).mean for name in names}
-            rows.append({"variant": cell.variant, **where, "lost": cell.lost, **means})
+            rows.append({"variant": cell.variant, **case, "lost": cell.lost, **means})
         return rows_to_columns(rows)
 
     @cached_property
     def figures(self) -> dict[str, Any]:
-        """What ``figures.json`` holds; infinite where a level was not reached, null in the file."""
+        """The content of ``figures.json``; infinite if a level was not reached, null in the file."""
         rig, controller = self.rig.settings, self.controller.settings
-        swept = {
-            name: {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
-            for name, one in self.sensitivity.items()
+        sensitivities = {
+            name: {"peak": response.peak, "peak_Hz": response.peak_frequency, "zone": response.zone}
+            for name, response in self.sensitivity.items()
         }
         return {
             "format": "anhyst-simulation",
@@ -206,13 +210,13 @@ class Simulation(StudyResult):
                 name: asdict(self.loops[name].margins) if has_constant_gains(setup) else None
                 for name, setup in self.setups.items()
             },
-            "sensitivity": {name: swept.get(name) for name in self.setups},
+            "sensitivity": {name: sensitivities.get(name) for name in self.setups},
             "left_out": dict(self.left_out),
             "lost_in": self.lost_in,
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds."""
+        """Return the content of ``figures.json``."""
         return self.figures
 
     def draw(self, ax: Axes) -> None:
@@ -223,7 +227,7 @@ class Simulation(StudyResult):
         ax.set_ylabel("gap [mm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write recording, identified model and ``figures.json``."""
+        """Write the recording, the identified model and ``figures.json``."""
         self.recording.save(path)
         _write_model(path, self.rig, self.controller, self.knowledge)
         self.write_figures(Path(path).parent / FIGURES_FILE)
@@ -236,57 +240,59 @@ def simulate_bearing(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a bearing with every kind of compensation; nothing is written but what was lost."""
+    """Simulate a bearing with all variants; writes files only if levitation is lost."""
     rig, controller = read_files(rig_path, controller_path)
-    ready = check_inputs(rig, controller, _output_paths(out, controller))
-    rig = ready.rig
-    tried = rig.settings
-    beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
-    parts = split_progress(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + beside_steps)])
-    knowledge = ready.identify_magnet()
-    own = controller.settings.compensation.variant
-    mine = make_setups(rig, controller, knowledge, (own,))[own]
-    steps, after, landing = plan_recorded_run(rig, mine.controller)
-    loop = SimulatedLoop(mine)
-    recording = stepped = loop.run(steps)
-    if len(stepped) == steps.ticks:
-        recording = Recording.concatenate([stepped, loop.run(after)])
-    if fault := levitation_fault(mine, recording, steps):
+    inputs = check_inputs(rig, controller, _output_paths(out, controller))
+    rig = inputs.rig
+    settings = rig.settings
+    experiment_count = (
+        len(settings.trajectories) + len(settings.load_steps_N) + len(experiments.EVENTS)
+    )
+    parts = split_progress(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + experiment_count)])
+    knowledge = inputs.identify_magnet()
+    main_variant = controller.settings.compensation.variant
+    main_setup = make_setups(rig, controller, knowledge, (main_variant,))[main_variant]
+    steps, load_steps, landing = plan_recorded_run(rig, main_setup.controller)
+    loop = SimulatedLoop(main_setup)
+    recording = step_recording = loop.run(steps)
+    if len(step_recording) == steps.ticks:
+        recording = Recording.concatenate([step_recording, loop.run(load_steps)])
+    if fault := levitation_fault(main_setup, recording, steps):
         if out is None:
             raise NegativeResult(fault, code="levitation-lost")
         save_lost_run(recording, out)
         _write_model(out, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
-    setups, left_out = _make_compared_setups(mine, controller, knowledge)
+    setups, left_out = _make_compared_setups(main_setup, controller, knowledge)
     shown = {
-        name: stepped if name == own else SimulatedLoop(setup).run(steps)
+        name: step_recording if name == main_variant else SimulatedLoop(setup).run(steps)
         for name, setup in setups.items()
     }
-    heights, load, seeds = tried.step.heights_m, tried.load.force_N, default_seeds(rig)
-    each = list(setups.values())
-    cells = compare_steps(each, tried.step_gaps_m, heights, [load], seeds, next(parts))
-    tried_beside = experiments.run_experiments(rig, setups, seeds, parts)
-    asked_Hz = sweep_frequencies(rig)
-    swept = {
-        name: measure_loop_sensitivity(one, tried.gap_m, load, asked_Hz, seed=0)
-        for name, one in setups.items()
+    heights, load, seeds = settings.step.heights_m, settings.load.force_N, default_seeds(rig)
+    all_setups = list(setups.values())
+    cells = compare_steps(all_setups, settings.step_gaps_m, heights, [load], seeds, next(parts))
+    experiment_results = experiments.run_experiments(rig, setups, seeds, parts)
+    frequencies_Hz = sweep_frequencies(rig)
+    sensitivities = {
+        name: measure_loop_sensitivity(setup, settings.gap_m, load, frequencies_Hz, seed=0)
+        for name, setup in setups.items()
     }
     return Simulation(
         rig=rig,
         controller=controller,
         knowledge=knowledge,
         setups=setups,
-        operating_point=ready.operating_point,
+        operating_point=inputs.operating_point,
         recording=recording,
         step_recordings=shown,
         scenario=steps,
         cells=cells,
-        experiments=tried_beside,
+        experiments=experiment_results,
         loops={
-            name: make_linear_loop(setup, ready.operating_point) for name, setup in setups.items()
+            name: make_linear_loop(setup, inputs.operating_point) for name, setup in setups.items()
         },
-        sensitivity={name: one for name, one in swept.items() if one is not None},
+        sensitivity={name: setup for name, setup in sensitivities.items() if setup is not None},
         plant=check_plant(rig, knowledge),
         left_out=left_out,
         losses_after_steps=losses_after_steps(rig, recording, steps.ticks, landing),
@@ -294,7 +300,7 @@ def simulate_bearing(
 
 
 def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
-    """Return what is written for a recording."""
+    """Return the files that are written for a recording."""
     if out is None:
         return ()
     check_recording(out)
@@ -305,56 +311,56 @@ def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[Pat
 def _write_model(
     out: PathLike, rig: BodyRig, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> None:
-    """Write the model that was identified, if the controller file names none."""
+    """Write the identified model, if the controller file names none."""
     if controller.model is None:
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
-        # each of a calibrated pair has one of its own
-        known = knowledge if len(magnets) > 1 else magnets[0]
-        write_model(known.model, _model_path(out))
+        # each magnet of a calibrated pair has its own model
+        identified = knowledge if len(magnets) > 1 else magnets[0]
+        write_model(identified.model, _model_path(out))
 
 
 def _model_path(out: PathLike) -> Path:
-    """Return where the model that was identified goes."""
+    """Return the path of the identified model."""
     return Path(out).with_suffix(".model.toml")
 
 
 def _make_compared_setups(
-    mine: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
+    main_setup: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
-    """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
+    """Make the setups of all variants; returns errors for variants that cannot be made."""
     setups: dict[MethodName, BearingSetup] = {}
-    left_out: dict[MethodName, str] = {}
-    late: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
-    for name in (*compared_variants(mine.rig, mine.method), *late):
+    failed: dict[MethodName, str] = {}
+    eddy_variants: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
+    for name in (*compared_variants(main_setup.rig, main_setup.method), *eddy_variants):
         try:
-            own = {name: mine} if name == mine.method else None
-            setups |= own or make_setups(mine.rig, controller, knowledge, (name,))
+            main_only = {name: main_setup} if name == main_setup.method else None
+            setups |= main_only or make_setups(main_setup.rig, controller, knowledge, (name,))
         except InputError as error:
-            left_out[name] = str(error)
-    return setups, left_out
+            failed[name] = str(error)
+    return setups, failed
 
 
-def compared_variants(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
-    """Return all variants that a rig allows, that of the controller file among them."""
+def compared_variants(rig: BodyRig, main_variant: MethodName) -> tuple[MethodName, ...]:
+    """Return all variants that a rig permits, including that of the controller file."""
     methods = [
         name
         for name in COMPARED_VARIANTS
         if name not in FLUX_PROBE_METHODS or rig.settings.hall_probe is not None
     ]
-    return tuple(dict.fromkeys([*methods, own]))
+    return tuple(dict.fromkeys([*methods, main_variant]))
 
 
-def _operating_point_dict(at: OperatingPoint) -> dict[str, Any]:
-    slopes = at.slopes
+def _operating_point_dict(operating_point: OperatingPoint) -> dict[str, Any]:
+    slopes = operating_point.slopes
     return {
-        "gap_m": at.gap,
-        "force_N": at.force,
-        "current_A": at.current,
-        "force_max_N": at.force_max,
+        "gap_m": operating_point.gap,
+        "force_N": operating_point.force,
+        "current_A": operating_point.current,
+        "force_max_N": operating_point.force_max,
         "k_i_N_per_A": slopes.static.k_i,
-        "k_s_N_per_m": at.bearing.k_s,
+        "k_s_N_per_m": operating_point.bearing.k_s,
         "k_i_after_reversal_N_per_A": min(slopes.after_rise, slopes.after_fall),
         "iron": slopes.label,
-        "inductance_H": at.bearing.inductance,
-        "unstable_pole_Hz": at.bearing.current_drive_pole,
+        "inductance_H": operating_point.bearing.inductance,
+        "unstable_pole_Hz": operating_point.bearing.current_drive_pole,
     }

@@ -1,6 +1,6 @@
-"""A bearing for small movements as an object of python-control.
+"""Export a bearing for small movements as a state-space object of python-control.
 
-python-control is in the extra ``control``.
+python-control is installed with the extra ``control``.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ def linearise(
     *,
     drive: Drive = "current",
 ) -> StateSpace:
-    """Linearise a magnetic bearing about an operating point.
+    """Linearise a magnetic bearing at an operating point.
 
-    With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``; driven by a
-    voltage, the winding and the voltage that motion induces come on top
-    (:mod:`anhyst_rigs.study.bearing.linear`). The slopes are static ones, rising and falling
-    branch averaged: just after a reversal iron with hysteresis answers less.
+    With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``. With a
+    voltage drive, the winding and the motion-induced voltage are added
+    (:mod:`anhyst_rigs.study.bearing.linear`). The slopes are static, averaged over the ascending
+    and the descending branch. Just after a reversal, iron with hysteresis has a smaller slope.
 
     Parameters
     ----------
     rig : path-like or BodyRig
         A bearing, or its rig file.
     gap : float, optional
-        Operating gap, m; that of the rig file if left out.
+        Operating gap, m; default: that of the rig file.
     force : float, optional
-        What the magnet carries there, N (of a pair: the bias of each); that of the rig file if left
-        out.
+        Force of the magnet at the operating point, N (of a pair: the bias of each); default: that of the
+        rig file.
     drive : str
-        ``"current"``: the flux follows the current at once; ``"voltage"``: winding and eddy
-        currents are part of it.
+        ``"current"``: the flux follows the current immediately; ``"voltage"``: winding and eddy currents
+        are included.
 
     Returns
     -------
     control.StateSpace
-        Continuous, with named signals: inputs ``current`` (A) or ``voltage`` (V), both less their
-        value at the operating point, and ``load`` (N, opens the gap); outputs ``position`` (m,
-        closes the gap), ``force`` (N) and, driven by a voltage, ``current`` (A).
+        Continuous, with named signals: inputs ``current`` (A) or ``voltage`` (V), both relative to
+        the operating point, and ``load`` (N, opens the gap); outputs ``position`` (m, closes the gap),
+        ``force`` (N) and, with a voltage drive, ``current`` (A).
 
     Raises
     ------
@@ -66,13 +66,15 @@ def linearise(
     if not isinstance(rig, BodyRig):
         check_path(rig, "linearise: rig", "the path of a rig file")
     library = control_library()
-    bearing = rig if isinstance(rig, BodyRig) else read_bearing(rig)
-    bearing = _at_operating_point(bearing, gap, force)
-    if bearing.settings.magnet.has_iron_from_loops:
-        bearing = complete_rig(bearing, bearing.measured_loops.read())
-    point = find_operating_point(bearing).bearing
+    bearing_rig = rig if isinstance(rig, BodyRig) else read_bearing(rig)
+    bearing_rig = _at_operating_point(bearing_rig, gap, force)
+    if bearing_rig.settings.magnet.has_iron_from_loops:
+        bearing_rig = complete_rig(bearing_rig, bearing_rig.measured_loops.read())
+    bearing_model = find_operating_point(bearing_rig).bearing
     a, b, c, d = (
-        _current_driven_matrices(point) if drive == "current" else _voltage_driven_matrices(point)
+        _current_driven_matrices(bearing_model)
+        if drive == "current"
+        else _voltage_driven_matrices(bearing_model)
     )
     names = {"inputs": [drive, "load"], "outputs": ["position", "force", "current"][: len(c)]}
     states = ["position", "velocity", "flux_current"][: len(a)]
@@ -80,7 +82,7 @@ def linearise(
 
 
 def _at_operating_point(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
-    """Return a rig at another operating point."""
+    """Return a rig with another operating gap and force."""
     changes: dict[str, float] = {}
     if gap is not None:
         changes["gap_m"] = gap
@@ -91,16 +93,16 @@ def _at_operating_point(rig: BodyRig, gap: float | None, force: float | None) ->
     return change_rig(rig, changes)
 
 
-def _current_driven_matrices(point: LinearBearing) -> tuple[FloatArray, ...]:
-    mass = point.mass
-    a = np.array([[0.0, 1.0], [point.k_s / mass, -point.damping / mass]])
-    b = np.array([[0.0, 0.0], [point.k_i / mass, -1.0 / mass]])
-    c = np.array([[1.0, 0.0], [point.k_s, 0.0]])
-    return a, b, c, np.array([[0.0, 0.0], [point.k_i, 0.0]])
+def _current_driven_matrices(bearing: LinearBearing) -> tuple[FloatArray, ...]:
+    mass = bearing.mass
+    a = np.array([[0.0, 1.0], [bearing.k_s / mass, -bearing.damping / mass]])
+    b = np.array([[0.0, 0.0], [bearing.k_i / mass, -1.0 / mass]])
+    c = np.array([[1.0, 0.0], [bearing.k_s, 0.0]])
+    return a, b, c, np.array([[0.0, 0.0], [bearing.k_i, 0.0]])
 
 
-def _voltage_driven_matrices(point: LinearBearing) -> tuple[FloatArray, ...]:
-    a, into, current, direct = voltage_matrices(point)
-    b = np.column_stack([into, [0.0, -1.0 / point.mass, 0.0]])
-    c = np.array([[1.0, 0.0, 0.0], [point.k_s, 0.0, point.k_i], current])
-    return a, b, c, np.array([[0.0, 0.0], [0.0, 0.0], [direct, 0.0]])
+def _voltage_driven_matrices(bearing: LinearBearing) -> tuple[FloatArray, ...]:
+    a, input_vector, current, feedthrough = voltage_matrices(bearing)
+    b = np.column_stack([input_vector, [0.0, -1.0 / bearing.mass, 0.0]])
+    c = np.array([[1.0, 0.0, 0.0], [bearing.k_s, 0.0, bearing.k_i], current])
+    return a, b, c, np.array([[0.0, 0.0], [0.0, 0.0], [feedthrough, 0.0]])

@@ -1,1 +1,1 @@
-"""Many plants behind many methods: drawn, run, compared, one verdict."""
+"""Run many plants with many methods, and compare the results."""

@@ -1,4 +1,4 @@
-"""What the verdict of a study adds where compensation does not pay."""
+"""State for each kind of rig the conditions under which compensation would be beneficial."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from types import MappingProxyType
 
 BENEFICIAL_CONDITIONS: Mapping[str, str] = MappingProxyType(
     {
-        # A bearing steps behind its position feedback.
-        "feedback": "it would pay where feedback does not hide what the force is off: a stage that "
-        "follows set-points with feedforward, a force without a sensor, or iron that hardly "
-        "answers after a reversal",
-        # A force is set without a sensor of it.
-        "force": "it would pay where the gap stands still or moves little: there the iron makes the "
-        "error, and not the map over the gap",
-        # A stage follows set-points with feedforward.
-        "stage": "it would pay where set-points change and move the mass, the calibration holds, and "
-        "the iron keeps its turning points",
-        # A piezo stage follows a reference behind an integrator.
+        # a bearing moves in steps under position feedback
+        "feedback": "it would pay if feedback did not hide the force error: on a stage that follows "
+        "set-points with feedforward, for a force without a sensor, or on iron that responds "
+        "little after a reversal",
+        # a force is controlled without a force sensor
+        "force": "it would pay at a constant gap, where the iron causes the error and not the gap map",
+        # a stage follows set-points with feedforward
+        "stage": "it would pay with set-points that change and move the mass, a right calibration, and "
+        "iron with return-point memory",
+        # a piezo stage follows a reference under integral feedback
         "piezo": "it would pay with a faster reference or a slower feedback, which then cannot "
-        "follow the loop",
+        "compensate the loop",
     }
 )
-"""By the physical situation; the figures behind them: docs/choosing.md, "Does it pay?"."""
+"""Sentence for each situation; the figures are in docs/choosing.md, "Does it pay?"."""

@@ -1,6 +1,7 @@
-"""Plants that have drifted behind every method, whichever rig they are: Monte Carlo.
+"""Simulate drifted plants with every method (Monte Carlo), for any kind of rig.
 
-A plant depends on the seed and its number alone, whoever runs it and when, and none is run twice.
+A plant depends only on the seed and its number. Results are stored in a file, and an interrupted
+run continues from it.
 """
 
 from __future__ import annotations
@@ -38,18 +39,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PERCENTILES = (5, 50, 95, 99)
+"""Percentiles in the tables."""
 
 
 @dataclass(frozen=True)
 class PlantFigure(Metric):
-    """What is measured of a plant."""
+    """A figure that is measured on each plant."""
 
-    cases: tuple[float | str, ...] = ()  # at which it is measured; without them once a plant
-    case_key: str = ""  # what files call a case
+    # cases in which it is measured; empty: one value for each plant
+    cases: tuple[float | str, ...] = ()
+    case_key: str = ""  # key of a case in files
 
     @property
     def case_names(self) -> tuple[str, ...]:
-        """The cases in words."""
+        """Names of the cases."""
         if not self.cases:
             return ("",)
         return tuple(f"{1e6 * c:g} um" if isinstance(c, float) else c for c in self.cases)
@@ -57,28 +60,28 @@ class PlantFigure(Metric):
 
 @dataclass(frozen=True)
 class Plants:
-    """A rig, what controls it, and what is measured of its plants."""
+    """A rig with its controller, and the figures to measure on its plants."""
 
-    file: RigFile  # says what it is and by how much plants differ
-    # runs a plant behind a method, with a seed of its noise; goes to other processes. It returns
-    # every figure, infinite or null where it was not reached; or ``lost_s`` alone
+    file: RigFile  # rig file with the spread of the plants
+    # runs a plant with a method and a noise seed, possibly in another process; returns every
+    # figure, infinite or null if it was not reached, or ``lost_s`` alone
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
-    own_method: MethodName  # what the others are the baselines of
+    own_method: MethodName  # method that is compared with all others
     figures: tuple[PlantFigure, ...]
-    input_files: tuple[Path, ...]  # files that results depend on
-    setting_texts: Mapping[str, str]  # settings that they depend on, beside those of the rig
-    seed: int  # of all plants
-    beneficial_condition: str  # said where compensation is not worth it here
-    # what a map of the benefit calls its single case; "": each stage of the trials is one
+    input_files: tuple[Path, ...]  # files that affect the results
+    setting_texts: Mapping[str, str]  # further settings that affect the results
+    seed: int  # seed of all plants
+    beneficial_condition: str  # sentence for plants on which compensation is not beneficial
+    # name of the single case in a benefit map; "": one case for each stage of the trials
     single_case: str = ""
 
     def draw_plant(self, number: int) -> tuple[Drift, int]:
-        """Return how far a plant has drifted, and the seed of its noise."""
+        """Draw the drift of a plant, and return it with the seed of its noise."""
         return sample_plant(self.file, self.seed, number)
 
     def header(self) -> dict[str, Any]:
-        """Return all that results depend on."""
+        """Return all inputs of the results."""
         return {
             "format": "anhyst-montecarlo",
             "version": 2,
@@ -99,24 +102,25 @@ def _hash(settings: str, files: Sequence[Path]) -> str:
 
 @dataclass(frozen=True)
 class PlantRun:
-    """What one plant did behind one method."""
+    """Result of one plant with one method."""
 
-    values: Mapping[str, tuple[float, ...]]  # by figure, one a case; infinite where it was lost
-    lost_s: float | None  # when the loop was lost, s
+    # by figure, one for each case; infinite if the loop was lost
+    values: Mapping[str, tuple[float, ...]]
+    lost_s: float | None  # time of the loss of the loop, s
 
 
 @dataclass(frozen=True, repr=False)
 class MonteCarlo(StudyResult):
-    """Plants drawn and run.
+    """Results of drawn plants.
 
     Parameters
     ----------
     plants : Plants
-        What was run.
+        The simulated rig and methods.
     drifts : tuple of Drift
-        One a plant.
+        One for each plant.
     runs : mapping of str to tuple of PlantRun
-        One a plant, by method.
+        One for each plant, by method.
     """
 
     plants: Plants
@@ -124,7 +128,7 @@ class MonteCarlo(StudyResult):
     runs: Mapping[MethodName, tuple[PlantRun, ...]]
 
     def values(self, method: MethodName, key: str, case: int = 0) -> list[float]:
-        """Return a figure of every plant, infinite where the loop was lost.
+        """Return a figure of every plant, infinite if the loop was lost.
 
         Parameters
         ----------
@@ -137,7 +141,7 @@ class MonteCarlo(StudyResult):
         return [run.values[key][case] for run in self.runs[method]]
 
     def lost_count(self, method: MethodName) -> int:
-        """Return how many plants were lost behind a method.
+        """Return the number of plants that lost the loop with a method.
 
         Parameters
         ----------
@@ -147,7 +151,7 @@ class MonteCarlo(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """How many plants were lost behind each method that lost any."""
+        """Number of lost plants for each method that lost any."""
         return [
             f"{lost} of {len(self.drifts)} plants with '{name}'"
             for name in self.runs
@@ -155,41 +159,46 @@ class MonteCarlo(StudyResult):
         ]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where a plant was lost behind the compensator."""
-        own = self.plants.own_method
-        if self.lost_count(own):
+        """Raise NegativeResult if a plant was lost with the compensator."""
+        own_method = self.plants.own_method
+        if self.lost_count(own_method):
             raise NegativeResult(
-                f"{self.lost_count(own)} of {len(self.drifts)} plants were lost with '{own}'",
+                f"{self.lost_count(own_method)} of {len(self.drifts)} plants were lost with '{own_method}'",
                 code="plants-lost",
             )
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it over all plants, figure by figure and case by case."""
-        own = self.plants.own_method
-        if self.lost_count(own):
+        """Whether compensation is beneficial over all plants, for each figure and case."""
+        own_method = self.plants.own_method
+        if self.lost_count(own_method):
             return Judgement(
-                "unknown", f"'{own}' lost {self.lost_count(own)} of {len(self.drifts)}"
+                "unknown",
+                f"'{own_method}' lost {self.lost_count(own_method)} of {len(self.drifts)} plants",
             )
         if len(self.drifts) < 2:
-            return Judgement("unknown", "one plant says nothing of others; run more")
+            return Judgement("unknown", "one plant is not sufficient; run more")
         compared = [
             comparison
             for figure in self.plants.figures
             for case in range(len(figure.case_names))
             if (comparison := self._compare(figure, case)) is not None
         ]
-        return judge_against_baselines(own, compared, "figures", self.plants.beneficial_condition)
+        return judge_against_baselines(
+            own_method, compared, "figures", self.plants.beneficial_condition
+        )
 
     def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
-        """Compare with the strongest baseline plant by plant, since both meet the same ones."""
+        """Compare with the strongest baseline plant by plant, because both have the same plants."""
         completed = [method for method in self.runs if not self.lost_count(method)]
-        means = {one: mean_interval(self.values(one, figure.key, case)) for one in completed}
-        if (best := strongest_baseline(means)) is None:
+        means = {
+            method: mean_interval(self.values(method, figure.key, case)) for method in completed
+        }
+        if (baseline := strongest_baseline(means)) is None:
             return None
-        own = self.plants.own_method
+        own_method = self.plants.own_method
         own_values, best_values = (
-            np.array(self.values(one, figure.key, case)) for one in (own, best)
+            np.array(self.values(method, figure.key, case)) for method in (own_method, baseline)
         )
         uncertainty = (
             mean_interval(own_values - best_values).half_width
@@ -197,7 +206,9 @@ class MonteCarlo(StudyResult):
             else 0.0
         )
         title = f"{figure.title} {figure.case_names[case]}".strip()
-        return ComparedFigure(title, best, means[own].mean, means[best].mean, uncertainty)
+        return ComparedFigure(
+            title, baseline, means[own_method].mean, means[baseline].mean, uncertainty
+        )
 
     def facts(self) -> dict[str, str]:
         """Return the first figure of every method, and the verdict."""
@@ -209,7 +220,7 @@ class MonteCarlo(StudyResult):
         return facts | self.losses_fact() | {"verdict": self.verdict.sentence}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return every figure of every plant, one row a plant, method and case."""
+        """Return every figure of every plant, one row for each plant, method and case."""
         rows = []
         for figure in self.plants.figures:
             for case, name in enumerate(figure.case_names):
@@ -220,7 +231,7 @@ class MonteCarlo(StudyResult):
         return rows_to_columns(rows)
 
     def draw(self, ax: Axes) -> None:
-        """Draw the share of plants that stay below the first figure."""
+        """Draw the cumulative distribution of the first figure."""
         figure = self.plants.figures[0]
         for name in self.runs:
             values = figure.factor * np.sort(self.values(name, figure.key))
@@ -229,7 +240,7 @@ class MonteCarlo(StudyResult):
         ax.set_ylabel("plants below [%]")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return percentiles and worst plants as ``montecarlo.json`` holds them."""
+        """Return percentiles and worst plants as ``montecarlo.json`` stores them."""
         variants = {method: self._variant(method) for method in self.runs}
         worst = {
             spread["worst_plant"]
@@ -263,14 +274,14 @@ class MonteCarlo(StudyResult):
 
 
 def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
-    """Return percentiles, the worst and its plant; what is infinite becomes None, as for JSON."""
+    """Return percentiles, the worst value and its plant; infinite values become None for JSON."""
     worst = int(np.argmax(values))
     spread = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
     return {**to_json_value({**spread, "worst": values[worst]}), "worst_plant": worst}
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
-    """Return the least of the values that so many percent of them do not exceed.
+    """Return the smallest value that at least `percent` per cent of the values do not exceed.
 
     >>> percentile([3.0, 1.0, 2.0, math.inf], 50), percentile([3.0, 1.0, 2.0, math.inf], 99)
     (2.0, inf)
@@ -285,7 +296,7 @@ def monte_carlo(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> MonteCarlo:
-    """Run plants that have drifted; a file of results goes on from where it was."""
+    """Simulate drifted plants; an existing file of results is continued."""
     fault = partial(find_fault, plants=plants)
     with ResultsFile(path, plants.header(), "plant", fault) as results:
         remaining = [number for number in range(count) if number not in results.done]
@@ -295,8 +306,8 @@ def monte_carlo(
         except KeyboardInterrupt:
             done_count = sum(number in results.done for number in range(count))
             raise Interrupted(
-                f"{done_count} of {count} plants are kept in {results.path}; the same command goes on "
-                "from there"
+                f"{done_count} of {count} plants are stored in {results.path}; the same command "
+                "continues from there"
             ) from None
         rows = [results.done[number]["variants"] for number in range(count)]
     return MonteCarlo(
@@ -307,7 +318,7 @@ def monte_carlo(
 
 
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:
-    """Run one plant behind every method; returns the line of the file of results."""
+    """Simulate one plant with every method; return the line of the results file."""
     drift, noise = plants.draw_plant(number)
     variants = {
         method: to_json_value({"lost_s": None, **plants.run(method, drift, noise)})
@@ -317,23 +328,23 @@ def run_plant(plants: Plants, number: int) -> dict[str, Any]:
 
 
 def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
-    lost = row["lost_s"]
+    lost_s = row["lost_s"]
     values = {}
     for figure in plants.figures:
         lost_values = [None] * len(figure.case_names)
-        entry = lost_values if lost is not None else row[figure.key]
+        entry = lost_values if lost_s is not None else row[figure.key]
         cases = entry if isinstance(entry, list) else [entry]
         values[figure.key] = tuple(math.inf if case is None else case for case in cases)
-    return PlantRun(values, lost)
+    return PlantRun(values, lost_s)
 
 
 def find_fault(row: Mapping[str, Any], plants: Plants) -> str | None:
-    """Say what keeps a line from being the result of a plant."""
+    """Return why a line is not the result of a plant, or None."""
     return next(_faults(row, plants), None)
 
 
 def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
-    """Yield the faults of a line; what follows the first one is not looked at."""
+    """Yield the faults of a line; a later check may rely on the earlier ones."""
     number = row.get("plant")
     if not isinstance(number, int) or isinstance(number, bool) or number < 0:
         yield "plant: must be the number of a plant"
@@ -341,20 +352,20 @@ def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
         if not isinstance(row.get(key), dict):
             yield f"{key}: is missing"
     for name in plants.methods:
-        run, where = row["variants"].get(name), f"variants.{name}"
+        run, prefix = row["variants"].get(name), f"variants.{name}"
         if not isinstance(run, dict):
-            yield f"{where}: is missing"
+            yield f"{prefix}: is missing"
         if not _is_valid_value(run.get("lost_s", math.nan)):
-            yield f"{where}.lost_s: must be null or when the loop was lost"
+            yield f"{prefix}.lost_s: must be null or the time of the loss of the loop"
         for figure in plants.figures if run["lost_s"] is None else ():
             entry = run.get(figure.key, math.nan)
             values = entry if figure.cases else [entry]
             if not isinstance(values, list) or len(values) != len(figure.case_names):
-                yield f"{where}.{figure.key}: must have {len(figure.case_names)} values, one a case"
+                yield f"{prefix}.{figure.key}: must have {len(figure.case_names)} values, one for each case"
             for index, value in enumerate(values):
                 if not _is_valid_value(value):
                     key = f"{figure.key}.{index}" if figure.cases else figure.key
-                    yield f"{where}.{key}: must be null or a number that is not negative"
+                    yield f"{prefix}.{key}: must be null or a number that is not negative"
 
 
 def _is_valid_value(value: Any) -> bool:

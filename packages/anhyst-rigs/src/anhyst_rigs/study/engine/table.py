@@ -1,9 +1,9 @@
-"""The table of a study: what methods gave in its cases, and whether a model is worth it.
+"""Compare the figures of methods in the cases of a study, and decide whether a model is beneficial.
 
-A figure is a column by its key, a mean over the seeds; how it is called and shown is a
-:class:`Metric`. One rule judges every study: a figure of the model is compared with that of the
-baseline which is best in it. A difference counts where it is certain: more than the noise of both
-leaves open. The model is worth it where some figures are certainly less and none is more.
+A figure is stored by its key, as a mean over noise seeds; a :class:`Metric` has its title and unit.
+Each figure of the model is compared with the best baseline. A difference counts if it exceeds the
+uncertainty of both means. The model is beneficial if some figures are significantly smaller and
+none is significantly larger.
 """
 
 from __future__ import annotations
@@ -34,31 +34,31 @@ VERDICT_TITLES: Mapping[Level, str] = {
     "unknown": "No verdict",
 }
 MAX_LISTED = 4
-"""Comparisons that are named one by one; more are counted."""
+"""Largest number of comparisons that are listed; more are counted."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean and how well it is known."""
+    """A mean with its confidence interval."""
 
     mean: float
-    half_width: float  # of the confidence interval
-    count: int  # of the runs behind it
-    # Of these, the ones in which levitation was lost. If there are any, there is no mean: what the
-    # others did would flatter.
+    half_width: float  # half-width of the confidence interval
+    count: int  # number of runs
+    # Number of runs that lost levitation. Then there is no mean, because the other runs would be
+    # too favourable.
     lost: int = 0
 
     def exceeds(self, floor: Interval) -> bool:
-        """Whether it is certainly above another mean, noise of both taken as independent."""
+        """Whether it is significantly above another mean, with independent noise."""
         return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as files hold it."""
+        """Return the interval as files store it."""
         return {"mean": self.mean, "half_width": self.half_width, "count": self.count}
 
 
 def lost_interval(lost: int, count: int) -> Interval:
-    """Return what stands in place of a mean of runs of which some lost levitation."""
+    """Return an interval without a mean, for runs of which some lost levitation."""
     return Interval(math.nan, math.nan, count, lost)
 
 
@@ -78,16 +78,16 @@ def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
 class MeanRatio:
     """A ratio of means with its confidence interval."""
 
-    value: float  # infinite over a mean of zero
-    low: float  # ends of the interval; 0 and infinite where the lower mean may be zero
+    value: float  # infinite for a lower mean of zero
+    low: float  # ends of the interval; 0 and infinite if the lower mean may be zero
     high: float
 
 
 def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanRatio:
-    """Return the ratio of the means of pairs, with Fieller's interval.
+    """Return the ratio of the means of paired values, with Fieller's interval.
 
-    It holds all ratios R for which the mean of ``upper - R lower`` may be zero. So it holds 1
-    exactly where the mean of the difference may be zero.
+    The interval contains all ratios R for which the mean of ``upper - R lower`` may be zero.
+    Therefore, it contains 1 exactly if the mean of the difference may be zero.
     """
     rows = np.array([upper, lower], dtype=float)
     count = rows.shape[1]
@@ -96,36 +96,36 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
     (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
     value = a / b if b > 0.0 else math.inf
     # (a - R b)^2 <= aa - 2 R ab + R^2 bb
-    square, half, rest = b * b - bb, a * b - ab, a * a - aa
-    if square <= 0.0:
+    quadratic, linear, constant = b * b - bb, a * b - ab, a * a - aa
+    if quadratic <= 0.0:
         return MeanRatio(value, 0.0, math.inf)
-    root = math.sqrt(max(half * half - square * rest, 0.0))
-    return MeanRatio(value, max((half - root) / square, 0.0), (half + root) / square)
+    root = math.sqrt(max(linear * linear - quadratic * constant, 0.0))
+    return MeanRatio(value, max((linear - root) / quadratic, 0.0), (linear + root) / quadratic)
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedFigure:
-    """A figure of a model beside that of a baseline; the smaller one is better."""
+    """A figure of a model and that of a baseline; the smaller one is better."""
 
     title: str
     baseline: str
     model_value: float
     baseline_value: float
-    uncertainty: float  # difference that noise leaves open
+    uncertainty: float  # largest difference that noise can explain
 
     @property
     def is_better(self) -> bool:
-        """Whether it is certain that there is a gain."""
+        """Whether the model is significantly better."""
         return self.baseline_value - self.model_value > self.uncertainty
 
     @property
     def is_worse(self) -> bool:
-        """Whether it is certain that there is a loss."""
+        """Whether the model is significantly worse."""
         return self.model_value - self.baseline_value > self.uncertainty
 
     @property
     def ratio(self) -> float:
-        """Figure of the model over that of the baseline; nan where neither leaves anything."""
+        """Figure of the model over that of the baseline, or nan if both are zero."""
         if self.baseline_value != 0.0:
             return self.model_value / self.baseline_value
         return math.nan if self.model_value == 0.0 else math.inf
@@ -134,13 +134,13 @@ class ComparedFigure:
 def compare(
     title: str, baseline: str, model_value: Interval, baseline_value: Interval, floor: float = 0.0
 ) -> ComparedFigure:
-    """Compare two means, beyond a floor and what noise of both, taken as independent, leaves open."""
+    """Compare two means; differences below a floor or within the noise do not count."""
     uncertainty = max(floor, math.hypot(model_value.half_width, baseline_value.half_width))
     return ComparedFigure(title, baseline, model_value.mean, baseline_value.mean, uncertainty)
 
 
 def strongest_baseline(figures: Mapping[MethodName, Interval]) -> MethodName | None:
-    """Return the baseline with the least mean; None where none has one."""
+    """Return the baseline with the smallest mean, or None if none has a mean."""
     names = [
         name
         for name, interval in figures.items()
@@ -151,21 +151,21 @@ def strongest_baseline(figures: Mapping[MethodName, Interval]) -> MethodName | N
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What came out of all comparisons."""
+    """Result of all comparisons."""
 
     level: Level
     text: str
 
     @property
     def sentence(self) -> str:
-        """All of it."""
+        """Title and text of the verdict."""
         return f"{VERDICT_TITLES[self.level]}: {self.text}"
 
 
 def judge_against_baselines(
     model: str, comparisons: Sequence[ComparedFigure], noun: str, condition: str
 ) -> Judgement:
-    """Judge a model against the strongest baselines; ``instead`` says where it would pay."""
+    """Judge a model against the strongest baselines; ``condition`` completes a negative verdict."""
     verdict = judge_comparisons(model, comparisons, noun)
     if verdict.level == "unknown":
         return verdict
@@ -174,14 +174,14 @@ def judge_against_baselines(
 
 
 def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
-    """Say in which figures a model is certainly less, more or alike, whatever it is compared with."""
+    """List in which figures a model is significantly better, worse or equal."""
     comparable = [
         comparison
         for comparison in comparisons
         if not math.isnan(comparison.ratio) or comparison.baseline_value == comparison.model_value
     ]
     if not comparable:
-        return Judgement("unknown", f"{model} was compared with nothing")
+        return Judgement("unknown", f"{model} has no baseline to compare with")
     better = [comparison for comparison in comparable if comparison.is_better]
     worse = [comparison for comparison in comparable if comparison.is_worse]
     level: Level = "no" if not better else "mixed" if worse else "yes"
@@ -199,7 +199,7 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
 
 
 def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
-    """Name figures with their parts of the baseline's, or count them."""
+    """List figures with their ratios to the baseline, or count them."""
     if count > MAX_LISTED:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
         parts = sorted(
@@ -230,75 +230,75 @@ def _format_range(low: float, high: float) -> str:
 
 
 FIGURES_FILE = "figures.json"
-"""What is written beside a recording."""
+"""Name of the file with figures next to a recording."""
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure that methods are judged by; the smaller, the better."""
+    """A figure by which methods are compared; smaller is better."""
 
-    key: str  # in files, with its unit
+    key: str  # name in files, with unit
     title: str  # in words
-    unit: str  # as it is shown
-    factor: float = 1.0  # from SI to that
+    unit: str  # displayed unit
+    factor: float = 1.0  # from SI to the displayed unit
 
     @property
     def heading(self) -> str:
-        """Of a table: title and unit."""
+        """Table heading: title and unit."""
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
 
 @dataclass(frozen=True)
 class CaseFigures:
-    """What one method gave in one case."""
+    """Figures of one method in one case."""
 
-    # by key; both directions of a step count as one value. Empty if the loop was lost in any run.
+    # by key; both directions of a step are one value; empty if any run lost the loop
     figures: Mapping[str, Interval]
-    lost: int  # runs in which the loop was lost, and all runs
+    lost: int  # number of runs that lost the loop, and of all runs
     runs: int
 
     @classmethod
     def summarise(cls, runs: Sequence[Mapping[str, float] | None], **extra_fields: Any) -> Self:
-        """Sum up runs, one a seed; None stands for one in which the loop was lost."""
+        """Summarise runs, one for each seed; None is a run that lost the loop."""
         completed = [run for run in runs if run is not None]
         names = completed[0] if len(completed) == len(runs) else ()
         figures = {name: mean_interval([run[name] for run in completed]) for name in names}
         return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
-        """Return a figure; one without a mean if the loop was lost in any run."""
+        """Return a figure, without a mean if any run lost the loop."""
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as files hold it."""
+        """Return the figures as files store them."""
         figures = {name: interval.as_dict() for name, interval in self.figures.items()}
         return {"lost": self.lost, "runs": self.runs, **figures}
 
 
 def save_lost_run(recording: Recording, out: PathLike) -> None:
-    """Keep the recording of a loop that was lost, and no figures of another one beside it."""
+    """Save the recording of a run that lost the loop, and delete older figures next to it."""
     recording.save(out)
     (Path(out).parent / FIGURES_FILE).unlink(missing_ok=True)
 
 
 Cases = Mapping[str, Mapping[MethodName, CaseFigures]]
-"""The table: a row a case, by its name, with what each method gave in it."""
+"""Figures by case and method."""
 
 
 class StudyResult(Result):
-    """What a study gives: its figures, a verdict, and in what the loop was lost."""
+    """Result of a study: figures, verdict and lost runs."""
 
     __slots__ = ()
     kind: ClassVar[str]
-    """Of the rig that was simulated: the word of its record."""
+    """Kind of the simulated rig."""
 
     @property
     @abstractmethod
     def lost_in(self) -> list[str]:
-        """Everything tried in which the loop was lost."""
+        """Runs that lost the loop."""
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where the loop was lost."""
+        """Raise NegativeResult if the loop was lost."""
         if self.lost_in:
             raise NegativeResult(
                 f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
@@ -308,14 +308,14 @@ class StudyResult(Result):
     @property
     @abstractmethod
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it."""
+        """Whether compensation is beneficial."""
 
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds."""
+        """Return the content of ``figures.json``."""
 
     def losses_fact(self) -> dict[str, str]:
-        """Return what is said of losses where facts are."""
+        """Return the lost runs as a fact."""
         return {"lost in": "; ".join(self.lost_in)} if self.lost_in else {}
 
     def write_figures(self, path: PathLike) -> None:

@@ -1,6 +1,9 @@
-"""The currents of a measurement at one gap, what they must keep to, and the key that says so.
+"""Design the currents of a loop measurement at one gap, within the limits of the rig.
 
-Shares are of the largest current at the gap.
+A measurement consists of records. Each record begins with an approach that brings the iron into a
+known state, and then follows a path of currents. The limits come from amplifier, sensors, winding
+and rig file; each is stored with the key that sets it. The ratios in the constants refer to the
+peak, which is the largest current at the gap.
 """
 
 from __future__ import annotations
@@ -31,25 +34,24 @@ from anhyst_rigs.rig.measuring import (
 from anhyst_rigs.rig.piezo import PiezoRig
 
 MAX_WARMTH = 0.95
-"""Share of the warmth that trips, up to which a drive is designed."""
+"""Largest designed warmth of the winding, as a fraction of the warmth that trips the firmware."""
 
 
 @dataclass(frozen=True, slots=True)
 class Winding:
-    """A body of one heat capacity, warmed by the square of the current.
+    """Thermal model of a winding: one heat capacity, heated by the square of the current.
 
-    Warmth stands for the temperature above the surroundings, in parts of that at which a current
-    that flows for ever is just allowed.
+    Warmth is the temperature rise divided by that of the largest continuous current.
     """
 
-    continuous_current: float  # current that may flow for ever, A
-    time_constant: float  # time constant, s
+    continuous_current: float  # largest continuous current, A
+    time_constant: float  # thermal time constant, s
 
     def warmth_along(
         self, current: FloatArray, dt: float, initial_warmth: float = 0.0
     ) -> FloatArray:
-        """Return the warmth after each sample of a current, A, in steps of `dt`, s."""
-        from scipy.signal import lfilter  # slow to load, and used here alone
+        """Return the warmth after each sample of a current, A, with steps of `dt`, s."""
+        from scipy.signal import lfilter  # slow import
 
         decay = math.exp(-dt / self.time_constant)
         heat = (1.0 - decay) * np.square(current / self.continuous_current)
@@ -57,77 +59,72 @@ class Winding:
         return warmth
 
     def max_start_warmth(self, current: FloatArray, dt: float) -> float:
-        """Return the warmth from which a current just stays allowed; negative where none does."""
+        """Return the largest warmth from which a current may begin; negative if it may never."""
         warmth_from_cold = self.warmth_along(current, dt)
         decay = np.exp(-dt / self.time_constant * np.arange(1, current.size + 1))
         return float(np.min((MAX_WARMTH - warmth_from_cold) / decay))
 
     def rest_time(self, before: float, after: float) -> float:
-        """Return the seconds without current from one warmth to a lower one, above 0."""
+        """Return the time without current from one warmth to a lower one above 0, s."""
         return max(0.0, self.time_constant * math.log(before / after)) if before > after else 0.0
 
 
 SENSOR_RANGE_RATIO = 0.95
-"""Share of the range of a sensor that is used."""
+"""Fraction of the range of a sensor that is used."""
 DEFAULT_SWEEP_S = 1.0
-"""From no current to the largest one, where no [measurement] says how fast."""
+"""Time of a sweep from zero to the largest current, s, if there is no [measurement]."""
 SAMPLES_PER_SWEEP = 100
-"""Of such a sweep."""
+"""Number of samples of such a sweep."""
 CONDITIONING_CYCLES = 3
-"""Of conditioning, where no [measurement] says how many."""
+"""Number of conditioning cycles if there is no [measurement]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A bound, and the key of the rig file that sets it."""
+    """A limit, and the key of the rig file that sets it."""
 
-    value: float  # in SI units
+    value: float  # SI units
     key: str
 
 
 @dataclass(frozen=True, slots=True)
 class Specimen:
-    """What is measured, and within what.
+    """The magnet or piezo stage to be measured, and its limits.
 
-    A piezo stage is driven by a voltage, V, and answers with a displacement, m: these stand in the
-    places of current and force.
+    For a piezo stage, the voltage (V) replaces the current and the displacement (m) the force.
     """
 
-    held_rig: HeldRig | None  # the rig, its armature held; none of a piezo stage
-    gaps: tuple[float, ...]  # where it is held, m; none of a piezo stage
-    operating_force: Bound  # force about which inner loops are run, N
+    held_rig: HeldRig | None  # rig with held armature; None for a piezo stage
+    gaps: tuple[float, ...]  # gaps to measure, m; empty for a piezo stage
+    operating_force: Bound  # force of the operating point, N
     max_current: Bound  # largest current, A; its fastest change, A/s; largest force, N
     max_rate: Bound
     max_force: Bound
     min_current: float  # lowest current of the amplifier, A
-    winding: Winding | None  # none where the rig file says nothing about its temperature
-    sweep_rate: float  # wanted rate of the current, A/s
-    sample_s: float  # wanted time from row to row, s
-    conditioning_cycles: int  # of conditioning
-    pause_s: float  # to set the next gap, s
-    fast_rates: tuple[float, ...] = ()  # wanted rates of full cycles besides, A/s
-    demanded_force_rate: float = (
-        0.0  # fastest change of the force that is asked for, N/s; 0 where none is known
-    )
+    winding: Winding | None  # None if the rig file has no thermal data
+    sweep_rate: float  # nominal rate of the current, A/s
+    sample_s: float  # nominal time between rows, s
+    conditioning_cycles: int  # number of conditioning cycles
+    pause_s: float  # pause to set the next gap, s
+    fast_rates: tuple[float, ...] = ()  # nominal rates of additional full cycles, A/s
+    demanded_force_rate: float = 0.0  # fastest demanded change of the force, N/s; 0: unknown
     drive: str = "current"  # quantities of the loops
     output: str = "force"
-    is_bipolar: bool = False  # whether the current goes as far below zero as above
+    is_bipolar: bool = False  # whether the current has both signs
 
     @property
     def units(self) -> tuple[str, str]:
-        """Units of what drives and of what answers."""
+        """Units of the driving quantity and of the response."""
         return QUANTITIES[self.drive].unit, QUANTITIES[self.output].unit
 
 
 def bearing_specimen(rig: BodyRig) -> Specimen:
-    """Return the first magnet of a body; it must be whole."""
+    """Return the first magnet of a body as specimen; its table must be complete."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
-    poles, current_sensor, force_sensor = (
-        settings.magnet.poles,
-        settings.current_sensor,
-        settings.force_sensor,
-    )
+    poles = settings.magnet.poles
+    current_sensor = settings.current_sensor
+    force_sensor = settings.force_sensor
     currents = [
         Bound(amplifier.current_high_A, "amplifier.current_high_A"),
         Bound(SENSOR_RANGE_RATIO * current_sensor.high_A, "current_sensor.high_A"),
@@ -162,16 +159,17 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
 
 
 def _demanded_force_rate(file: RigFile) -> float:
-    """Return how fast the set-point of a stage changes the force, N/s; 0 of what has none."""
+    """Return the fastest change of the force that a set-point demands, N/s; 0 if there is none."""
     scan = next((case for case in file.cases if isinstance(case, ScanCase)), None)
     if scan is None:
         return 0.0
-    rise_s = scan.jerk_phase_s - scan.snap_phase_s  # at constant jerk, as if all of it were
+    # time of constant jerk, taken for the whole rise
+    rise_s = scan.jerk_phase_s - scan.snap_phase_s
     return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise_s
 
 
 def _default_operating_force(rig: BodyRig) -> Bound:
-    """Return the force about which a magnet of a body works, where the file does not say."""
+    """Return the operating force of a magnet for which the rig file does not state one."""
     force_max = getattr(rig.settings.control, "force_max_N", None)
     if force_max is not None:
         return Bound(0.5 * force_max, "control.force_max_N")
@@ -184,7 +182,7 @@ def _default_operating_force(rig: BodyRig) -> Bound:
 
 
 def force_specimen(rig: ForceControlRig) -> Specimen:
-    """Return the actuator of a force rig; its magnet must be whole."""
+    """Return the actuator of a force rig as specimen; its magnet must be complete."""
     settings = rig.settings
     amplifier, excite, force = settings.amplifier, settings.excite, settings.force
     file = rig.solenoid_file
@@ -211,17 +209,20 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
 
 
 MIN_STACK_CYCLE_S = 1.0
-"""Fastest slow cycle of a piezo stage, over the whole range of its amplifier."""
+"""Shortest slow cycle of a piezo stage over the range of its amplifier, s."""
 RESONANCE_PERIODS_PER_CYCLE = 80.0
-"""Periods of its resonance in the fastest cycle: it rings by 0.8 % of the stroke where it turns."""
+"""Periods of the resonance in the fastest cycle: the ringing at a reversal is 0.8 % of the stroke.
+"""
 FAST_RATE_RATIO = 5.0
-"""Fast cycles of a piezo stage over slow ones: two speeds tell a lag from a wider loop."""
+"""Rate of the fast cycles of a piezo stage over the slow ones. Two rates separate a lag from a
+wider loop."""
 STACK_PAUSE_S = 30.0
-"""At 0 V before each record of a piezo stage: the creep of its conditioning is gone."""
+"""Time at 0 V before each record of a piezo stage, s, in which the creep of its conditioning
+decays."""
 
 
 def stack_specimen(rig: PiezoRig) -> Specimen:
-    """Return a piezo stage, driven from 0 V: its amplifier limits it, and its resonance the speed."""
+    """Return a piezo stage as specimen; amplifier and resonance limit its voltage and rate."""
     amplifier, moved = rig.settings.stack_amplifier, rig.settings.displacement_case
     if amplifier.low_V > 0.0:
         raise InputError(
@@ -263,7 +264,7 @@ def _make_specimen(
     supply_rate: Bound,
     sensor_force: Bound,
 ) -> Specimen:
-    """Take the tightest of what the instruments, [measurement] and [excite] say."""
+    """Combine the limits of the instruments, [measurement] and [excite]; the tightest counts."""
     if campaign is not None:
         currents.append(Bound(campaign.current_max_A, "measurement.current_max_A"))
     currents += _optional_bound(excite.current_max_A, "current_max_A")
@@ -293,50 +294,51 @@ def _make_specimen(
 
 
 def _optional_bound(value: float | None, key: str) -> list[Bound]:
+    """Return the limit of a key in [excite], or nothing if it is not given."""
     return [] if value is None else [Bound(value, f"excite.{key}")]
 
 
 MAJOR_LOOP_ENDS = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
-"""Ends of nested major loops, from no current or from as far below zero."""
+"""Upper ends of nested major loops that begin at zero or at the negative end."""
 REVERSAL_RATIOS = (0.9, 0.75, 0.5, 0.25)
-"""From where first-order reversal curves come, and where they turn. Those of the rising side are the
-major loops, which turn at each of their upper ends."""
+"""Start point of the descending first-order reversal curves, then their reversal points. The
+ascending ones are the major loops."""
 MINOR_SWINGS_FROM_ZERO = (0.3, 0.2, 0.1, 0.05)
-"""Swings of inner loops about the operating point, to either side, coming from no current."""
+"""Amplitudes of minor loops about the operating point, approached from zero current."""
 MINOR_SWINGS_FROM_PEAK = (0.35, 0.25, 0.15, 0.1)
-"""The same after the largest current."""
+"""Amplitudes of minor loops about the operating point, approached from the peak."""
 OPERATING_RANGE = (0.2, 0.8)
-"""Least and largest operating current about which they are run."""
+"""Smallest and largest operating current."""
 DEMAGNETISING_DECAY = (0.85, 0.01)
-"""Of a decaying sine: each half-swing over the one before, and the last over the first."""
+"""Decaying sine for demagnetisation: ratio of successive half-swings, and of last to first."""
 SETTLING_DECAY = (0.7, 0.08)
-"""The same about the operating point."""
+"""Decaying sine about the operating point: the same two ratios."""
 MIN_START_WARMTH = 0.1
-"""Warmth from which every record can be begun."""
+"""Warmth at which every record may begin."""
 PEAK_REDUCTION = 0.97
-"""By which the largest current is lowered until the winding stays cool enough."""
+"""Factor by which the peak is reduced until the winding stays cool enough."""
 MIN_PEAK_RATIO = 0.25
-"""Largest current, of that which is wanted, below which loops are not worth it."""
+"""Smallest peak over the nominal one; below it loops are not useful."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One record: what puts the iron into a known state, and what is then measured."""
+    """One record: an approach that brings the iron into a known state, and the measured path."""
 
     name: str
-    approach_reversals: tuple[float, ...]  # turning points on the way to the first sample, A
-    approach: FloatArray  # the same, sample by sample, A
-    path: FloatArray  # currents that are recorded, A
-    history: History  # what the approach leaves
-    sample_s: float  # from one of them to the next, s
-    is_fast: bool = False  # whether what their speed induces is to show
+    approach_reversals: tuple[float, ...]  # reversal points of the approach, A
+    approach: FloatArray  # sampled approach, A
+    path: FloatArray  # recorded currents, A
+    history: History  # history after the approach
+    sample_s: float  # time between samples, s
+    is_fast: bool = False  # whether the record is to show eddy currents
 
     def full_path(self, sample: float) -> FloatArray:
-        """Approach and record, A."""
+        """Return approach and record, A."""
         return np.concatenate([self.approach, self.heating_path(sample)])
 
     def heating_path(self, sample: float) -> FloatArray:
-        """Return the record in samples of so many seconds, A: a fast one as its largest current."""
+        """Return the record for the thermal model, A; a fast record as its largest current."""
         if not self.is_fast:
             return self.path
         count = math.ceil(self.path.size * self.sample_s / sample)
@@ -346,7 +348,7 @@ class Record:
 def decaying_reversals(
     centre: float, first_swing: float, decay: tuple[float, float]
 ) -> list[float]:
-    """Return the turning points of a decaying sine about a current, A, which ends there."""
+    """Return the reversal points of a decaying sine about a current, A, and that current."""
     ratio, last_swing = decay
     count = math.ceil(math.log(last_swing) / math.log(ratio))
     swings = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
@@ -354,7 +356,7 @@ def decaying_reversals(
 
 
 def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
-    """Go from turning point to turning point as a sine does, in steps of at most this size, A."""
+    """Return a path through reversal points with sine-shaped branches and a largest step, A."""
     parts = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = max(math.ceil(0.5 * math.pi * abs(end - begin) / step), 1)
@@ -364,27 +366,25 @@ def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
 
 
 def can_demagnetise(specimen: Specimen, peak: float) -> bool:
-    """Whether the amplifier drives as far below zero as above."""
+    """Whether the amplifier reaches the negative of the peak."""
     return specimen.min_current <= -peak
 
 
 def current_step(specimen: Specimen) -> float:
-    """Return the change of current from sample to sample, A: as wanted, or as fast as is allowed."""
+    """Return the change of current between samples, A, at the nominal or the largest rate."""
     return min(specimen.sweep_rate, specimen.max_rate.value) * specimen.sample_s
 
 
 def design_records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
-    """Return what is run at a gap."""
+    """Return the records of a gap."""
     step = current_step(specimen)
     if can_demagnetise(specimen, peak):
         approach_reversals = [0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY)]
         approach, history = sine_path(approach_reversals, step), DEMAGNETISED
     else:
         approach_reversals = [0.0, *[peak, 0.0] * specimen.conditioning_cycles]
-        approach, history = (
-            sweep_path(approach_reversals, step),
-            History("conditioned", tuple(approach_reversals)),
-        )
+        approach = sweep_path(approach_reversals, step)
+        history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
     first_reversal, *reversals = (
         lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS
@@ -419,19 +419,19 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
 
 
 def fast_cycle_rates(specimen: Specimen) -> list[float]:
-    """Return the rates of full cycles besides, A/s, no faster than is allowed."""
+    """Return the allowed rates of additional full cycles, A/s."""
     return sorted({min(speed, specimen.max_rate.value) for speed in specimen.fast_rates})
 
 
 def _minor_loop_reversals(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
-    """Swing about a current, less and less, as far as there is room."""
+    """Return reversal points about a current with limited amplitudes, A."""
     max_swing = min(operating, peak - operating)
     sizes = [min(share * peak, max_swing) for share in swings]
     return [operating + side * size for size in sizes for side in (1.0, -1.0)]
 
 
 def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
-    """Swing about a current coming from below, settle there by a decaying sine, swing a little."""
+    """Return minor loops approached from zero, a decaying sine, and two small loops, A."""
     minor_loops = _minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_ZERO)
     max_swing = min(operating, peak - operating)
     approach = sweep_path([0.0, *minor_loops, operating], step)
@@ -443,7 +443,7 @@ def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
 
 
 def find_thermal_peak(specimen: Specimen) -> Bound:
-    """Return the largest current at which every record can be run, A, and what limits it."""
+    """Return the largest current at which every record can be run, A, and its limit."""
     if not specimen.max_rate.value > 0.0:
         raise InputError(
             f"{specimen.max_rate.key}: the supply does not drive {specimen.max_current.value:g} A through "
@@ -456,7 +456,7 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
         return specimen.max_current
     peak = highest
     while peak >= MIN_PEAK_RATIO * highest:
-        # An operating point at the upper end warms most.
+        # The highest operating point heats most.
         hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
             winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s)

@@ -1,4 +1,8 @@
-"""Measure the loops of a rig's magnet: find how far it may be driven, design, run, write."""
+"""Measure the loops of a rig's magnet or piezo stage, and write them with their history.
+
+At each gap a probe finds the largest current, then the designed records are run. The functions
+measure virtual rigs; `on_board` measures with a running controller.
+"""
 
 from __future__ import annotations
 
@@ -49,27 +53,27 @@ from anhyst_rigs.study.excite.design import (
 )
 
 MeasureFunction = Callable[[Specimen, Progress | None], "Excitation"]
-"""How loops of a specimen are measured."""
+"""Measures the loops of a specimen."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadSpecimen:
-    """What is measured, and the files that say so."""
+    """A specimen with the files that describe it."""
 
     specimen: Specimen
-    input_files: tuple[Path, ...]  # must not be written over
-    measure: MeasureFunction  # what measures the virtual rig
+    input_files: tuple[Path, ...]  # must not be overwritten
+    measure: MeasureFunction  # measures the virtual rig
 
 
 class HasSpecimen(Protocol):
     """A kind of rig whose loops can be measured."""
 
     def specimen(self, rig: PathLike) -> ReadSpecimen:
-        """Read what is measured of a rig file."""
+        """Read the specimen of a rig file."""
 
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
-    """Read a rig file of any kind."""
+    """Read the specimen of a rig file of any kind."""
     return require_capability(require_rig(path, "excite"), HasSpecimen).specimen(path)
 
 
@@ -82,9 +86,9 @@ def read_stack_specimen(path: PathLike) -> ReadSpecimen:
 def read_force_specimen(path: PathLike) -> ReadSpecimen:
     """Read the rig file of an actuator whose force is controlled."""
     rig = read_rig(path)
-    named = rig.settings.solenoid
-    files = [rig.path] if named is None else [rig.path, rig.path.parent / named.file]
-    if named is None and rig.settings.magnet.has_iron_from_loops:
+    solenoid = rig.settings.solenoid
+    files = [rig.path] if solenoid is None else [rig.path, rig.path.parent / solenoid.file]
+    if solenoid is None and rig.settings.magnet.has_iron_from_loops:
         files += rig.measured_loops.files
         rig = complete_rig(rig, rig.measured_loops.read())
     return ReadSpecimen(force_specimen(rig), tuple(files), measure_gaps)
@@ -101,7 +105,7 @@ def read_stage_specimen(path: PathLike) -> ReadSpecimen:
 
 
 def _read_body_specimen(rig: BodyRig) -> ReadSpecimen:
-    """Take a rig whose magnet may not be fitted to its loops yet."""
+    """Return the specimen of a body; its magnet is first fitted to loops if necessary."""
     files = [file for file in (rig.path, rig.model_path, rig.flux_table_path) if file is not None]
     if rig.settings.magnet.has_iron_from_loops:
         files += rig.measured_loops.files
@@ -111,36 +115,37 @@ def _read_body_specimen(rig: BodyRig) -> ReadSpecimen:
 
 
 SLOPE_WINDOW_RATIO = 0.1
-"""Of the largest current, to either side of the operating point: over it the force's slope is taken."""
+"""Half-width of the current window about the operating point in which the slope of the force is
+fitted, as a fraction of the peak."""
 FAST_RATE_MARGIN = 1.5
-"""Fastest loops over the speed that is needed: beyond the fastest nothing is known."""
+"""Fastest measured rate over the rate that the set-point needs; a note recommends this ratio."""
 PROBE_FORCE_RATIO = 0.95
-"""Share of the largest force at which the current is taken back."""
+"""Fraction of the force limit at which the probe stops."""
 _PROBE_SEED = 1000
-"""Number of the probe among the records, for the seed of its noise."""
+"""Record number of the probe in the seed of its noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProbedGap:
-    """What was found at a gap before loops were measured there."""
+    """Result of the probe at a gap, before loops are measured."""
 
-    gap: float  # m; of a piezo stage not a number
-    peak: Bound  # largest current, A, and what limits it
-    largest_force: float  # largest force that was read on the way there, N
-    operating_current: float  # current about which inner loops are run, A
+    gap: float  # m; nan for a piezo stage
+    peak: Bound  # largest current, A, and its limit
+    largest_force: float  # largest force of the probe, N
+    operating_current: float  # current of the operating point, A
     is_force_reached: bool  # whether it gives the operating force
-    # change of the current that the set-point asks for there, A/s; 0: not known
+    # rate of the current that the set-point needs there, A/s; 0: unknown
     required_rate: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class DriveHistory:
-    """All that the amplifier was asked for, rests included; one value a sample."""
+    """All samples of the drive, including rests."""
 
     time: FloatArray  # s
     current: FloatArray  # A
     gap: FloatArray  # m
-    # of the winding, 1 where it just may stay for ever; not a number where nothing is known
+    # warmth of the winding, 1 at the largest continuous current, or nan if unknown
     warmth: FloatArray
 
 
@@ -152,11 +157,11 @@ class Excitation:
     ----------
     loops : Loops
     specimen : Specimen
-    places : tuple of Place
-        In the order in which they were measured: from the largest gap to the smallest.
-    played : Played
+    probed_gaps : tuple of ProbedGap
+        In the order of the measurement, from the largest gap to the smallest.
+    drive_history : DriveHistory
     notes : tuple of str
-        What was designed down, and why.
+        Restrictions of the design, and their keys.
     """
 
     loops: Loops
@@ -166,7 +171,7 @@ class Excitation:
     notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as what is printed as JSON."""
+        """Return the content of the JSON output."""
         played, specimen = self.drive_history, self.specimen
         drive, unit = specimen.drive, specimen.units[0]
         answer = "displacement_m" if specimen.output == "displacement" else "force_N"
@@ -209,7 +214,7 @@ class Excitation:
 
 @dataclass(slots=True)
 class _DriveLog:
-    """What has been played so far."""
+    """All samples that have been driven."""
 
     specimen: Specimen
     time: float = 0.0
@@ -217,7 +222,7 @@ class _DriveLog:
     parts: list[tuple[FloatArray, ...]] = field(default_factory=list)
 
     def append(self, current: FloatArray, gap: float) -> FloatArray:
-        """Take a path into the account; return the times of its samples, s."""
+        """Append a path; return the times of its samples, s."""
         sample, winding = self.specimen.sample_s, self.specimen.winding
         time: FloatArray = self.time + sample * np.arange(1.0, current.size + 1.0)
         if winding is None:
@@ -230,13 +235,13 @@ class _DriveLog:
         return time
 
     def rest(self, seconds: float, gap: float) -> None:
-        """Wait without current."""
+        """Append a rest without current."""
         count = int(np.ceil(seconds / self.specimen.sample_s))
         if count > 0:
             self.append(np.zeros(count), gap)
 
     def cool_for(self, current: FloatArray, gap: float) -> None:
-        """Wait until a path can be played without the winding becoming too warm."""
+        """Append the rest after which a path keeps the winding cool enough."""
         winding = self.specimen.winding
         if winding is not None:
             max_warmth = winding.max_start_warmth(current, self.specimen.sample_s)
@@ -249,9 +254,9 @@ class _DriveLog:
 def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     """Measure loops at every gap, within the limits.
 
-    From the largest gap to the smallest: the flux rises from gap to gap, so that conditioning wipes
-    out what was before. At each gap the current is first raised once, until it, the force or the
-    winding is at its limit: that is the largest current of the records there.
+    Gaps are measured from the largest to the smallest. The flux increases from gap to gap, so that
+    conditioning removes the history of earlier gaps. A probe at each gap raises the current once
+    until current, force or winding reaches its limit. This peak limits all records at the gap.
     """
     assert specimen.held_rig is not None
     thermal_peak = find_thermal_peak(specimen)
@@ -284,7 +289,7 @@ def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excita
 def measure_stack(
     rig: PiezoRig, specimen: Specimen, progress: Progress | None = None
 ) -> Excitation:
-    """Measure loops of a piezo stage in one drive, from long rest at 0 V, as its creep goes on."""
+    """Measure loops of a piezo stage in one continuous drive after long rest at 0 V, with creep."""
     log, thermal_peak, no_gap = _DriveLog(specimen), find_thermal_peak(specimen), math.nan
     seed = [rig.settings.seed, _PROBE_SEED]
     rise = sweep_path([0.0, thermal_peak.value], current_step(specimen))
@@ -321,7 +326,7 @@ def _probe_gap(
     number: int,
     thermal_peak: Bound,
 ) -> ProbedGap:
-    """Raise the current once until something is at its limit, and take it back."""
+    """Raise the current once until a quantity reaches its limit, and return to zero."""
     assert specimen.held_rig is not None
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.cool_for(np.concatenate([path, path[::-1]]), gap)
@@ -340,15 +345,15 @@ def _probe_gap(
 def evaluate_probe(
     specimen: Specimen, gap: float, driven: FloatArray, forces: Sequence[float], thermal_peak: Bound
 ) -> ProbedGap:
-    """Return what the first rise of the current at a gap showed."""
+    """Evaluate the first rise of the current at a gap."""
     peak = thermal_peak
     if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
-        # One sample back: what was there is below the limit for certain.
+        # The previous sample is certainly below the limit.
         peak = Bound(float(driven[max(driven.size - 2, 0)]), specimen.max_force.key)
     if driven.size < 3:
         raise InputError(
             f"{specimen.max_force.key}: at {1e3 * gap:g} mm {specimen.max_force.value:g} N are reached at "
-            f"{driven[-1]:.3g} A; there is no room for a loop",
+            f"{driven[-1]:.3g} A, which is too small for a loop; raise the limit",
             code="force-limit-too-low",
             key=specimen.max_force.key,
         )
@@ -363,7 +368,7 @@ def evaluate_probe(
 def _required_rate(
     specimen: Specimen, current: FloatArray, force: FloatArray, operating: float
 ) -> float:
-    """Return how fast the current changes where the force does as fast as is asked for, A/s."""
+    """Return the rate of the current for the fastest demanded change of the force, A/s."""
     is_near = np.abs(current - operating) <= SLOPE_WINDOW_RATIO * current[-1]
     if specimen.demanded_force_rate == 0.0 or np.count_nonzero(is_near) < 3:
         return 0.0
@@ -379,7 +384,7 @@ def _record_loop(
     gap: float,
     record: Record,
 ) -> Loop:
-    """Bring the iron into the state that a record begins with, and record."""
+    """Bring the iron into the initial state of a record, and measure it."""
     log.cool_for(record.full_path(specimen.sample_s), gap)
     log.append(record.approach, gap)
     for reversal in record.approach_reversals:
@@ -393,8 +398,8 @@ def _record_loop(
     if above.size:
         raise InputError(
             f"{specimen.max_force.key}: {label} reads {force[above[0]]:.4g} N at "
-            f"{current[above[0]]:.4g} A, more than {specimen.max_force.value:g} N and more than the "
-            "first rise at this gap showed; lower excite.current_max_A",
+            f"{current[above[0]]:.4g} A, more than {specimen.max_force.value:g} N, although the "
+            "probe at this gap stayed below; lower excite.current_max_A",
             code="force-above-limit",
             key=specimen.max_force.key,
         )
@@ -402,22 +407,24 @@ def _record_loop(
 
 
 def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> None:
-    """Refuse places none of which gives the operating force."""
-    if any(place.is_force_reached for place in probed_gaps):
+    """Raise an InputError if no gap reaches the operating force."""
+    if any(probed_gap.is_force_reached for probed_gap in probed_gaps):
         return
-    best = max(probed_gaps, key=lambda place: place.largest_force)
+    best_gap = max(probed_gaps, key=lambda probed_gap: probed_gap.largest_force)
+    force, peak = specimen.operating_force, best_gap.peak
+    low, high = (f"{100 * ratio:.0f}" for ratio in OPERATING_RANGE)
     raise InputError(
-        f"{specimen.operating_force.key}: inner loops are wanted about {specimen.operating_force.value:g} N, "
-        f"and at no gap is that between {100 * OPERATING_RANGE[0]:.0f} and {100 * OPERATING_RANGE[1]:.0f} % of the "
-        f"largest current; {best.peak.key} leaves {best.peak.value:.3g} A and {best.largest_force:.4g} N at "
-        f"{1e3 * best.gap:g} mm; give excite.operating_N, or raise that limit",
+        f"{force.key}: minor loops about {force.value:g} N need a current from {low} to {high} % of "
+        f"the largest one, which no gap allows; {peak.key} limits it to {peak.value:.3g} A and "
+        f"{best_gap.largest_force:.4g} N at {1e3 * best_gap.gap:g} mm; set excite.operating_N, or "
+        "raise that limit",
         code="operating-force-not-reached",
-        key=specimen.operating_force.key,
+        key=force.key,
     )
 
 
 def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> list[str]:
-    """Say what was designed down, and why."""
+    """Describe the restrictions of the design, with the keys that cause them."""
     notes = []
     unit, answer = specimen.units
     if specimen.sweep_rate > specimen.max_rate.value:
@@ -434,7 +441,7 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
             )
         if not place.is_force_reached:
             notes.append(
-                f"{prefix}inner loops about {place.operating_current:.4g} {unit}, which does not give the "
+                f"{prefix}minor loops about {place.operating_current:.4g} {unit}, which does not give the "
                 f"{specimen.operating_force.value:.4g} {answer} of {specimen.operating_force.key}"
             )
     if not all(can_demagnetise(specimen, place.peak.value) for place in probed_gaps):
@@ -451,14 +458,14 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
     required_rate = FAST_RATE_MARGIN * max(place.required_rate for place in probed_gaps)
     if specimen.fast_rates and required_rate > max(fast_cycle_rates(specimen)):
         notes.append(
-            f"the set-point asks for {required_rate / FAST_RATE_MARGIN:.3g} A/s at the operating point, and "
-            f"cycles of {required_rate:.3g} A/s would show what solid iron does there "
+            f"the set-point needs {required_rate / FAST_RATE_MARGIN:.3g} A/s at the operating point, and "
+            f"cycles of {required_rate:.3g} A/s would show its eddy currents there "
             "(measurement.fast_A_per_s)"
         )
     if specimen.gaps and specimen.winding is None:
         notes.append(
-            "the rig file does not say what the winding stands (excite.continuous_A, thermal_s): "
-            "its temperature is not looked at"
+            "the rig file states no limits of the winding (excite.continuous_A, thermal_s): "
+            "its temperature is not monitored"
         )
     return notes
 
@@ -469,20 +476,20 @@ def excite(
     progress: Progress | None = None,
     measure: MeasureFunction | None = None,
 ) -> Excitation:
-    """Measure the loops of a rig and write them, with a sidecar that says how they begin.
+    """Measure the loops of a rig, and write them with a sidecar that states their history.
 
-    Without `how` it is the virtual rig that is measured.
+    Without `measure`, the virtual rig is measured.
     """
     file = Path(out)
     if file.suffix.lower() != ".csv":
         raise InputError(
-            f"{file}: loops are written as .csv; change the ending", code="wrong-ending"
+            f"{file}: loops are written as .csv; change the extension", code="wrong-ending"
         )
     source = read_specimen(rig)
     if measure is not None and not source.specimen.gaps:
         raise InputError(
-            "--xcp and --port measure through a controller of force, which a piezo stage has none "
-            "of; leave them and --folder out",
+            "--xcp and --port need a force controller, which a piezo stage does not "
+            "have; omit them and --folder",
             code="option-not-for-this",
             key="--xcp",
         )
@@ -491,7 +498,7 @@ def excite(
         check_writable(path, input_files=source.input_files)
     if sidecar.exists() and not is_sidecar(sidecar):
         raise InputError(
-            f"{sidecar}: is no description of loops; write to another file", code="not-a-sidecar"
+            f"{sidecar}: is not a sidecar of loops; write to another file", code="not-a-sidecar"
         )
     try:
         measured = (measure or source.measure)(source.specimen, progress)
@@ -502,7 +509,7 @@ def excite(
 
 
 def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
-    """Write measured loops, and the sidecar that says how they begin."""
+    """Write measured loops, and the sidecar that states their history."""
     lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in measured.notes)]
     histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
     lines += ["", "[history]"]

@@ -1,7 +1,8 @@
-"""Measure loops through a controller that runs: its demand drives the current, its sensors measure.
+"""Measure loops with a running force controller: it drives the current, and its sensors measure.
 
-With the constant ratio in place of the compensation a demand is a current. Turning points are
-demanded one after the other; the controller goes straight between them, at its own slope.
+The controller uses a constant ratio instead of the compensation, so a demand sets a current.
+Reversal points are demanded one after another. Between them the demand has the controller's slew
+rate.
 """
 
 from __future__ import annotations
@@ -43,54 +44,56 @@ from anhyst_rigs.study.excite.excite import (
 )
 
 _DWELL_S = 0.02
-"""At each turning point, s: the amplifier follows in the first half, the second is one sample."""
+"""Time at each reversal point, s. The amplifier settles in the first half; the second is one
+sample."""
 _READ_INTERVAL_S = 0.01
-"""Between two looks at what is read, s."""
+"""Time between two reads of the bench, s."""
 _STATE_TIMEOUT_S = 30.0
-"""Until a controller is in another state, s; a current is taken away along its ramp."""
+"""Timeout for a change of state, s; the controller reduces a current along its ramp."""
 _START_TIMEOUT_S = 2.0
-"""Until a run that was begun is seen; somebody may have stopped it already, s."""
+"""Timeout for the start of a run, s; somebody may have stopped it already."""
 _GAP_TOLERANCE_RATIO = 0.01
-"""Of the largest gap: so far from a gap of the rig file may the armature be held."""
+"""Largest deviation of the held gap from a gap of the rig file, as a fraction of the largest gap.
+"""
 _DEMAND_TOLERANCE_RATIO = 1e-7
-"""Of the full demand: nearer two demands are one."""
+"""Demands that differ by less than this fraction of the full demand are equal."""
 _REQUIRED_SIGNALS = ("force", "current", "demand", "gap", "state", "fault")
 
 
 class DrivenBoard(Protocol):
-    """What is needed of a bench, as :class:`anhyst_rigs.rig.bench.protocol.Bench` has it."""
+    """Part of :class:`anhyst_rigs.rig.bench.protocol.Bench` that a measurement uses."""
 
     @property
     def rate(self) -> float:
-        """Ticks a second."""
+        """Tick rate, Hz."""
 
     @property
     def demand_range(self) -> DemandRange:
-        """What is demanded."""
+        """The demanded quantity and its range."""
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """Columns of what is measured, after the number of the tick."""
+        """Columns of the rows after the tick."""
 
     @property
     def ticks_per_row(self) -> int:
-        """Ticks from one row to the next."""
+        """Ticks between two rows."""
 
     @property
     def loss_reason(self) -> str:
-        """Why the controller is looked for; empty while it answers."""
+        """Reason of a lost connection; empty while the controller answers."""
 
     def advance(self, ticks: int) -> FloatArray:
-        """Wait until some ticks have passed, and return all rows that came."""
+        """Wait for some ticks, and return all new rows."""
 
     def command(self, command: Command) -> None:
-        """Give a command."""
+        """Send a command."""
 
     def demand(self, value: float) -> None:
         """Demand a force, N."""
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the settings, with the values in force."""
+        """Return the settings with their current values."""
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings."""
@@ -99,12 +102,12 @@ class DrivenBoard(Protocol):
 def measure_on_board(
     specimen: Specimen, bench: DrivenBoard, progress: Progress | None = None
 ) -> Excitation:
-    """Measure loops at the gap where the armature is held, within the limits.
+    """Measure loops within the limits, at the gap at which the armature is held.
 
-    At the end the controller is stopped, its settings as before, and idle if it was.
+    Finally the controller is stopped, with its previous settings, and idle if it was before.
     """
     drive = BoardDrive(specimen, bench)
-    # A board reads too slowly for fast cycles.
+    # Boards read too slowly for fast cycles.
     board_specimen = replace(
         specimen, gaps=(drive.gap,), max_current=drive.max_current, fast_rates=()
     )
@@ -134,16 +137,20 @@ def measure_on_board(
 
 
 class BoardDrive:
-    """A current that a controller of force drives by its constant ratio."""
+    """Drives a current through the constant ratio of a force controller."""
 
     def __init__(self, specimen: Specimen, bench: DrivenBoard) -> None:
         self._specimen, self._bench = specimen, bench
         names = [signal.name for signal in bench.signals]
-        missing = [name for name in _REQUIRED_SIGNALS if name not in names]
-        if bench.demand_range.unit != "N" or missing:
-            reason = f"says no {', '.join(missing)}" if missing else "controls no force"
+        missing_names = [name for name in _REQUIRED_SIGNALS if name not in names]
+        if bench.demand_range.unit != "N" or missing_names:
+            reason = (
+                f"has no signal {', '.join(missing_names)}"
+                if missing_names
+                else "does not control a force"
+            )
             raise InputError(
-                f"measure: the controller {reason}; loops need one that controls a force",
+                f"measure: the controller {reason}; measure with a force controller",
                 code="controller-without-force",
                 key="measure",
             )
@@ -164,13 +171,13 @@ class BoardDrive:
         self._ratio = self.max_current.value / bench.demand_range.high
 
     def _read_held_gap(self) -> float:
-        """Return the gap of the rig file at which the armature is held."""
+        """Return the gap of the rig file at which the armature is held, m."""
         gap_read = float(np.mean(self._read_rows()[:, self._column_indices["gap"]]))
         nearest_gap = min(self._specimen.gaps, key=lambda gap: abs(gap - gap_read))
         if abs(nearest_gap - gap_read) > _GAP_TOLERANCE_RATIO * max(self._specimen.gaps):
             gaps = ", ".join(f"{1e3 * gap:g}" for gap in self._specimen.gaps)
             raise InputError(
-                f"measure: the armature stands at {1e3 * gap_read:.4g} mm; hold it at a gap of the rig "
+                f"measure: the armature is at {1e3 * gap_read:.4g} mm; hold it at a gap of the rig "
                 f"file: {gaps} mm",
                 code="gap-not-of-rig",
                 key="measure",
@@ -178,14 +185,14 @@ class BoardDrive:
         return nearest_gap
 
     def begin(self, rate: float) -> None:
-        """Be ready to drive a current with this rate, A/s; no current flows yet."""
+        """Prepare to drive a current with this rate, A/s, from zero current."""
         if self._state() is State.RUN:
             self._bench.command(Command.STOP)
             self._wait_for_state(State.READY)
         self._was_idle = self._state() is State.IDLE
         if self._was_idle:
-            # To condition would drive as far as it was compiled for. What it then takes for its
-            # memory does not matter: it is idle again afterwards.
+            # Conditioning would use the compiled range. The assumed hysteresis state does not
+            # matter, because the controller becomes idle again.
             self._bench.command(Command.DEMAGNETISED)
             self._wait_for_state(State.READY)
         slew = rate / self._ratio
@@ -195,12 +202,10 @@ class BoardDrive:
         self._wait_for_state(State.RUN, _START_TIMEOUT_S)
 
     def end(self) -> None:
-        """Take the current away, and put the settings back; a controller that is gone stays so."""
+        """Reduce the current to zero, and restore the settings; ignore a lost controller."""
         with suppress(InputError):
             if self._state() is State.RUN:
-                with suppress(
-                    RequestRefusedError
-                ):  # whoever stopped it was quicker than its last sample
+                with suppress(RequestRefusedError):  # somebody else has just stopped it
                     self._bench.command(Command.STOP)
                 self._wait_for_state(State.READY)
             names = ("compensation", "ratio", "demand_slew")
@@ -209,7 +214,7 @@ class BoardDrive:
                 self._bench.command(Command.IDLE)
 
     def drive_to(self, current: float) -> tuple[FloatArray, FloatArray]:
-        """Go straight to a current, A, and stay a moment."""
+        """Drive the current to a value, A, and dwell; return current and force samples."""
         force = min(current / self._ratio, self._bench.demand_range.high)
         self._bench.demand(force)
         parts = [self._read_running_rows(self._chunk_ticks)]
@@ -217,7 +222,7 @@ class BoardDrive:
         while self._is_driving(parts[-1][-1:], force).any():
             if self._elapsed_s() > end:
                 raise InputError(
-                    f"measure: the controller does not go to a demand of {force:g} N",
+                    f"measure: the controller does not reach a demand of {force:g} N",
                     code="demand-not-reached",
                     key="measure",
                 )
@@ -237,7 +242,7 @@ class BoardDrive:
         return samples[:, 0], samples[:, 1]
 
     def _is_driving(self, rows: FloatArray, force: float) -> NDArray[np.bool_]:
-        """Say in which rows the demand is still on its way."""
+        """Return in which rows the demand has not reached its target yet."""
         differs: NDArray[np.bool_] = (
             np.abs(rows[:, self._column_indices["demand"]] - force)
             > _DEMAND_TOLERANCE_RATIO * self._bench.demand_range.high
@@ -245,7 +250,7 @@ class BoardDrive:
         return differs
 
     def wait_until_cool(self, path: FloatArray) -> None:
-        """Wait without current until a path, A, leaves the winding cool enough."""
+        """Wait without current until a path, A, keeps the winding cool enough."""
         winding, sample = self._specimen.winding, self._specimen.sample_s
         if winding is None:
             return
@@ -256,7 +261,7 @@ class BoardDrive:
             self._read_running_rows(self._chunk_ticks)
 
     def drive_history(self) -> DriveHistory:
-        """Return what was driven, as the sensor of the current read it, a mean each 10 ms."""
+        """Return the measured current as means over 10 ms."""
         time, current, warmth = np.array(self._samples).T
         return DriveHistory(time - time[0], current, np.full(time.size, self.gap), warmth)
 
@@ -264,7 +269,7 @@ class BoardDrive:
         return float(self._samples[-1][0]) if self._samples else 0.0
 
     def _read_rows(self) -> FloatArray:
-        """Return the next rows, of at least a moment."""
+        """Return the next rows; wait until there are some."""
         rows = self._bench.advance(self._chunk_ticks)
         while not len(rows):
             if self._bench.loss_reason:
@@ -273,10 +278,8 @@ class BoardDrive:
                 )
             rows = self._bench.advance(self._chunk_ticks)
         time = float(rows[-1, 0]) / self._bench.rate
-        current, winding = (
-            float(rows[:, self._column_indices["current"]].mean()),
-            self._specimen.winding,
-        )
+        current = float(rows[:, self._column_indices["current"]].mean())
+        winding = self._specimen.winding
         if winding is None:
             self._warmth = np.nan
         elif self._samples:
@@ -288,16 +291,14 @@ class BoardDrive:
         return rows
 
     def _read_running_rows(self, ticks: int) -> FloatArray:
-        """Return rows of so many ticks of a run; take the current away where it goes too far."""
+        """Return rows of a number of ticks in a run; stop at the force limit."""
         parts = [self._read_rows()]
         while parts[-1][-1, 0] - parts[0][0, 0] < ticks - self._bench.ticks_per_row:
             parts.append(self._read_rows())
         rows = np.concatenate(parts)
         last_row = rows[-1]
-        state, fault = (
-            State(int(last_row[self._column_indices["state"]])),
-            Fault(int(last_row[self._column_indices["fault"]])),
-        )
+        state = State(int(last_row[self._column_indices["state"]]))
+        fault = Fault(int(last_row[self._column_indices["fault"]]))
         if state is not State.RUN:
             reason = "" if fault is Fault.NONE else f" ({fault.name.lower().replace('_', ' ')})"
             raise InputError(
@@ -307,7 +308,7 @@ class BoardDrive:
             )
         force, limit = rows[:, self._column_indices["force"]], self._specimen.max_force
         largest = int(np.argmax(force))
-        if not force[largest] <= limit.value:  # no number where the sensor has no value
+        if not force[largest] <= limit.value:  # the reading may be nan
             self._bench.demand(0.0)
             raise InputError(
                 f"{limit.key}: {force[largest]:.4g} N are read at "
@@ -322,20 +323,20 @@ class BoardDrive:
         return State(int(self._read_rows()[-1, self._column_indices["state"]]))
 
     def _wait_for_state(self, goal: State, timeout_s: float = _STATE_TIMEOUT_S) -> None:
-        """Wait until a state is reached."""
+        """Wait for a state of the controller."""
         end = time.monotonic() + timeout_s
         while (state := self._state()) is not goal:
             if state is State.FAULT or time.monotonic() > end:
                 raise InputError(
                     f"measure: the controller is in the state {state.name.lower()}, not "
-                    f"{goal.name.lower()}; see why, and clear its fault",
+                    f"{goal.name.lower()}; find the cause, and clear its fault",
                     code="wrong-state",
                     key="measure",
                 )
 
 
 def _probe_gap(specimen: Specimen, drive: BoardDrive, thermal_peak: Bound) -> ProbedGap:
-    """Raise the current once until something is at its limit, and take it back."""
+    """Raise the current once until a quantity reaches its limit, and return to zero."""
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     drive.wait_until_cool(np.concatenate([path, path[::-1]]))
     forces: list[float] = []
@@ -348,7 +349,7 @@ def _probe_gap(specimen: Specimen, drive: BoardDrive, thermal_peak: Bound) -> Pr
 
 
 def _record_loop(drive: BoardDrive, record: Record) -> Loop:
-    """Bring the iron into the state that a record begins with, and record."""
+    """Bring the iron into the initial state of a record, and measure it."""
     drive.wait_until_cool(record.full_path(record.sample_s))
     for reversal in record.approach_reversals:
         drive.drive_to(reversal)
@@ -359,7 +360,7 @@ def _record_loop(drive: BoardDrive, record: Record) -> Loop:
 
 
 def _reversals(path: FloatArray) -> list[float]:
-    """Return where a path begins, turns and ends."""
+    """Return the ends and reversal points of a path."""
     directions = np.sign(np.diff(path))
     indices = 1 + np.flatnonzero(directions[1:] != directions[:-1])
     return [float(reversal) for reversal in path[[0, *indices, path.size - 1]]]

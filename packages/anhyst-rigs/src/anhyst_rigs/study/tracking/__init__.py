@@ -1,1 +1,1 @@
-"""Tracking with feedforward: what compensation of hysteresis gains on a stage that follows set-points."""
+"""Tracking of set-points with feedforward: effect of hysteresis compensation on a stage."""

@@ -1,11 +1,11 @@
-"""The motion of a stage and of a bearing, and the law of a method of each.
+"""Compute measured and predicted forces along the motion of a stage or a bearing.
 
-Of a stage the wrench of all magnets is held against the motion. Moments count by the radius of
-gyration of the body about their axis, so that all that is compared is in N. What the law is known
-to leave out: the lines of pull move with the body by micrometres.
+For a stage, the wrench of all magnets is compared with the motion of the body. Moments are divided
+by the radius of gyration about their axis, so that all compared components are in N. The model
+neglects that the lines of force move with the body by micrometres.
 
-Of a bearing the net force of its magnets is compared, positive where it closes the gap. The load is
-taken as it was recorded, or as the rig file says; a constant part of it is estimated beside.
+For a bearing, the net force of the magnets is compared, positive if it closes the gap. The load is
+the recorded one or that of the rig file; the parameter ``bias_N`` estimates a constant error of it.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ _DERIVATIVE_STEPS: Mapping[ParameterName, float] = {
     "payload": 0.01,
     **dict.fromkeys(CENTRE_PARAMETERS, 1e-3),
 }
-"""By which a number of the body is moved for its derivative."""
+"""Step of each body parameter for finite-difference derivatives."""
 COMPARISON_START_S = 0.01
-"""From when on anything is compared: the weight is taken up in one step, from which no supply lets
-the currents follow their commands."""
+"""Time of the first comparison, s. Before it the weight is taken up in one step, and the currents
+do not follow their commands."""
 
 
 SPEED_WINDOW_TICKS = 20
-"""Ticks over which a speed is taken, to see whether a recording begins at rest."""
+"""Ticks between two positions whose difference gives the speed at the start of a recording."""
 CALIBRATABLE_METHODS: tuple[MethodName, ...] = (
     "single-valued",
     "play",
@@ -79,29 +79,29 @@ _UNUSED_PARAMETERS: Mapping[MethodName, tuple[str, ...]] = {
     "single-valued": ("width",),
     **dict.fromkeys(FLUX_PROBE_METHODS, ("gap_zero", "width", "lag")),
 }
-"""Numbers that a method has no use for, by what they begin with."""
+"""Parameters that a method does not use, by the beginning of their names."""
 
 
 @dataclass(frozen=True)
 class StageMotion(Motion):
-    """What was read while a stage moved, a number a coordinate a tick."""
+    """Recorded motion of a stage, with one component for each free coordinate."""
 
     @property
     def comparisons_per_tick(self) -> int:
-        """Coordinates."""
+        """Number of free coordinates."""
         return len(self.rig.settings.body.free)
 
     def filter_wrench(self, wrench: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
-        """Return a wrench a tick through the filter, moments by the radius of gyration, in a row."""
-        passed = [
+        """Filter a wrench, moments over the radius of gyration, and return it as one row, N."""
+        filtered = [
             self.filter_force(component, delay_ticks)
             for component in (wrench / self.gyration_radii).T
         ]
-        return np.column_stack(passed).ravel()
+        return np.column_stack(filtered).ravel()
 
     @cached_property
     def gyration_radii(self) -> FloatArray:
-        """By which moments count, m; 1 along a coordinate."""
+        """Radius of gyration of each rotation, m; 1 for translations."""
         body = self.rig.settings.body
         radii = [math.sqrt(inertia / body.mass_kg) for inertia in body.inertia_kg_m2 or [1.0] * 3]
         return np.array([1.0, 1.0, 1.0, *radii])[axis_indices(self.rig.settings)]
@@ -124,14 +124,14 @@ class StageMotion(Motion):
 
     @cached_property
     def weight_force(self) -> FloatArray:
-        """Weight, filtered, N."""
+        """Weight of the body, filtered, N."""
         return self.filter_wrench(
             np.tile(weight_wrench(self.rig.settings), (self.tick_numbers.size, 1))
         )
 
     @cached_property
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
-        """What the numbers of the body push with, for each unit of them, filtered, N."""
+        """Force that each parameter of the body causes, per unit of the parameter, filtered, N."""
         file, forces = self.rig.settings, {}
         for name, step in _DERIVATIVE_STEPS.items():
             changed = assumed_rig(self.rig, {name: step}).settings
@@ -148,14 +148,14 @@ class StageMotion(Motion):
 
     @property
     def demanded_force(self) -> FloatArray:
-        """What was demanded beside what carries the weight, filtered, N."""
+        """Demanded force without the part that carries the weight, filtered, N."""
         file = self.rig.settings
         demand = np.column_stack([self.columns[name] for name in demand_columns(file.body.free)])
         return self.filter_wrench(demand + weight_wrench(file), self.delay_ticks)
 
     @property
     def force_noise(self) -> float:
-        """Standard deviation of the force from the noise of the heads, N."""
+        """Standard deviation of the measured force from the noise of the heads, N."""
         file = self.rig.settings
         head_gain = (
             mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.gyration_radii[:, None]
@@ -165,7 +165,7 @@ class StageMotion(Motion):
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Places at which both sides are compared: all coordinates where much is demanded."""
+        """Indices of compared samples: all coordinates at ticks with a large demand."""
         interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
         min_demand_N = MIN_DEMAND_RATIO * self.rig.settings.tracking.force_max_N
         demand_N = np.linalg.norm(
@@ -181,7 +181,7 @@ class StageMotion(Motion):
 
 
 class StageLaw(MotionLaw):
-    """A method of every magnet as it is fitted to the loops of one, and with other numbers."""
+    """Hysteresis model of one method for every magnet of a stage."""
 
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
@@ -190,27 +190,24 @@ class StageLaw(MotionLaw):
             lambda: current_per_root_force(self.compensator(0.0), rig)
         )
         self._cached_motion: StageMotion | None = None
-        self._cached_forces: dict[
-            tuple[object, ...], FloatArray
-        ] = {}  # of single magnets along that motion
+        # forces of single magnets along that motion, N
+        self._cached_forces: dict[tuple[object, ...], FloatArray] = {}
         self._magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
         unused = _UNUSED_PARAMETERS.get(method, ())
         if rig.settings.magnet.is_bidirectional:
-            unused += ("lag",)  # its force goes with the current, and not with its square
+            unused += ("lag",)  # its force is proportional to the current, not to its square
         self.names = [name for name in rig.parameter_names if not name.startswith(unused)]
         coordinate_count = len(rig.settings.body.free)
-        # Along one coordinate a gap zero does what the scale of its magnet does: both together would
-        # run off to their bounds in many laps.
+        # With one coordinate, a gap zero and the scale of its magnet have the same effect. If both
+        # were estimated, both would drift to their bounds in many motions.
         frozen = ("gap_zero",) if coordinate_count == 1 else ()
         self.estimable_names = [name for name in self.names if not name.startswith(frozen)]
         self.force_max = rig.settings.tracking.force_max_N
-        # Both were chosen for six coordinates, 0.0015 and 0.9, and for one, 0.0023 and 0.85. What a
-        # law leaves is spread over them, and the more there are, the less shows of each number. With
-        # a smaller trust many laps fit what the law has wrong; with a larger one a lap shows little.
-        self.comparison_sigma_ratio, self.max_sigma_ratio = (
-            0.0015 * (6.0 / coordinate_count) ** 0.25,
-            0.84 + 0.01 * coordinate_count,
-        )
+        # Tuned values: 0.0015 and 0.9 with six coordinates, 0.0023 and 0.85 with one. With a
+        # smaller sigma, many motions fit errors of the model; with a larger one, a motion gives
+        # little information. With more coordinates, model errors spread over them.
+        self.comparison_sigma_ratio = 0.0015 * (6.0 / coordinate_count) ** 0.25
+        self.max_sigma_ratio = 0.84 + 0.01 * coordinate_count
         self.max_residual_ratio = 0.0075 if method == "play" else 0.0037
         body_columns = [
             *demand_columns(rig.settings.body.free),
@@ -224,14 +221,14 @@ class StageLaw(MotionLaw):
         self.optional_columns = [] if rig.settings.hall_probe is None else probe_columns
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return the methods of which the recordings do not say enough."""
+        """Return the methods that the recordings cannot calibrate."""
         has_probes = all(
             name in motion.columns for motion in motions for name in self.optional_columns
         )
         return () if self.optional_columns and has_probes else FLUX_PROBE_METHODS
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return what shows that a recording begins in motion: what iron remembers is not known."""
+        """Return a fault if a recording begins in motion, so that its hysteresis state is unknown."""
         file, pose_names = self.rig.settings, pose_columns(self.rig.settings.body.free)
         position_names = [name for name in pose_names if name.endswith("_m")] or pose_names
         position = np.column_stack([columns[name] for name in position_names])
@@ -255,24 +252,24 @@ class StageLaw(MotionLaw):
         return ColumnFault("begins in motion", position_names[0]) if is_moving else None
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
-        """Return what shows that the demand counts the other way than the body goes."""
+        """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
         assert isinstance(motion, StageMotion)
         correlation = float(
             motion.measured_force[motion.compared_indices]
             @ motion.demanded_force[motion.compared_indices]
         )
         demand_column = demand_columns(self.rig.settings.body.free)[0]
-        text = f"the body goes against {demand_column}; turn the sign of every demanded force and moment"
+        text = f"the body moves against {demand_column}; invert the sign of every demanded force and moment"
         return ColumnFault(text, demand_column) if correlation < 0.0 else None
 
     def make_motion(
         self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
     ) -> Motion:
-        """Take a motion as it was read."""
+        """Make a motion from recorded columns."""
         return StageMotion(self.rig, columns, first_compared_tick)
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
-        """Whether a motion can show a number: at rest any law is wrong by a part of what it pulls."""
+        """Whether a motion excites a parameter: its magnet must exceed 6 % of the largest force."""
         number = re.search(r"_(\d+)", name)
         if number is None:
             return True
@@ -282,11 +279,11 @@ class StageLaw(MotionLaw):
         return bool(max_force > MIN_DEMAND_RATIO * self.force_max)
 
     def corrected_stage(self, calibration: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
-        """Return the stage whose controller is corrected by what was found; its plant may drift."""
+        """Return the stage whose controller uses a calibration; its plant may have drifted."""
         return apply_calibration(self.rig, self.compensator, calibration, drift)
 
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the wrench along a path by the law with some numbers, filtered, N."""
+        """Return the predicted wrench along a motion for some parameter values, filtered, N."""
         assert isinstance(motion, StageMotion)
         body_forces = [values[name] * force for name, force in motion.force_per_unit.items()]
         magnet_forces = [
@@ -297,7 +294,7 @@ class StageLaw(MotionLaw):
     def _magnet_force(
         self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
-        """Return what one magnet pulls with; what was asked for before is kept."""
+        """Return the filtered force components of a magnet along a motion, N; results are cached."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         gap_zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = round_to_grid("width", values.get(f"width_{number}", 0.0))
@@ -317,10 +314,8 @@ class StageLaw(MotionLaw):
                 gap_at_force = np.interp(
                     motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap
                 )
-                force, delay_ticks = (
-                    self._force_of_current(current, gap_at_force, width, lag),
-                    motion.delay_ticks,
-                )
+                force = self._force_of_current(current, gap_at_force, width, lag)
+                delay_ticks = motion.delay_ticks
             pull_row = magnet_rows(file)[number - 1] / motion.gyration_radii
             self._cached_forces[key] = np.outer(
                 motion.filter_force(force, delay_ticks), pull_row
@@ -330,9 +325,10 @@ class StageLaw(MotionLaw):
     def _force_of_current(
         self, current: FloatArray, gap: FloatArray, width: float, lag_s: float
     ) -> FloatArray:
-        """Return the force of a current whose flux lags it by so many seconds, N.
+        """Return the force of a current whose flux lags by ``lag_s``, N.
 
-        The controller leads by what the root of the force changes by in that time, and so does this.
+        The lag is applied to the current as the slope of current over root force times the change
+        of the root. The controller's lead uses the same expression.
         """
         force = self.compensator(width).reset_copy().follow(current, gap)
         if not lag_s:
@@ -342,7 +338,7 @@ class StageLaw(MotionLaw):
         return self.compensator(width).reset_copy().follow(lagged_current, gap)
 
     def _force_of_flux(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
-        """Go back the way of the method's calibration: the force goes with the flux density squared."""
+        """Return the force of a measured flux density, N, which is proportional to its square."""
         parameters = self.compensator(0.0).parameters
         assert isinstance(parameters, FluxFeedback | FusedInverse)
         flux_per_root_force = parameters.loop.flux_table[:, -1] / math.sqrt(
@@ -354,17 +350,20 @@ class StageLaw(MotionLaw):
         return np.asarray((flux / np.interp(gap, gaps, flux_per_root_force)) ** 2)
 
 
-REFERENCE_WINDOW_S, MIN_REFERENCE_CHANGE_RATIO = 0.06, 0.02
-"""What is compared lies so soon after the reference moved by that part of the travel: where nothing
-was asked for, any load would be taken for a number of the magnet."""
-RECORDED_LOAD_SIGMA_RATIO, ASSUMED_LOAD_SIGMA_RATIO = 0.002, 0.1
-"""Standard deviation of a load that was recorded, in parts of the largest force, and of one that was
-not, in parts of what the rig file says."""
+REFERENCE_WINDOW_S = 0.06
+"""Window in which the reference must have moved for a tick to be compared, s."""
+MIN_REFERENCE_CHANGE_RATIO = 0.02
+"""Smallest change of the reference in that window, as a fraction of the travel. At rest, any load
+would be taken for an error of the magnet."""
+RECORDED_LOAD_SIGMA_RATIO = 0.002
+"""Standard deviation of a recorded load, as a fraction of the largest force."""
+ASSUMED_LOAD_SIGMA_RATIO = 0.1
+"""Standard deviation of the load of the rig file, as a fraction of that load."""
 
 
 @dataclass(frozen=True)
 class BearingMotion(Motion):
-    """What was read while an armature was lifted and moved."""
+    """Recorded motion of a levitated armature."""
 
     @cached_property
     def _inertial_force(self) -> FloatArray:
@@ -376,43 +375,43 @@ class BearingMotion(Motion):
 
     @cached_property
     def measured_force(self) -> FloatArray:
-        """What the magnets pulled with, by the load and the motion, filtered, N."""
+        """Net force of the magnets that load and motion imply, filtered, N."""
         assumed_load = np.full(self.tick_numbers.size, self.rig.settings.load.force_N)
         return self._inertial_force + self.filter_force(self.columns.get("load_N", assumed_load))
 
     @property
     def force_rms(self) -> float:
-        """Force of which a law leaves a part, root mean square, N; magnets of a pair pull besides."""
+        """Reference force of relative residuals, rms, N; for a pair including both bias forces."""
         return math.hypot(super().force_rms, math.sqrt(2.0) * (self.rig.settings.bias_N or 0.0))
 
     @cached_property
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
-        """What the numbers of the body push with, for each unit of them, filtered, N."""
+        """Force that each parameter of the body causes, per unit of the parameter, filtered, N."""
         return {"bias_N": -np.ones(self.tick_numbers.size), "payload": -self._inertial_force}
 
     @property
     def force_noise(self) -> float:
-        """Standard deviation of that force from noise and steps of the gap sensor, N."""
+        """Standard deviation of the measured force from noise and resolution of the sensor, N."""
         sensor = self.rig.settings.gap_sensor
         gap_noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
         return self.rig.settings.body.mass_kg * gap_noise * self.noise_gain
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Ticks at which both sides are compared: the armature hangs and goes where it is told."""
+        """Indices of compared ticks: the armature levitates and its reference moves."""
         file, reference = self.rig.settings, self.columns["reference_m"]
         state = np.rint(self.columns["state"])
         if "phase" in self.columns:
             state = 16.0 * state + np.rint(self.columns["phase"])
         is_levitated = state == HOVER_CODE
-        # the reference before it hangs is that of the lift
+        # before levitation the reference is that of the lift
         levitated_reference = np.where(
             is_levitated,
             reference,
             file.gap_m if not is_levitated.any() else reference[is_levitated][0],
         )
         window = round(REFERENCE_WINDOW_S / self.rig.dt)
-        window_shift = (window - 1) // 2  # so that the window ends at the tick
+        window_shift = (window - 1) // 2  # the window ends at the tick
         reference_change = maximum_filter1d(levitated_reference, window, origin=window_shift)
         reference_change -= minimum_filter1d(levitated_reference, window, origin=window_shift)
         min_change = MIN_REFERENCE_CHANGE_RATIO * (file.body.stop_high_m - file.body.stop_low_m)
@@ -424,15 +423,13 @@ class BearingMotion(Motion):
 
 
 class BearingLaw(MotionLaw):
-    """A method of each magnet of a bearing as it is fitted to the loops, and with other numbers."""
+    """Hysteresis model of one method for each magnet of a bearing."""
 
     comparison_sigma_ratio = 0.004
     max_sigma_ratio = 0.7
     max_residual_ratio = 0.0043
-    optional_columns = (
-        "load_N",
-        "phase",
-    )  # the live page writes the phase beside the state of a controller
+    # the live page records the phase in addition to the controller's state
+    optional_columns = ("load_N", "phase")
 
     def __init__(
         self,
@@ -452,8 +449,8 @@ class BearingLaw(MotionLaw):
         self._is_load_recorded = is_load_recorded
 
         def fit_compensator(width: float) -> ForceController:
-            known = [calibrate_magnet(magnet, width_change=width)]
-            return fit_bearing_compensators(bearing, controller, known, method, "f64")[0]
+            magnets = [calibrate_magnet(magnet, width_change=width)]
+            return fit_bearing_compensators(bearing, controller, magnets, method, "f64")[0]
 
         self.compensator = cache(fit_compensator)
         commands = magnet_columns(CURRENT_SIGNALS[:1], 1, len(bearing.settings.magnets))
@@ -461,15 +458,15 @@ class BearingLaw(MotionLaw):
 
     def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
         """Return whether the load was recorded in all motions."""
-        return {"is_load_recorded": all("load_N" in one.columns for one in motions)}
+        return {"is_load_recorded": all("load_N" in motion.columns for motion in motions)}
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return what shows that a recording begins before the iron was demagnetised."""
+        """Return a fault if a recording begins while a current flows, otherwise None."""
         has_current = columns["command_A"][0] > 0.0
         return ColumnFault("begins while a current flows", "command_A") if has_current else None
 
     def prior_sigma(self, name: ParameterName) -> float:
-        """Return the standard deviation that the rig file states for a number."""
+        """Return the prior standard deviation of a parameter, from the rig file."""
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":
@@ -483,11 +480,11 @@ class BearingLaw(MotionLaw):
     def make_motion(
         self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
     ) -> Motion:
-        """Take a motion as it was read."""
+        """Make a motion from recorded columns."""
         return BearingMotion(self.rig, columns, first_compared_tick)
 
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the net force along a path by the law with some numbers, filtered, N."""
+        """Return the predicted net force along a motion for some parameter values, filtered, N."""
         gap = motion.columns["gap_read_m"] - values["gap_zero_m"]
         gap = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
         net = motion.force_per_unit["bias_N"] * values["bias_N"]

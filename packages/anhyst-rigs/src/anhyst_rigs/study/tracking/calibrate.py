@@ -1,4 +1,8 @@
-"""Calibration from recorded motion: what a recording must hold, and what was found."""
+"""Calibrate the magnets of a rig from recorded motion, and write the calibration file.
+
+The module checks each recording, computes its motion, and estimates the parameters of each method.
+The result lists the values with their uncertainty, and is written only if a method was accepted.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +41,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_ROWS = 100
-"""Rows of a recording."""
+"""Smallest number of rows of a recording."""
 MAX_READING = 1e30
-"""What is larger, in SI units, is no reading."""
+"""Largest absolute value of a reading, SI units; larger values are invalid."""
 FILE_HEADER = """\
-# What motion taught of the magnets of a rig. Written by anhyst calibrate; a rig file names it as
-# control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
+# Calibration of the magnets of a rig from motion, written by anhyst calibrate. A rig file names it
+# as control.calibration. Values are ratios or have units in their names; the mass scales forces."""
 
 
 def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
-    """Read the columns that are needed of a file, SI."""
+    """Read the required and optional columns of a file, SI units."""
     table = read_columns(path, has_own_names=True)
     columns = {}
     for name in (*law.required_columns, *law.optional_columns):
@@ -58,8 +62,8 @@ def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
         header = table.headers[table.names.index(quantity.name)]
         if header.quantity is not None and header.quantity.unit != quantity.unit:
             raise InputError(
-                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, and "
-                f"{quantity.unit} is needed; name it {name}",
+                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, but "
+                f"{quantity.unit} is needed; record {name}",
                 code="unit-of-another-kind",
                 key=header.text,
             )
@@ -68,7 +72,7 @@ def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
 
 
 def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
-    """Take what is needed of a recording: every tick of the rig, from rest on."""
+    """Check a recording and make its motion; it must hold every tick, from rest on."""
     if isinstance(recording, Recording):
         source, columns = "recording", recording.columns
     else:
@@ -79,7 +83,7 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
             raise InputError(text, code="column-missing", key=name)
     for name in (*law.required_columns, *law.optional_columns):
         if not (np.abs(columns.get(name, 0.0)) < MAX_READING).all():
-            text = f"{source}: {name} holds what is no number; leave out what comes before it"
+            text = f"{source}: {name} contains invalid values; begin the recording after them"
             raise InputError(text, code="not-finite", key=name)
     _check_ticks(law.rig, source, columns["t_s"])
     if start_fault := law.find_motion_at_start(columns):
@@ -92,67 +96,66 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
 
 
 def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
-    """Refuse a recording that is too short, of another rate, or not of every tick."""
+    """Reject a recording that is too short, has another rate, or lacks ticks."""
     if time.size < MIN_ROWS:
-        text = (
-            f"{source}: has {time.size} rows, and {MIN_ROWS} are the least; record a whole motion"
-        )
+        text = f"{source}: has {time.size} rows, but at least {MIN_ROWS} are needed; record a whole motion"
         raise InputError(text, code="too-short", key="t_s")
     duration_s = float(time[-1] - time[0])
     rate = (time.size - 1) / duration_s if duration_s else math.inf
     steps = np.diff(time) / rig.dt
     if abs(rate * rig.dt - 1.0) > 1e-3 and abs(float(np.median(steps)) - 1.0) > 1e-3:
-        text = f"{source}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record"
-        raise InputError(f"{text} every tick", code="rate-differs", key="t_s")
+        text = f"{source}: has {rate:g} rows a second, but {rig.path} has {1.0 / rig.dt:g} ticks"
+        raise InputError(f"{text}; record every tick", code="rate-differs", key="t_s")
     if (irregular_rows := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        text = f"{source}: row {irregular_rows[0] + 2} comes {steps[irregular_rows[0]]:.3g} ticks after the one before"
+        row = irregular_rows[0]
+        text = f"{source}: row {row + 2} is {steps[row]:.3g} ticks after the previous row"
         raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Result):
-    """What motion taught of the magnets of a stage or a bearing.
+    """Calibration of the magnets of a stage or a bearing from motion.
 
     Parameters
     ----------
     file : CalibrationFile
-        Every method with what it is corrected by.
+        Every method with its corrections.
     """
 
     file: CalibrationFile
 
     @property
     def has_estimates(self) -> bool:
-        """Whether anything was learnt of any method."""
-        return any(one.is_applied for one in self.file.method)
+        """Whether any method was accepted."""
+        return any(method.is_applied for method in self.file.method)
 
     def facts(self) -> dict[str, str]:
-        """Return what every method is corrected by and what is left, and the number trusted."""
+        """Return the corrections and the residual of every method, and the trusted mass."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
-        return facts | {one.name: one.summary for one in self.file.method}
+        return facts | {method.name: method.summary for method in self.file.method}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return every number of every method with what is left of its uncertainty."""
+        """Return every parameter of every method with its remaining uncertainty."""
         return rows_to_columns(
             [
-                {"method": one.name, **number.model_dump()}
-                for one in self.file.method
-                for number in one.parameter
+                {"method": method.name, **parameter.model_dump()}
+                for method in self.file.method
+                for parameter in method.parameter
             ]
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the numbers of every method in parts of their standard deviation before."""
-        for one in self.file.method:
-            learnt = [number for number in one.parameter if not number.frozen]
+        """Draw the parameters of every method, relative to their prior standard deviations."""
+        for method in self.file.method:
+            estimated = [parameter for parameter in method.parameter if not parameter.frozen]
             ax.errorbar(
-                [number.name for number in learnt],
-                [number.value / number.prior for number in learnt],
-                [number.sigma / number.prior for number in learnt],
+                [parameter.name for parameter in estimated],
+                [parameter.value / parameter.prior for parameter in estimated],
+                [parameter.sigma / parameter.prior for parameter in estimated],
                 fmt="o",
-                label=one.name,
+                label=method.name,
             )
-        ax.set_ylabel("learnt, of the standard deviation before")
+        ax.set_ylabel("estimate over prior standard deviation")
 
     def save(self, path: PathLike) -> Path:
         """Write the file that a rig names as ``control.calibration``.
@@ -160,17 +163,17 @@ class Calibration(Result):
         Raises
         ------
         InputError
-            The place cannot be written.
+            The file cannot be written.
         """
         content = self.file.model_dump()
         lines = [FILE_HEADER]
         lines += [f"{key} = {toml_value(content[key])}" for key in content if key != "method"]
-        for one in self.file.method:
-            whole = one.model_dump(exclude_none=True)
+        for method in self.file.method:
+            table = method.model_dump(exclude_none=True)
             lines += ["", "[[method]]"]
-            lines += [f"{key} = {toml_value(whole[key])}" for key in whole if key != "parameter"]
+            lines += [f"{key} = {toml_value(table[key])}" for key in table if key != "parameter"]
             lines.append("parameter = [")
-            lines += [f"  {toml_value(number)}," for number in whole["parameter"]]
+            lines += [f"  {toml_value(number)}," for number in table["parameter"]]
             lines.append("]")
         with atomic_writer(path) as stream:
             stream.write("\n".join(lines) + "\n")
@@ -178,11 +181,11 @@ class Calibration(Result):
 
 
 LawFactory = Callable[..., MotionLaw]
-"""What makes the law of a method, and of a bearing may take ``load_known``."""
+"""Makes the :class:`MotionLaw` of a method; that of a bearing accepts ``is_load_recorded`` too."""
 
 
 class HasCalibration(Protocol):
-    """A kind of rig whose motion teaches what its magnets are off by."""
+    """A kind of rig whose magnets can be calibrated from motion."""
 
     def read(self, rig: PathLike) -> BodyRig:
         """Read a rig file."""
@@ -193,15 +196,13 @@ class HasCalibration(Protocol):
         controller: ControllerFile | PathLike | None,
         magnet: IdentifiedMagnet | None,
     ) -> tuple[LawFactory, IdentifiedMagnet]:
-        """Return what makes the law of a method, and what is known of the magnets."""
+        """Return the factory of motion laws, and the identified magnet."""
 
 
 def stage_laws(
-    rig: BodyRig,
-    controller: ControllerFile | PathLike | None,
-    magnet: IdentifiedMagnet | None,
+    rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
 ) -> tuple[LawFactory, IdentifiedMagnet]:
-    """Return what makes the law of a method of a stage, and what is known of its magnets."""
+    """Return the factory of motion laws of a stage, and its identified magnet."""
     assert controller is None
     refuse_slow_amplifier(rig)
     identified_magnet = magnet or identify_stage_magnet(rig)
@@ -209,11 +210,9 @@ def stage_laws(
 
 
 def bearing_laws(
-    rig: BodyRig,
-    controller: ControllerFile | PathLike | None,
-    magnet: IdentifiedMagnet | None,
+    rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
 ) -> tuple[LawFactory, IdentifiedMagnet]:
-    """Return the same of a bearing."""
+    """Return the factory of motion laws of a bearing, and its identified magnet."""
     if not isinstance(controller, ControllerFile):
         controller = read_bearing_controller(rig, controller)
     ready = check_inputs(remove_calibration(rig), controller)
@@ -230,10 +229,10 @@ def calibrate(
     methods: Sequence[MethodName] = (),
     controller: ControllerFile | PathLike | None = None,
 ) -> Calibration:
-    """Learn from recorded motions what magnets are off by: `anhyst.calibrate`.
+    """Estimate the calibration errors of magnets from recorded motions: `anhyst.calibrate`.
 
-    The recordings are runs from the demagnetised iron, as ``anhyst simulate`` writes them. The file
-    is not written if nothing was learnt.
+    The recordings begin with demagnetised iron, as ``anhyst simulate`` writes them. The file is not
+    written if no method was accepted.
     """
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")
@@ -244,18 +243,20 @@ def calibrate(
     if not is_single and not isinstance(recordings, Sequence):
         raise wrong_type("calibrate: recordings", "recordings or their paths", recordings)
     sources: list[Recording | PathLike] = [recordings] if is_single else list(recordings)  # type: ignore[arg-type,list-item]
-    for one in sources:
-        if not isinstance(one, Recording):
-            check_path(one, "calibrate: recordings", "recordings or their paths")
-    files = [Path(one) for one in sources if not isinstance(one, Recording)]
+    for source in sources:
+        if not isinstance(source, Recording):
+            check_path(source, "calibrate: recordings", "recordings or their paths")
+    files = [Path(source) for source in sources if not isinstance(source, Recording)]
     if out is not None:
         check_writable(out, [body_rig.path, *body_rig.measured_loops.files, *files])
     kind.refuse_options("calibrate", {"--controller": controller})
     make_law, identified_magnet = calibrates.motion_laws(body_rig, controller, magnet)
-    motions = [_make_motion(make_law("full"), one) for one in sources]
-    if not sources or len({one.columns["command_A"].tobytes() for one in motions}) < len(sources):
+    motions = [_make_motion(make_law("full"), source) for source in sources]
+    if not sources or len({motion.columns["command_A"].tobytes() for motion in motions}) < len(
+        sources
+    ):
         raise InputError(
-            "RUNS: name at least one recording, and each once; the same one teaches nothing new",
+            "RUNS: give at least one recording, and each only once",
             code="recordings-not-once",
             key="RUNS",
         )
@@ -267,7 +268,8 @@ def calibrate(
     possible = [name for name in CALIBRATABLE_METHODS if name not in excluded]
     for name in methods:
         if name not in possible:
-            text = f"methods: '{name}' cannot be calibrated of this; name {', '.join(possible)}"
+            text = f"methods: '{name}' cannot be calibrated with these recordings; choose from "
+            text += ", ".join(possible)
             raise InputError(text, code="no-such-method", key="methods")
     file_content = CalibrationFile(
         format="anhyst-calibration",

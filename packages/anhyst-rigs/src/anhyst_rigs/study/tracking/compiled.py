@@ -1,4 +1,8 @@
-"""The controller of a stage compiled: a rig file to a folder of C, with a flight as golden vectors."""
+"""Compile the controller of a stage to a folder of C, with a simulated flight as golden vectors.
+
+Golden vectors are inputs and expected outputs of each tick. They come from a flight over the test
+set-point, followed by commands to switch off, to lift and to land.
+"""
 
 from __future__ import annotations
 
@@ -53,15 +57,16 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss
 from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
 
 ROWS_PER_COMMAND = 20
-"""In the end of the golden vectors, after each command."""
+"""Rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Ticks of the flight that become golden vectors, if it takes as many: at rest, acceleration, after it."""
+"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and the time after it.
+"""
 
 
 def compile_stage(
     rig_path: PathLike, out: PathLike, request: StageRequest, progress: Progress | None
 ) -> CompiledStage:
-    """Compile the controller of a stage, and fly its test set-point for the golden vectors."""
+    """Compile the controller of a stage, and simulate its test set-point for the golden vectors."""
     if request.name is not None:
         check_c_name(request.name)
     check_folder(out)
@@ -80,19 +85,17 @@ def compile_stage(
 
 
 def compiled_rig(rig: BodyRig) -> BodyRig:
-    """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
+    """Return a stage whose magnet compensators run in fixed point or in single precision."""
     if rig.settings.tracking.format == "fixed":
         return rig
     return replace(rig, settings=rig.settings.with_changes({"control.format": "f32"}))
 
 
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
-    """Write the folder of a controller in the format of its axes, with its flight."""
-    stage, vectors, version = (
-        _describe_controller(setup, kind, name),
-        golden_vectors(setup),
-        running_version(),
-    )
+    """Write the folder of a controller in the number format of its axes, with golden vectors."""
+    stage = _describe_controller(setup, kind, name)
+    vectors = golden_vectors(setup)
+    version = running_version()
     dtype = next(iter(vectors.values())).dtype
     table = write_vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
     files = make_stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
@@ -102,32 +105,36 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
 
 
 def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
-    """Refuse what cannot be compiled, or is not what the rig file says."""
+    """Reject options and settings that cannot be compiled or contradict the rig file."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
-            f"--io: {io} is not for this stage; give f32, or q31 where control.format of the rig "
-            'file is "fixed": it says in what its magnets reckon',
+            f"--io: {io} does not suit this stage; give f32, or q31 if control.format of the rig "
+            'file is "fixed"',
             code="option-not-for-this",
             key="--io",
         )
-    control, own = rig.settings.tracking, rig.settings.timing.rate_Hz
+    control, rig_rate = rig.settings.tracking, rig.settings.timing.rate_Hz
     if io == "q31" and control.calibration is not None:
-        text = "control.calibration: fixed point corrects no magnet; compile with --io f32"
+        text = (
+            "control.calibration: fixed point does not support corrections; compile with --io f32"
+        )
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibration")
-    if rate is not None and rate != own:
-        text = f"timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them equal"
+    if rate is not None and rate != rig_rate:
+        text = f"timing.rate_Hz: is {rig_rate:g} Hz here and {rate:g} Hz in --rate; make them equal"
         raise InputError(f"{rig.path}: {text}", code="option-differs", key="timing.rate_Hz")
     if rig.settings.has_ground_heads:
-        text = "sensor.stands: a compiled controller has no heads on the ground; leave it out"
+        text = (
+            "sensor.stands: a compiled controller does not support heads on the ground; remove it"
+        )
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="sensor.stands")
     if control.calibrate:
-        text = "control.calibrate: a compiled controller does not learn; name what anhyst calibrate"
-        text += " found as control.calibration"
+        text = "control.calibrate: a compiled controller cannot calibrate itself; name the file of"
+        text += " anhyst calibrate as control.calibration"
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibrate")
 
 
 def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageController:
-    """Return every number of a controller."""
+    """Collect all parameters of a controller."""
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
     settings = controller_settings(setup) | monitoring_settings(rig)
     body = setup.assumed_rig.settings
@@ -159,18 +166,17 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
 
 
 def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
-    """Fly the test set-point and return what the controller was given and answered, by column.
+    """Simulate the test set-point and return inputs and outputs of the controller, by column.
 
-    The answers are those of a fresh controller to inputs in its own format. Where it looks at
-    currents, none is read of the first magnet in the end; then it is let go, lifted and set down.
+    A new controller computes the outputs from inputs in its own number format. If it monitors
+    currents, the current of the first magnet is 0 in the last rows of the flight. Commands to
+    switch off, lift and land follow.
     """
     file = setup.rig.settings
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
-    controller, wrench_row, gap_row = (
-        make_axes_controller(setup),
-        heads,
-        heads + len(file.body.free),
-    )
+    controller = make_axes_controller(setup)
+    wrench_row = heads
+    gap_row = heads + len(file.body.free)
     inputs = _encode_inputs(setup, _simulate_inputs(setup), wrench_row, gap_row)
     if file.tracking.lost_A is not None:
         inputs[gap_row + magnets, -LOST_MAGNET_ROWS:] = 0.0
@@ -189,16 +195,14 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
 def _encode_inputs(
     setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int
 ) -> NDArray[Any]:
-    """Return what a controller is given in its own format.
+    """Return the inputs of a controller in its own number format.
 
-    From `begin` on stands the wrench, from `end` on gaps and currents.
+    Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps and currents.
     """
     if setup.number_format != "fixed":
         return inputs.astype(np.float32)
-    scales, magnets = (
-        make_fixed_stage_controller(setup).scales,
-        len(setup.rig.settings.body_magnets),
-    )
+    scales = make_fixed_stage_controller(setup).scales
+    magnets = len(setup.rig.settings.body_magnets)
     heads, forward = signal_codes(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
     gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
     rows = [heads, signal_codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]
@@ -206,7 +210,7 @@ def _encode_inputs(
 
 
 def _simulate_inputs(setup: StageSetup) -> FloatArray:
-    """Return what the controller is given: heads off their target, wrench, gaps and currents."""
+    """Return the simulated inputs: head errors from their targets, wrench, gaps and currents."""
     rig, file = setup.rig, setup.rig.settings
     motion = scan_motion(file.scan, file.scan.test_m_per_s2)
     rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))
@@ -219,15 +223,15 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     )
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     if loss := find_stage_loss(rig, run, rows):
-        text = f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it"
+        text = f"{rig.path}: the loop is lost in the simulated flight: {loss.reason}; check it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
-    read = [run[column_name("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
+    read = [run[column_name("gap_read", "m", number)] for number in range(1, magnets + heads + 1)]
     head_errors = np.array(read[magnets:])
     for head, row in enumerate(controller_matrices(setup)["at"].tolist()):
         for axis, part in enumerate(row):
             head_errors[head] -= part * target[:, axis]
-    currents = (run[one] for one in magnet_columns([("current_read", "A")], 1, magnets))
+    currents = (run[name] for name in magnet_columns([("current_read", "A")], 1, magnets))
     return np.vstack([head_errors, wrench.T, read[:magnets], *currents])
 
 

@@ -1,14 +1,16 @@
-"""What motion teaches of the magnets of a stage: mass times acceleration is a force sensor.
+"""Estimate the calibration errors of magnets from recorded motion.
 
-What a law and the motion differ by is explained by a few numbers, each held by the standard
-deviation that the rig file states. One estimator takes in one motion after another: recordings, or
-a stage that works.
+Mass times acceleration measures the force on the body. A hysteresis model predicts the same force
+from the commanded currents and the measured gaps. A few parameters, such as the scale of each
+magnet's current, explain the difference. Their prior standard deviations come from the rig file.
+The same estimator processes recordings and the motions of a running stage.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,86 +31,158 @@ from anhyst_rigs.study.tracking.bodies import CALIBRATABLE_METHODS, StageLaw
 from anhyst_rigs.study.tracking.motion import COMPARISON_RATE_HZ, Motion, MotionLaw, round_to_grid
 
 MAX_SIGMA = 4.0
-"""Standard deviations within which a parameter stays."""
+"""Bound on each parameter, in prior standard deviations."""
 GAUSS_NEWTON_STEPS = 3
-"""Linear fits, each around the last."""
+"""Number of Gauss-Newton steps for each motion."""
 FORGETTING_TIME_S = 20.0
-"""Time of asked force in which a stage that works forgets to a third (1/e) what a motion taught."""
+"""Time constant of forgetting in a running stage, s. Only time with a demand above 6 % of the
+largest force counts."""
 MAX_UPDATE_RATE_SIGMA_PER_S = 2.0
-"""Standard deviations a second by which what is applied follows the estimate."""
-DERIVATIVE_STEPS: Mapping[str, float] = {
-    "scale": 0.005,
-    "gap_zero_m": 2e-6,
-    "width": 0.1,
-    "lag_s": 25e-6,
-}
-"""By which a parameter of a magnet is moved for its derivative along the path."""
+"""Maximum rate of the applied corrections, in prior standard deviations per second."""
+DERIVATIVE_STEPS = {"scale": 0.005, "gap_zero_m": 2e-6, "width": 0.1, "lag_s": 25e-6}
+"""Step of each kind of parameter for finite-difference derivatives of the predicted force."""
 MAX_RESIDUAL_RATIO = 0.01
-"""Of the moving force: what any motion leaves that is worth learning from, root mean square."""
-GATE_RATIO, MIN_GATE_RATIO = 2.5, 0.001
-"""A motion of which the estimate leaves so many times what it left so far teaches nothing: its plant,
-or a sensor, is not what it was. Of less than that part of the force any law may be wrong."""
+"""Largest rms residual after the fit for which a motion is accepted, as a fraction of the rms
+inertial force (mass times acceleration). The noise is added in quadrature."""
+GATE_RATIO = 2.5
+"""Largest rms residual before the fit, relative to that of earlier motions. A larger residual that
+the uncertainty of the parameters cannot explain means that the plant or a sensor has changed."""
+MIN_GATE_RATIO = 0.001
+"""Smallest residual that the gate compares with, as a fraction of the inertial force. Every
+hysteresis model has errors of this size."""
 SCALE_SUM_WEIGHT = 20.0
-"""Where a payload is learnt, the sum of all scales is held at 0 so many times harder than each: the
-scale of force is as good as the currents then, for what a law has slightly wrong would move it."""
-MASS_PRIOR_SIGMA, MIN_MASS_CHANGE = 0.3, 0.01
-"""Standard deviation of another mass, where a motion is refused; of less than a hundredth nothing is
-said, since scales of currents explain as much."""
+"""Weight of the prior "the scales add up to 0", relative to the prior of one scale. It applies if
+the payload is estimated too, because motion cannot separate a payload from the sum of the scales.
+"""
+MASS_PRIOR_SIGMA = 0.3
+"""Prior standard deviation of the relative change of mass that may explain a rejected motion."""
+MIN_MASS_CHANGE = 0.01
+"""Smallest relative change of mass that is reported. Errors of the scales can explain a smaller
+one."""
+TRAINING_SCANS = 4
+"""Number of training scans for the calibration of a running stage before its evaluation."""
+
+
+@dataclass(frozen=True)
+class _SquareSums:
+    """Sums of squares over all comparisons of predicted and measured force."""
+
+    count: float = 0.0
+    force: float = 0.0  # sum of squared inertial force, N^2
+    residual: float = 0.0  # sum of squared residual, N^2
+
+    def plus_decayed(self, earlier: _SquareSums, retention: float) -> _SquareSums:
+        """Return these sums plus a fraction `retention` of earlier ones."""
+        return _SquareSums(
+            self.count + retention * earlier.count,
+            self.force + retention * earlier.force,
+            self.residual + retention * earlier.residual,
+        )
+
+    @property
+    def force_rms(self) -> float:
+        """Root mean square of the force, N; 0 without data."""
+        return math.sqrt(self.force / max(self.count, 1.0))
+
+    @property
+    def residual_rms(self) -> float:
+        """Root mean square of the residual, N; 0 without data."""
+        return math.sqrt(self.residual / max(self.count, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The estimate with one more motion, before that motion is accepted or rejected."""
+
+    motion_rows: FloatArray  # information rows of the motion alone
+    information: FloatArray  # triangular root of the information of all motions
+    identified: list[ParameterName]
+    values: dict[ParameterName, float]
+    residual_rms: float  # of the motion, N
 
 
 class ParameterEstimator:
-    """What the motions of a stage taught of one method so far: a square-root information filter.
+    """Square-root information filter for the calibration parameters of one method.
 
-    Rows ``root*numbers = right`` sum up all motions, of the standard deviation of a comparison. The
-    prior is added whenever they are solved, so that what fades falls back to it, and no uncertainty
-    grows beyond it. They fade with the time in which force was asked for: never at rest.
+    The rows of ``_information`` are an augmented triangular system ``[R | z]`` with ``R*p = z`` for
+    the parameters p, in units of the standard deviation of one comparison. The prior is not part of
+    these rows but is added for each solution. Therefore, a parameter that motions no longer excite
+    returns to its prior. Information decays only while force is demanded, never at rest.
     """
 
     def __init__(self, law: MotionLaw, forgetting_time_s: float = math.inf) -> None:
         self.law, self.forgetting_time_s = law, forgetting_time_s
         self.prior_sigma = {name: law.prior_sigma(name) for name in law.names}
-        self.estimate = dict.fromkeys(law.names, 0.0)  # the estimate
-        self.applied_values = dict(self.estimate)  # follows it at a bounded rate
-        self.noise_N = 0.0  # of the force of the motions, from the noise of the position
-        self.mass_kg: float | None = None  # explains the last motion that was refused
-        self.rejected_count = 0  # motions that the law did not explain: nothing was taken of them
+        self.estimate = dict.fromkeys(law.names, 0.0)
+        self.applied_values = dict(self.estimate)  # values in use, which follow at a limited rate
+        self.noise_N = 0.0  # force noise of the last motion, from the position sensor
+        self.mass_kg: float | None = None  # mass that explains the last rejected motion
+        self.rejected_count = 0
+        self.identified: list[ParameterName] = []  # parameters that the motions determine
         self._names = [name for name in law.estimable_names if self.prior_sigma[name] > 0.0]
-        self.identified: list[ParameterName] = []  # what the motions move
         self._information = np.zeros((0, len(self._names) + 1))
-        # comparisons, squares of the force that moved and of what was left of it
-        self._sums = np.zeros(3)
+        self._sums = _SquareSums()
 
     def copy_without_data(self) -> ParameterEstimator:
-        """Return one that has learnt nothing and goes on from what is applied."""
-        other = ParameterEstimator(self.law, self.forgetting_time_s)
-        other.applied_values = dict(self.applied_values)
-        return other
+        """Return a new estimator without data that keeps the applied corrections."""
+        estimator = ParameterEstimator(self.law, self.forgetting_time_s)
+        estimator.applied_values = dict(self.applied_values)
+        return estimator
 
     def update(self, motion: Motion) -> bool:
-        """Take a motion in; return whether it taught anything: rest does not, nor does a fault."""
-        compared = motion.compared_indices
-        if not compared.size:
+        """Update the estimate from a motion; return whether it identified any parameter.
+
+        A motion whose demand stays below 6 % of the largest force is skipped. A motion that the
+        hysteresis model cannot explain is rejected.
+        """
+        if not motion.compared_indices.size:
             return False
-        force_N, self.noise_N = motion.force_rms, motion.force_noise
+        self.noise_N = motion.force_noise
+        comparisons_per_s = motion.comparisons_per_tick * COMPARISON_RATE_HZ
         retention = math.exp(
-            -compared.size
-            / (motion.comparisons_per_tick * COMPARISON_RATE_HZ * self.forgetting_time_s)
+            -motion.compared_indices.size / (comparisons_per_s * self.forgetting_time_s)
         )
-        history, values = math.sqrt(retention) * self._information, self.estimate
-        limit_N = GATE_RATIO * max(self._force_and_residual_rms[1], MIN_GATE_RATIO * force_N)
-        if self.identified and (gate_residual_N := self._residual_rms(motion, values)) > limit_N:
-            motion_rows = self._linearise(motion, values, exact=True)
-            # along one coordinate, every motion shows the same
-            sigma_N = (
-                self._prediction_sigma(history, motion_rows)
-                if motion.comparisons_per_tick > 1
-                else 0.0
-            )
-            if gate_residual_N > math.hypot(limit_N, GATE_RATIO * sigma_N):
-                return self._reject(motion, history, motion_rows)
+        history = math.sqrt(retention) * self._information
+        if self.identified:
+            inconsistent_rows = self._gate(motion, history)
+            if inconsistent_rows is not None:
+                return self._reject(motion, history, inconsistent_rows)
+        fit = self._fit(motion, history)
+        count, force_N = motion.compared_indices.size, motion.force_rms
+        sums = _SquareSums(count, count * force_N**2, count * fit.residual_rms**2)
+        max_residual_N = math.hypot(MAX_RESIDUAL_RATIO * force_N, self.noise_N)
+        if self._has_scale_at_bound(fit.values) or fit.residual_rms > max_residual_N:
+            if not self.identified:
+                self._sums = sums
+            return self._reject(motion, history, fit.motion_rows)
+        if self.identified:
+            sums = sums.plus_decayed(self._sums, retention)
+        self.estimate, self.identified = fit.values, fit.identified
+        self._information, self._sums = fit.information, sums
+        self.mass_kg = None
+        return bool(self.identified)
+
+    def _gate(self, motion: Motion, history: FloatArray) -> FloatArray | None:
+        """Return the information rows of a motion that contradicts earlier ones, otherwise None."""
+        residual_N = self._residual_rms(motion, self.estimate)
+        expected_N = max(self._sums.residual_rms, MIN_GATE_RATIO * motion.force_rms)
+        limit_N = GATE_RATIO * expected_N
+        if residual_N <= limit_N:
+            return None
+        rows = self._linearise(motion, self.estimate, exact=True)
+        # With one coordinate, all motions excite the same combination of parameters. Therefore,
+        # parameter uncertainty cannot explain a larger residual.
+        sigma_N = self._prediction_sigma(history, rows) if motion.comparisons_per_tick > 1 else 0.0
+        return rows if residual_N > math.hypot(limit_N, GATE_RATIO * sigma_N) else None
+
+    def _fit(self, motion: Motion, history: FloatArray) -> _Fit:
+        """Fit the parameters to a motion and to the information of earlier motions."""
+        values = self.estimate
         for step in range(GAUSS_NEWTON_STEPS):
-            motion_rows = self._linearise(motion, values, exact=step == GAUSS_NEWTON_STEPS - 1)
-            information = np.asarray(np.linalg.qr(np.vstack([history, motion_rows]), mode="r"))
+            is_last = step == GAUSS_NEWTON_STEPS - 1
+            motion_rows = self._linearise(motion, values, exact=is_last)
+            stacked = np.vstack([history, motion_rows])
+            information = np.asarray(np.linalg.qr(stacked, mode="r"))
             excited = self._excited_names(information)
             values = self._solve(information, excited)
         sigma = self._posterior_sigma(information, excited, 0.0)
@@ -119,61 +193,43 @@ class ParameterEstimator:
         ]
         values = self._solve(information, identified)
         residual_N = self._residual_rms(motion, values)
-        sums = compared.size * np.array([1.0, force_N**2, residual_N**2])
+        return _Fit(motion_rows, information, identified, values, residual_N)
+
+    def _has_scale_at_bound(self, values: Mapping[ParameterName, float]) -> bool:
+        """Whether the scale of a current is at its bound, as with a plant or sensor fault."""
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
-        has_scale_at_bound = any(
+        return any(
             abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales
         )
-        if has_scale_at_bound or residual_N > math.hypot(
-            MAX_RESIDUAL_RATIO * force_N, self.noise_N
-        ):
-            self._sums = self._sums if self.identified else sums
-            return self._reject(motion, history, motion_rows)
-        earlier_sums = retention * self._sums if self.identified else 0.0
-        self.estimate, self.identified, self._information, self._sums = (
-            values,
-            identified,
-            information,
-            sums + earlier_sums,
-        )
-        self.mass_kg = None
-        return bool(identified)
 
     def _reject(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
-        """Take nothing of a motion, and look whether another mass explains it."""
+        """Discard a motion, and test whether a different mass explains it."""
         self.rejected_count += 1
         force_per_mass = motion.force_per_unit["payload"][motion.compared_indices]
-        prior_sigma = np.array(
-            [*(self.prior_sigma[name] for name in self._names), MASS_PRIOR_SIGMA]
-        )
-        old_rows = np.insert(history, -1, 0.0, axis=1)
-        new_rows = np.insert(motion_rows, -1, force_per_mass / self._comparison_sigma, axis=1)
-        matrix = np.vstack(
-            [
-                old_rows[:, :-1] * prior_sigma,
-                new_rows[:, :-1] * prior_sigma,
-                np.eye(prior_sigma.size),
-            ]
-        )
-        rhs = np.concatenate([old_rows[:, -1], new_rows[:, -1], np.zeros(prior_sigma.size)])
+        prior_sigma = np.array([*(self.prior_sigma[n] for n in self._names), MASS_PRIOR_SIGMA])
+        # Insert the mass as a further parameter, before the right-hand side.
+        old = np.insert(history, -1, 0.0, axis=1)
+        new = np.insert(motion_rows, -1, force_per_mass / self._comparison_sigma, axis=1)
+        matrix = np.vstack([old[:, :-1] * prior_sigma, new[:, :-1] * prior_sigma])
+        matrix = np.vstack([matrix, np.eye(prior_sigma.size)])
+        rhs = np.concatenate([old[:, -1], new[:, -1], np.zeros(prior_sigma.size)])
         solution = prior_sigma * np.linalg.lstsq(matrix, rhs)[0]
-        residual_N = self._comparison_sigma * rms(new_rows[:, -1] - new_rows[:, :-1] @ solution)
-        relative_change = float(
-            solution[[name == "payload" for name in self._names] + [True]].sum()
-        )
-        is_explained = self._is_explained(residual_N, motion.force_rms)
+        residual_N = self._comparison_sigma * rms(new[:, -1] - new[:, :-1] @ solution)
+        is_mass = [name == "payload" for name in self._names] + [True]
+        relative_change = float(solution[is_mass].sum())
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
+        is_explained = self._is_explained(residual_N, motion.force_rms)
         self.mass_kg = mass_kg if is_explained and abs(relative_change) > MIN_MASS_CHANGE else None
         return False
 
     def _residual_rms(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
-        """Return the force of a motion that is not explained by some numbers, rms, N."""
+        """Return the rms force of a motion that some parameter values do not explain, N."""
         return rms(
             (motion.measured_force - self.law.net_force(motion, values))[motion.compared_indices]
         )
 
     def _prediction_sigma(self, history: FloatArray, motion_rows: FloatArray) -> float:
-        """Return the force of a motion that what is not known yet may explain, rms, N."""
+        """Return the rms standard deviation of the force predicted for a motion, N."""
         prior_sigma = np.array([self.prior_sigma[name] for name in self._names])
         matrix = np.vstack([history[:, :-1] * prior_sigma, self._prior_rows(self._names)])
         root = np.asarray(np.linalg.qr(matrix, mode="r"))
@@ -181,7 +237,7 @@ class ParameterEstimator:
         return self._comparison_sigma * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
     def information_rows(self, run: Recording) -> FloatArray:
-        """Return what a run shows of the numbers around the estimate, in rows; none of a lost one."""
+        """Return the information rows of a recording; none if the stage lost control in it."""
         motion = self.law.make_motion(run.columns)
         if run.loss is not None or not motion.compared_indices.size:
             return self._information[:0]
@@ -189,35 +245,30 @@ class ParameterEstimator:
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
     def relative_sigma(self, *rows: FloatArray) -> dict[ParameterName, float]:
-        """Return what is left of each number in parts of its prior, once such rows are taken in."""
+        """Return posterior over prior standard deviation, with further information rows added."""
         stacked = np.vstack([self._information, *rows])
         sigma = self._posterior_sigma(stacked, self._excited_names(stacked), 0.0)
-        return {
-            name: sigma.get(name, self.prior_sigma[name]) / self.prior_sigma[name]
-            for name in self._names
-        }
+        prior_sigma = self.prior_sigma
+        return {n: sigma.get(n, prior_sigma[n]) / prior_sigma[n] for n in self._names}
 
     def condition_number(self, *rows: FloatArray) -> float:
-        """Return the condition number of the information of what they show, scaled by the priors."""
+        """Return the condition number of the information matrix of the identified parameters.
+
+        Parameters are scaled by their priors, and further information rows are added.
+        """
+        relative_sigma = self.relative_sigma(*rows)
         names = [
-            name
-            for name, ratio in self.relative_sigma(*rows).items()
-            if ratio <= self.law.max_sigma_ratio
+            name for name, value in relative_sigma.items() if value <= self.law.max_sigma_ratio
         ]
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
-        # of the prior the sum of all scales alone, which no motion tells from a payload
+        # Only the prior row of the sum of all scales is added: motion cannot separate it from a
+        # payload.
         scale_sum_row = self._prior_rows(names)[len(names) :]
-        scaled_rows = (
-            prior_sigma * np.vstack([self._information, *rows])[:, self._column_indices(names)]
-        )
-        return (
-            float(np.linalg.cond(np.vstack([scaled_rows, scale_sum_row]))) ** 2
-            if names
-            else math.inf
-        )
+        root = prior_sigma * np.vstack([self._information, *rows])[:, self._column_indices(names)]
+        return float(np.linalg.cond(np.vstack([root, scale_sum_row]))) ** 2 if names else math.inf
 
     def follow_estimate(self, seconds: float) -> None:
-        """Let what is applied follow the estimate for some time; it stays where that does not fit."""
+        """Move the applied corrections toward the estimate, unless the law does not fit."""
         if not self._law_fits:
             return
         for name, target in self.estimate.items():
@@ -226,7 +277,7 @@ class ParameterEstimator:
             self.applied_values[name] = round_to_grid(name, self.applied_values[name] + change)
 
     def corrected_stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
-        """Return the stage that is corrected by what is applied; its plant may have drifted."""
+        """Return the stage with the applied corrections; its plant may have drifted."""
         assert isinstance(self.law, StageLaw)
         return self.law.corrected_stage(
             self._calibrated_method(self.applied_values, fits=True), drift
@@ -235,7 +286,7 @@ class ParameterEstimator:
     def run_and_update(
         self, drift: Drift, set_point: SetPoint, gains: Feedforward, seed: int
     ) -> Recording:
-        """Follow a set-point with what is applied, and learn from it."""
+        """Run a set-point with the applied corrections, and update the estimate from the result."""
         run = track(self.corrected_stage(drift), set_point, gains, seed)
         if run.loss is None:
             self.update(self.law.make_motion(run.columns))
@@ -244,33 +295,31 @@ class ParameterEstimator:
 
     @property
     def calibration(self) -> CalibratedMethod:
-        """What was found."""
+        """The estimate, its uncertainty and its residual, in the form of the calibration file."""
         return self._calibrated_method(self.estimate, self._law_fits)
 
     def _is_explained(self, residual_N: float, force_N: float) -> bool:
-        """Whether a law leaves no more than one of the right kind does, N of a moving force."""
+        """Whether a residual is within the limit of a suitable hysteresis model."""
         return residual_N <= math.hypot(self.law.max_residual_ratio * force_N, self.noise_N)
 
     @property
     def _law_fits(self) -> bool:
-        force_N, residual_N = self._force_and_residual_rms
+        """Whether the hysteresis model explains the accepted motions."""
+        force_N, residual_N = self._sums.force_rms, self._sums.residual_rms
         return force_N > 0.0 and self._is_explained(residual_N, force_N)
 
     def _calibrated_method(
         self, values: Mapping[ParameterName, float], fits: bool
     ) -> CalibratedMethod:
-        force_N, residual_N = self._force_and_residual_rms
+        """Return values, uncertainty and residual in the form of the calibration file."""
+        residual_N = self._sums.residual_rms
         sigma = self._posterior_sigma(self._information, self.identified, residual_N)
-        if "payload" in sigma:  # the sum of both scales was held, and nothing tells it
-            count = sum(parameter_kind(name) == "scale" for name in self._names)
-            mean_scale_sigma = self.prior_sigma["scale_1"] / math.sqrt(count)
-            added_sigma = {"payload": 2.0 * mean_scale_sigma, "scale": mean_scale_sigma}
-            for name, own_sigma in sigma.items():
-                sigma[name] = math.hypot(own_sigma, added_sigma.get(parameter_kind(name), 0.0))
+        if "payload" in sigma:
+            self._add_scale_sum_sigma(sigma)
         return CalibratedMethod(
             name=self.law.method,
             residual_N=residual_N,
-            force_N=force_N,
+            force_N=self._sums.force_rms,
             fits=fits,
             refused=self.rejected_count,
             mass_kg=self.mass_kg,
@@ -287,41 +336,50 @@ class ParameterEstimator:
             ],
         )
 
-    @property
-    def _force_and_residual_rms(self) -> tuple[float, float]:
-        """Force of the motions, and what was left of it when each was taken in, rms, N."""
-        count, force_squares, residual_squares = self._sums.tolist()
-        return math.sqrt(force_squares / max(count, 1.0)), math.sqrt(
-            residual_squares / max(count, 1.0)
-        )
+    def _add_scale_sum_sigma(self, sigma: dict[ParameterName, float]) -> None:
+        """Add the uncertainty of the mean scale, which motion does not show."""
+        scale_count = sum(parameter_kind(name) == "scale" for name in self._names)
+        mean_scale_sigma = self.prior_sigma["scale_1"] / math.sqrt(scale_count)
+        # The force is proportional to the square of the current, so an error of the mean scale
+        # counts twice in the payload.
+        sensitivity = {"payload": 2.0, "scale": 1.0}
+        for name, own_sigma in sigma.items():
+            factor = sensitivity.get(parameter_kind(name), 0.0)
+            sigma[name] = math.hypot(own_sigma, factor * mean_scale_sigma)
 
     @property
     def _comparison_sigma(self) -> float:
+        """Standard deviation of one comparison of predicted and measured force, N."""
         return self.law.comparison_sigma_ratio * self.law.force_max
 
     def _prior_rows(self, names: Sequence[ParameterName]) -> FloatArray:
-        """Return rows that hold numbers, in standard deviations of them."""
+        """Return the prior as rows for parameters in units of their prior standard deviation."""
         rows = np.eye(len(names))
         if "payload" in names:
-            rows = np.vstack(
-                [rows, [SCALE_SUM_WEIGHT * (parameter_kind(name) == "scale") for name in names]]
-            )
+            scale_sum_row = [SCALE_SUM_WEIGHT * (parameter_kind(name) == "scale") for name in names]
+            rows = np.vstack([rows, scale_sum_row])
         return rows
 
     def _excited_names(self, rows: FloatArray) -> list[ParameterName]:
-        """Return what moves anything: of others the sum of all scales would tell something."""
+        """Return the parameters that affect the force.
+
+        A solution must omit the others, because the prior on the sum of all scales would determine
+        them.
+        """
         is_excited = np.any(rows[:, :-1], axis=0).tolist()
         return [name for name, excited in zip(self._names, is_excited, strict=True) if excited]
 
     def _column_indices(self, names: Sequence[ParameterName]) -> list[int]:
+        """Return the columns of some parameters in the information rows."""
         return [self._names.index(name) for name in names]
 
     def _solve(
         self, rows: FloatArray, names: Sequence[ParameterName]
     ) -> dict[ParameterName, float]:
-        """Solve for some of the numbers, held by the prior and within its bounds; 0 are the others."""
+        """Solve for some parameters, with their prior and within their bounds; others are 0."""
+        values = dict.fromkeys(self.law.names, 0.0)
         if not names:
-            return dict.fromkeys(self.law.names, 0.0)
+            return values
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
         bound = np.minimum(
             MAX_SIGMA * prior_sigma, [PARAMETER_LIMITS[parameter_kind(name)] for name in names]
@@ -330,66 +388,65 @@ class ParameterEstimator:
         matrix = np.vstack([prior_sigma * rows[:, self._column_indices(names)], prior_rows])
         rhs = np.concatenate([rows[:, -1], np.zeros(len(prior_rows))])
         solution = np.clip(prior_sigma * np.linalg.lstsq(matrix, rhs)[0], -bound, bound).tolist()
-        solved = dict(zip(names, map(round_to_grid, names, solution), strict=True))
-        return dict.fromkeys(self.law.names, 0.0) | solved
+        solved = {name: round_to_grid(name, v) for name, v in zip(names, solution, strict=True)}
+        return values | solved
 
     def _posterior_sigma(
         self, rows: FloatArray, names: Sequence[ParameterName], residual_N: float
     ) -> dict[ParameterName, float]:
-        """Return the standard deviations that are left, where so much is missed, N."""
+        """Return posterior standard deviations; a residual above the assumed one increases them."""
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
         root = prior_sigma * rows[:, self._column_indices(names)]
-        matrix = np.vstack(
-            [
-                self._comparison_sigma / max(residual_N, self._comparison_sigma) * root,
-                self._prior_rows(names),
-            ]
-        )
+        weight = self._comparison_sigma / max(residual_N, self._comparison_sigma)
+        matrix = np.vstack([weight * root, self._prior_rows(names)])
         sigma = prior_sigma * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
         return dict(zip(names, sigma.tolist(), strict=True))
 
     def _linearise(
         self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
     ) -> FloatArray:
-        """Return what a motion says of the numbers, around some values of them.
+        """Return the information rows ``[J | z]`` of a motion, linearised at some values."""
+        jacobian, predicted_N = self._predict(motion, values, exact=exact)
+        point = np.array([values[name] for name in self._names])
+        rhs = motion.measured_force[motion.compared_indices] - predicted_N + jacobian @ point
+        return np.column_stack([jacobian, rhs]) / self._comparison_sigma
 
-        Paths are those of the law as it was fitted and of one with a wider loop, which are kept;
-        exactly, the force is that of a law fitted anew.
+    def _predict(
+        self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the Jacobian of the force along a path, and the predicted force.
+
+        A change of the loop width needs a new fit of the hysteresis model. To save time,
+        derivatives use two cached fits: the identified loop and a wider one. The predicted force is
+        extrapolated from them unless ``exact`` is set.
         """
 
         def predict(changed: Mapping[ParameterName, float]) -> FloatArray:
             return self.law.net_force(motion, {**values, **changed})[motion.compared_indices]
 
         widths = [name for name in self._names if parameter_kind(name) == "width"]
-        fitted_width = dict.fromkeys(widths, 0.0)
-        base_N = predict(fitted_width)
+        original_width = dict.fromkeys(widths, 0.0)
+        base_N = predict(original_width)
         jacobian = np.zeros((base_N.size, len(self._names)))
         for column, name in enumerate(self._names):
             if name in motion.force_per_unit:
                 jacobian[:, column] = motion.force_per_unit[name][motion.compared_indices]
-                continue
-            if not self.law.is_excited(motion, name):
-                continue
-            step = DERIVATIVE_STEPS[parameter_kind(name)]
-            changed = fitted_width | {name: step if name in widths else values[name] + step}
-            jacobian[:, column] = (predict(changed) - base_N) / step
+            elif self.law.is_excited(motion, name):
+                step = DERIVATIVE_STEPS[parameter_kind(name)]
+                changed = {name: step if name in widths else values[name] + step}
+                jacobian[:, column] = (predict({**original_width, **changed}) - base_N) / step
+        if exact:
+            return jacobian, predict({})
         width_force_N = jacobian[:, self._column_indices(widths)] @ [
             values[name] for name in widths
         ]
-        predicted_N = predict({}) if exact else base_N + width_force_N
-        point = np.array([values[name] for name in self._names])
-        rhs = motion.measured_force[motion.compared_indices] - predicted_N + jacobian @ point
-        return np.column_stack([jacobian, rhs]) / self._comparison_sigma
-
-
-TRAINING_SCANS = 4
-"""Training set-points from which a stage that works learns before it is judged."""
+        return jacobian, base_N + width_force_N
 
 
 def calibrate_running_stage(
     setup: StageSetup, magnet: IdentifiedMagnet, gains: Feedforward, seed: int
 ) -> ParameterEstimator | None:
-    """Let a stage that calibrates itself follow the training set-point; None where it does not."""
+    """Run the training scans of a self-calibrating stage, or None if the stage is not one."""
     rig, method = setup.rig, setup.method
     if not rig.settings.tracking.calibrate or method not in CALIBRATABLE_METHODS:
         return None
@@ -401,7 +458,7 @@ def calibrate_running_stage(
 
 
 def calibrate_from_motions(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
-    """Find the numbers with which a law explains motions best; what is not seen stays where it was."""
+    """Estimate the parameters of a method from motions; a parameter without excitation stays 0."""
     estimator = ParameterEstimator(law)
     for motion in motions:
         estimator.update(motion)

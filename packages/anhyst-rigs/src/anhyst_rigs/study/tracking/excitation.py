@@ -1,9 +1,9 @@
-"""The shortest move that shows what the magnets of a stage are off by, and how much it shows.
+"""Design the shortest move that makes the calibration errors of a stage's magnets identifiable.
 
-A law that is slightly wrong is learnt right where the body worked. So the move has the turnarounds
-of the rig file's own set-point, slower and without a cruise, along every coordinate in which the
-long stroke goes along. What that shows, the estimator itself says of a flight of the stage as it
-should be.
+The move has the turnarounds of the rig file's set-point, along each coordinate that the long stroke
+follows, without a cruise. It must resemble the set-point, because the calibration also absorbs
+errors of the hysteresis model. The parameter estimator computes what a simulated flight of the
+nominal stage shows.
 """
 
 from __future__ import annotations
@@ -46,39 +46,44 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ACCELERATION_RATIOS = np.arange(1.0, 0.0, -0.05)
-"""Of the accelerations of the set-point: the largest is taken that the magnets can make."""
+"""Fractions of the set-point's accelerations that are tried; the largest feasible one is used."""
 MAX_FORCE_RATIO = 0.95
-"""Of the largest force of a magnet: what a leg may ask for."""
+"""Largest force that a leg may demand, as a fraction of a magnet's largest force."""
 Legs = Mapping[str, SetPoint]
-"""By coordinate what it follows, from rest to rest, one after another."""
+"""The leg of each coordinate. A leg is a motion from rest to rest; legs follow one after another.
+"""
 
 
 def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
-    """Return what each coordinate may follow: within the set-point's snap, jerk, speed and way."""
+    """Return candidate legs for each axis, within the set-point's snap, jerk, speed and travel."""
     file, legs = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle_force)
     axis_rows = zip(file.body.free, scan_direction(file), mass_matrix(file), strict=True)
-    for axis, scan_part, mass in axis_rows:
+    for axis, scan_part, mass_row in axis_rows:
         wrenches = max(scan.train_m_per_s2) * np.outer(
-            [*ACCELERATION_RATIOS, *-ACCELERATION_RATIOS], mass
+            [*ACCELERATION_RATIOS, *-ACCELERATION_RATIOS], mass_row
         ) - weight_wrench(file)
-        forces = np.abs([layout.share(one)[0] for one in wrenches.tolist()]).max(axis=1)
+        forces = np.abs([layout.share(wrench)[0] for wrench in wrenches.tolist()]).max(axis=1)
         is_feasible = (
             forces.reshape(2, -1).max(axis=0) <= MAX_FORCE_RATIO * file.tracking.force_max_N
         )
         if not is_feasible.any() or (axis not in ("x", "y") and not scan_part):
             continue
         ratio = float(ACCELERATION_RATIOS[is_feasible][0])
-        accelerations = [ratio * one for one in scan.train_m_per_s2]
-        # an odd number, so that they come a second time the other way round
+        accelerations = [ratio * acceleration for acceleration in scan.train_m_per_s2]
+        # an odd number, so that the second repetition is reversed
         accelerations += accelerations[: 1 - len(accelerations) % 2]
-        phases, rest = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
+        phases, last_acceleration = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
         speeds = np.geomspace(
             max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3
         ).tolist()
         legs[axis] = [
             SetPoint(
-                (*accelerations, *accelerations, rest), speed, 0.0, *phases, has_final_rest=True
+                (*accelerations, *accelerations, last_acceleration),
+                speed,
+                0.0,
+                *phases,
+                has_final_rest=True,
             )
             for speed in speeds
         ]
@@ -86,19 +91,17 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
 
 
 def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
-    """Let a stage follow legs from rest, the iron demagnetised, the mass alone fed forward."""
+    """Simulate a stage that follows legs from rest with demagnetised iron and mass feedforward."""
     rig, file = setup.rig, setup.rig.settings
-    start_s = COMPARISON_START_S  # the weight is taken up before
+    start_s = COMPARISON_START_S  # the weight is taken up before this time
     n = round((start_s + sum(leg.duration for leg in legs.values())) / rig.dt)
     time = tick_times(rig, n + 1)
     position, frame, acceleration = np.zeros((3, n + 1, len(file.body.free)))
     for column, axis in enumerate(file.body.free):
         if leg := legs.get(axis):
             leg_time = time - start_s
-            position[:, column], acceleration[:, column] = (
-                leg.derivatives_at(leg_time)[0],
-                leg.derivatives_at(leg_time + rig.loop_delay)[1],
-            )
+            position[:, column] = leg.derivatives_at(leg_time)[0]
+            acceleration[:, column] = leg.derivatives_at(leg_time + rig.loop_delay)[1]
             stray_acceleration = leg.derivatives_at(leg_time - STRAY_DELAY_S)[1] / max(leg.peaks)
             frame[:, column] = position[:, column] + frame_stray_from(rig, stray_acceleration, time)
             start_s += leg.duration
@@ -108,46 +111,46 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
 
 
 def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
-    """Return the legs that show as many numbers as any do, and of these the shortest."""
+    """Return the shortest of the legs that identify the largest number of parameters."""
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
-        candidates.append([None, *((axis, *one) for one in zip(motions, rows, strict=True))])
+        candidates.append(
+            [None, *((axis, *candidate) for candidate in zip(motions, rows, strict=True))]
+        )
 
     def rank(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
-        sigma_ratios = np.array(
-            [*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()]
-        )
-        return -int((sigma_ratios <= estimator.law.max_sigma_ratio).sum()), sum(
+        ratios = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
+        return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(
             leg.duration for _, leg, _ in legs
         )
 
-    best = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
-    return {axis: leg for axis, leg, _ in best}
+    selected = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
+    return {axis: leg for axis, leg, _ in selected}
 
 
 @dataclass(frozen=True)
 class Information:
-    """What a flight of the stage as it should be shows of its numbers."""
+    """Information about the parameters that a flight of the nominal stage gives."""
 
     duration_s: float
-    condition: float  # number of the information on what it shows, scaled by the priors
-    left: Mapping[ParameterName, float]  # of each number, in parts of its standard deviation
+    condition: float  # condition number of the information, scaled by the priors
+    left: Mapping[ParameterName, float]  # posterior over prior standard deviation
     hidden: Sequence[ParameterName]
 
 
 @dataclass(frozen=True)
 class CalibratingMove:
-    """A move that shows what a stage is off by, flown.
+    """A calibration move and its simulated flight.
 
     Parameters
     ----------
     legs : mapping of str to SetPoint
-        What each coordinate follows, one after another.
+        The motion of each coordinate, one after another.
     run : Recording
-        Of the virtual stage, as ``anhyst calibrate`` takes it.
+        Recording of the virtual stage, an input of ``anhyst calibrate``.
     move, work : Information
-        What is left of each number after it and after the rig file's own training set-point.
+        Information of the move, and of the rig file's training set-point.
     """
 
     legs: Legs
@@ -156,7 +159,7 @@ class CalibratingMove:
     work: Information
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as what is printed as JSON."""
+        """Return the content of the JSON output."""
         legs = {axis: asdict(leg) for axis, leg in self.legs.items()}
         return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
 
@@ -176,30 +179,32 @@ class CalibratingMove:
 
 
 def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
-    """Design the move of a stage, fly it, and say what is left of each number after it."""
+    """Design the move of a stage, simulate it, and compute the information about each parameter."""
     refuse_slow_amplifier(rig)
     identified_magnet, scan = magnet or identify_stage_magnet(rig), rig.settings.scan
-    setup, estimator = (
-        make_stage(rig, identified_magnet, COMPENSATOR),
-        ParameterEstimator(StageLaw(rig, identified_magnet, COMPENSATOR)),
-    )
+    setup = make_stage(rig, identified_magnet, COMPENSATOR)
+    estimator = ParameterEstimator(StageLaw(rig, identified_magnet, COMPENSATOR))
     refuse_unstable(setup)
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
         why = (
-            "[spread] states nothing, or the loop is lost"
+            "[spread] states no errors, or the loop is lost"
             if run is None
             else f"lost {run.loss_text}"
         )
-        raise NegativeResult(f"{rig.path}: no move shows anything: {why}", code="nothing-shown")
+        raise NegativeResult(
+            f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown"
+        )
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
-        left = dict.fromkeys((name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0)
-        left |= estimator.relative_sigma(rows)
-        hidden = [name for name, one in left.items() if one > estimator.law.max_sigma_ratio]
-        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), left, hidden)
+        ratios = dict.fromkeys(
+            (name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0
+        )
+        ratios |= estimator.relative_sigma(rows)
+        hidden = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
+        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden)
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     return CalibratingMove(legs, run, information(run), information(training_run))
@@ -208,12 +213,12 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 def excite_to_calibrate(
     rig: PathLike, out: PathLike, *, plot: PathLike | None = None
 ) -> CalibratingMove:
-    """Fly the shortest move that shows what the magnets of a stage are off by, and record it.
+    """Simulate and record the shortest move that identifies the calibration errors of a stage.
 
     Parameters
     ----------
     rig, out : path-like
-        Rig file of a stage, and recording to write, which ``anhyst calibrate`` takes.
+        Rig file of a stage, and recording to write, the input of ``anhyst calibrate``.
     plot : path-like, optional
         Picture of the move to write, ``.png``, ``.svg`` or ``.pdf``.
 
@@ -226,8 +231,8 @@ def excite_to_calibrate(
     kind = file_kind(rig)
     if kind is not UNKNOWN_FILE and not kind.has_option("excite", "--calibrate"):
         raise InputError(
-            f"{rig}: --calibrate is for stages; a bearing learns from any recording in which its "
-            "reference moves, a rig of force control is not calibrated",
+            f"{rig}: --calibrate is for stages; calibrate a bearing with any recording in which "
+            "its reference moves; force rigs are not calibrated",
             code="option-not-for-this",
             key="--calibrate",
         )

@@ -1,8 +1,8 @@
-"""What a run of a stage is judged by: servo error, moving average, settling, force error; what is lost in flight.
+"""Measure the errors of a stage run, and simulate the loss of magnets and heads in flight.
 
-Each amplifier or head fails in a run of its own. Long stroke and set-point brake to rest from the tick
-on at which the controller finds the loss, but where the magnets that are left make all that the rest of
-the set-point asks for.
+The measures are servo error, moving average over a slit, settling time and force error. In the loss
+study, each amplifier or head fails in a separate run. Set-point and long stroke brake to rest when
+the controller detects the loss, unless the remaining magnets can make the rest of the set-point.
 """
 
 # ruff: noqa: N815 - names carry units
@@ -62,9 +62,9 @@ from anhyst_rigs.rig.stage.setpoint import (
 from anhyst_rigs.study.engine.table import Metric
 
 SETTLING_BANDS_M = (50e-9, 10e-9)
-"""Into which the settling is measured."""
+"""Error bands of the settling time, m."""
 EXPOSURE_DELAY_S = 5e-3
-"""After the end of the acceleration, from where on the moving average is judged."""
+"""Time from the end of the acceleration to the first window of the moving average, s."""
 
 
 PEAK_ERROR = Metric("peak_m", "peak", "nm", 1e9)
@@ -79,24 +79,24 @@ METRICS = (
     Metric("force_peak_N", "force error, largest", "N"),
     Metric("force_rms_N", "force error, rms", "N"),
 )
-"""By which a motion is judged, in the order of every table."""
+"""Measures of a run, in the order of every table."""
 
 
 @dataclass(frozen=True)
 class Measures:
-    """Figures of one run; the first scan, into which the iron comes demagnetised, is left out."""
+    """Measures of one run from the second scan on, because the first begins demagnetised."""
 
     peak_m: float  # largest error
-    rms_m: float  # of the error
-    # largest moving average and standard deviation over the slit, in windows that begin 5 ms or
-    # more after the acceleration and end with the cruise
+    rms_m: float  # rms error
+    # largest moving average and standard deviation over the slit, in windows that begin at least 5
+    # ms after the acceleration and end with the cruise
     average_m: float
     deviation_m: float
-    # from the end of the acceleration until the error stays within 50 and 10 nm, mean of the scans;
-    # a scan that never does counts with the whole cruise
+    # time from the end of the acceleration until the error stays within 50 and 10 nm, mean of the
+    # scans; a scan that never does counts with its whole cruise
     settling_50_s: float
     settling_10_s: float
-    force_peak_N: float  # force less what was demanded a delay earlier
+    force_peak_N: float  # largest error of the force against the delayed demand
     force_rms_N: float
 
     @property
@@ -106,11 +106,11 @@ class Measures:
 
 
 LOST_MEASURES = Measures(*[float("inf")] * 8)
-"""Of a run in which the loop was lost."""
+"""Measures of a run that lost the loop."""
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
-    """Return the figures of :func:`cross_talk`."""
+    """Return the metrics of :func:`cross_talk`."""
     units = {axis: axis_unit(axis) for axis in stationary_axes(file)}
     return [Metric(f"{axis}_{u}", f"{axis}, largest", f"n{u}", 1e9) for axis, u in units.items()]
 
@@ -122,9 +122,9 @@ def stationary_axes(file: RigFile) -> list[str]:
 
 
 def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> dict[str, float]:
-    """Return the largest error of each coordinate that stands still, by axis and unit, m or rad.
+    """Return the largest error of each coordinate that the set-point does not move, m or rad.
 
-    The first scan is left out.
+    Keys contain axis and unit. The first scan is skipped.
     """
     names = [f"{axis}_{axis_unit(axis)}" for axis in stationary]
     if run.loss is not None:
@@ -135,7 +135,7 @@ def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> d
 
 
 def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
-    """Return the ticks of each cruise, that after the first acceleration left out."""
+    """Return the ticks of each cruise except the one after the first acceleration."""
     pulses = motion.pulses
     ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
     slices = [
@@ -146,7 +146,7 @@ def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
 
 
 def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]:
-    """Return for each scan how long it takes until the error stays within a band, s."""
+    """Return for each scan the time until the error stays within a band, s."""
     error, dt = run["error_m"], run.dt
     return [dt * settling_tick(error[cruise], band) for cruise in cruise_slices(motion, dt)]
 
@@ -154,7 +154,7 @@ def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]
 def slit_statistics(
     error: FloatArray, motion: SetPoint, slit: float, dt: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the moving average and deviation of an error over a slit, s, in each cruise."""
+    """Return moving average and standard deviation of an error over a slit, s, for each cruise."""
     delay_ticks, slit_ticks = round(EXPOSURE_DELAY_S / dt), round(slit / dt)
     return [
         moving_statistics(error[cruise.start + delay_ticks : cruise.stop], slit_ticks)
@@ -163,7 +163,7 @@ def slit_statistics(
 
 
 def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
-    """Judge a run with a slit of so many seconds."""
+    """Compute the measures of a run, with a slit in s."""
     if run.loss is not None:
         return LOST_MEASURES
     windows = slit_statistics(run["error_m"], motion, slit, run.dt)
@@ -182,29 +182,31 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""From when on a magnet is lost: the weight is taken up in one step before."""
+"""Earliest loss of a magnet, s. Before it the weight is taken up in one step."""
 HOLD_TIME_S = 0.1
-"""For which a body that braked is still watched."""
+"""Simulated time after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
-"""Of it, or of the whole set-point, the end that is judged."""
-LIFT_COMMAND_S, LAND_COMMAND_S = 0.2, 0.45
-"""When a body that was let go first is lifted, and when it is told to land."""
+"""Length of the window of the final error, s."""
+LIFT_COMMAND_S = 0.2
+"""Time of the lift command for a body at rest on its stops, s."""
+LAND_COMMAND_S = 0.45
+"""Time of the landing command, s."""
 SLIDE_LIMIT_S = 0.02
-"""After it came down, a body lies: what slides later, it does without friction here."""
+"""Time from touchdown until the body counts as at rest, s. The model has no friction."""
 BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
-"""Of the largest acceleration, at which it may brake."""
+"""Candidates for the deceleration, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
-"""In the state that a loop records: times the highest number of a magnet that is lost."""
-LOSS_TITLE = "a magnet lost in flight, each when it pulls most, or a head"
+"""Factor of the highest number of a lost magnet in the recorded state word."""
+LOSS_TITLE = "loss of a magnet in flight, when it pulls most, or of a head"
 LOSS_COLUMNS = (
     "lost",
-    "the stage",
+    "outcome",
     "at ms",
     "A",
-    "can be spared",
-    "found after ms",
+    "redundant",
+    "detected after ms",
     "largest error",
-    "at the end",
+    "final error",
     "down mm/s",
     "let go",
     "onto any stop mm/s",
@@ -212,37 +214,35 @@ LOSS_COLUMNS = (
 )
 LOSS_NOTES = (
     "errors in nm and nrad, the largest of all coordinates;",
-    "let go: all currents end when the loss is found; speeds until it lies",
+    "let go: all currents end at the detection; speeds until the body is at rest",
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class LossResult:
-    """What became of a body one of whose magnets or heads was lost; none where it was lifted."""
+    """Behaviour of a body after the loss of a magnet or a head, or in a lift-off."""
 
     magnet: str
     at_s: float
     current_A: float | None = None
-    spare: bool = (
-        False  # whether the others hold every coordinate, by linear programme; or tell the pose
-    )
-    noticed_s: float | None = None  # so much later
-    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" where it hit a stop in the air,
-    # or "lifts off", "stays"
+    spare: bool = False  # whether the others can move the body, or determine its pose
+    noticed_s: float | None = None  # delay of the detection, or None if it was not detected
+    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
+    # "lifts off" or "stays"
     outcome: str
-    # of each coordinate the largest error from the loss on, and at the end; none of one that is down
+    # largest error of each coordinate after the loss, and at the end; empty if the body is down
     error: dict[str, float]
     error_end: dict[str, float]
-    # how fast it comes onto stops, relative to the long stroke: downwards, and anywhere at a magnet;
-    # 0 where it never does
+    # contact speeds relative to the long stroke: downwards, and in any direction at a magnet; 0
+    # without contact
     down_m_per_s: float
     touch_m_per_s: float
-    # the same where all currents end when the loss is found, and where it is not looked for
+    # the same if all currents end at the detection, and if nothing is monitored
     let_go: tuple[float, float]
     unaware: tuple[float, float]
 
     def table_cells(self) -> list[str]:
-        """Return what a table says of it, in the columns of :data:`LOSS_HEAD`."""
+        """Return the table row, with the columns of :data:`LOSS_COLUMNS`."""
 
         def format_largest(error: Mapping[str, float]) -> str:
             sizes = [
@@ -261,7 +261,7 @@ class LossResult:
             "" if self.noticed_s is None else f"{1e3 * self.noticed_s:.2f}",
             format_largest(self.error),
             format_largest(self.error_end),
-            *(f"{1e3 * one:.1f}" for one in speeds),
+            *(f"{1e3 * speed:.1f}" for speed in speeds),
         ]
 
 
@@ -271,7 +271,7 @@ def _controller_state(run: Recording) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Plan:
-    """A set-point as it is flown: a value a tick, of place and acceleration one more."""
+    """Sampled set-point of a flight; the force has one sample less."""
 
     position: FloatArray  # m
     acceleration: FloatArray  # m/s2
@@ -280,7 +280,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Flights over the test set-point in which magnets are lost."""
+    """Flights over the test set-point with loss of magnets or heads."""
 
     setup: StageSetup
     gains: Feedforward
@@ -288,26 +288,26 @@ class LossFlights:
     seed: int = 1
 
     def run_all(self) -> list[LossResult]:
-        """Lose every magnet that the case names in a flight of its own, then every head; then lift."""
+        """Run a flight for each magnet of the case, then for each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
-        magnet_names = [one.name for one in file.body_magnets]
-        undisturbed_run = self._fly(test_plan, {})
+        magnet_names = [magnet.name for magnet in file.body_magnets]
+        nominal_run = self._fly(test_plan, {})
         losses = [
-            self._lose_magnet(magnet_names.index(name), test_plan, undisturbed_run)
+            self._lose_magnet(magnet_names.index(name), test_plan, nominal_run)
             for name in case.magnets or magnet_names
         ]
         count = len(file.position_sensors)
         heads = [(number, fault) for fault in case.heads or [] for number in range(count)]
-        losses += [self._lose_head(number, way, test_plan) for number, way in heads]
+        losses += [self._lose_head(number, fault, test_plan) for number, fault in heads]
         return [*losses, self._run_lift_off(test_plan)] if case.lift else losses
 
     @property
     def _rig(self) -> BodyRig:
         return self.setup.rig
 
-    def _lose_magnet(self, magnet: int, test_plan: _Plan, undisturbed_run: Recording) -> LossResult:
+    def _lose_magnet(self, magnet: int, test_plan: _Plan, nominal_run: Recording) -> LossResult:
         file, first_tick = self._rig.settings, round(EARLIEST_LOSS_S / self._rig.dt)
-        density = np.abs(undisturbed_run[column_name("flux_density", "T", magnet + 1)])
+        density = np.abs(nominal_run[column_name("flux_density", "T", magnet + 1)])
         tick = first_tick + int(np.argmax(density[first_tick:]))
         fault_word = 1 << magnet + FIRST_FAILURE_BIT | (
             SHORT_CIRCUIT_BIT if self.case.circuit == "short" else 0
@@ -315,7 +315,7 @@ class LossFlights:
         loss = self._run_failure(
             file.body_magnets[magnet].name, tick, fault_word, magnet, test_plan
         )
-        current_A = undisturbed_run[column_name("current", "A", magnet + 1)][
+        current_A = nominal_run[column_name("current", "A", magnet + 1)][
             round(loss.at_s / self._rig.dt)
         ]
         return replace(
@@ -331,7 +331,7 @@ class LossFlights:
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan
     ) -> LossResult:
-        """Return what becomes of a body for which something fails at a tick, or when the case says."""
+        """Simulate a failure at a tick, or at the time of the case, and the reaction."""
         dt, file = self._rig.dt, self._rig.settings
         if self.case.at_s is not None:
             tick = min(round(self.case.at_s / dt), len(test_plan.feedforward) - 1)
@@ -374,7 +374,7 @@ class LossFlights:
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:
-        """Return how a body that was let go is lifted from its stops, and set down again."""
+        """Simulate how a body without currents is lifted from its stops and landed again."""
         dt, names = self._rig.dt, error_columns(self._rig.settings.body.free)
         lift_tick, land_tick = round(LIFT_COMMAND_S / dt), round(LAND_COMMAND_S / dt)
         zeros = np.zeros(2 * land_tick)
@@ -384,10 +384,8 @@ class LossFlights:
         levitated_ticks = (
             np.flatnonzero(run["state"][lift_tick:land_tick] % 16 == Phase.HOVER) + lift_tick
         )
-        fall_speeds, landing_speeds = (
-            self._contact_speeds(run.slice_ticks(0, lift_tick)),
-            self._contact_speeds(run.slice_ticks(lift_tick, len(run))),
-        )
+        fall_speeds = self._contact_speeds(run.slice_ticks(0, lift_tick))
+        landing_speeds = self._contact_speeds(run.slice_ticks(lift_tick, len(run)))
         return LossResult(
             magnet="none: lift-off",
             at_s=lift_tick * dt,
@@ -418,15 +416,13 @@ class LossFlights:
         return _Plan(position, acceleration, feedforward_force(self.setup, motion, self.gains))
 
     def _braking_plan(self, magnet: int, test_plan: _Plan, tick: int) -> _Plan:
-        """Return the plan that brakes to rest from a tick on, and is held there.
+        """Return the plan that brakes to rest from a tick on and then holds the position.
 
-        The acceleration goes to zero along a line first, in a jerk phase of the set-point.
+        First the acceleration falls to zero linearly, in one jerk phase of the set-point.
         """
-        rig, file, mass = (
-            self._rig,
-            self._rig.settings,
-            self.setup.assumed_rig.settings.body.mass_kg,
-        )
+        rig = self._rig
+        file = self._rig.settings
+        mass_kg = self.setup.assumed_rig.settings.body.mass_kg
         motion = scan_motion(file.scan, file.scan.test_m_per_s2)
         acceleration, jerk_phase = float(test_plan.acceleration[tick]), motion.jerk_phase
         positions = test_plan.position[max(tick - 1, 0) : tick + 2]
@@ -451,19 +447,15 @@ class LossFlights:
         feasible = (
             deceleration
             for deceleration in candidates
-            if self._can_make(magnet, np.array([-mass * deceleration * np.sign(speed)]))
+            if self._can_make(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
-        selected = next(feasible, candidates[-1])
-        course = plan_braking(
-            speed, 0.0, replace(motion, peaks=(selected,)), rig.dt, rig.loop_delay
-        )
+        peak = next(feasible, candidates[-1])
+        course = plan_braking(speed, 0.0, replace(motion, peaks=(peak,)), rig.dt, rig.loop_delay)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         hold = np.zeros(round(HOLD_TIME_S / rig.dt))
-        braking_position, eased_acceleration = (
-            easing_position[-1] + course.position,
-            acceleration * (1.0 - time[:-1] / jerk_phase),
-        )
-        feedforward = mass * (np.vstack([easing, course.early_derivatives[:, :3]]) @ gains)
+        braking_position = easing_position[-1] + course.position
+        eased_acceleration = acceleration * (1.0 - time[:-1] / jerk_phase)
+        feedforward = mass_kg * (np.vstack([easing, course.early_derivatives[:, :3]]) @ gains)
         return _Plan(
             np.concatenate(
                 [
@@ -486,17 +478,17 @@ class LossFlights:
         )
 
     def _can_make(self, magnet: int, feedforward: FloatArray) -> bool:
-        """Whether forces fed forward are made without a magnet."""
+        """Whether the magnets can make the fed-forward forces without one magnet."""
         file = self._rig.settings
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle_force)
         layout.lose(magnet)
         wrenches = feedforward_wrench(self.setup.assumed_rig, feedforward).tolist()
-        return all(layout.share(one)[1] for one in wrenches)
+        return all(layout.share(wrench)[1] for wrench in wrenches)
 
     def _fly(
         self, plan: _Plan, faults: Mapping[int, int], commands: Mapping[int, Command] | None = None
     ) -> Recording:
-        """Return a flight with what fails from some ticks on, and with commands at ticks."""
+        """Simulate a plan with faults and commands that begin at given ticks."""
         rig, n = self._rig, plan.feedforward.size
         delay = round(STRAY_DELAY_S / rig.dt)
         delayed_acceleration = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
@@ -513,17 +505,17 @@ class LossFlights:
         return Recording(dict(run.columns) | recording_columns(rig, run, scenario))
 
     def _contact_speeds(self, run: Recording) -> tuple[float, float]:
-        """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""
-        file, free = self._rig.settings, self._rig.settings.body.free
-        poses = np.column_stack([run[name] for name in axis_columns("pose", free)])
+        """Return the largest contact speeds, downwards and in any direction at a magnet, m/s."""
+        file, axes = self._rig.settings, self._rig.settings.body.free
+        poses = np.column_stack([run[name] for name in axis_columns("pose", axes)])
         speeds = np.diff(poses, axis=0) / self._rig.dt
         is_contact = (
             np.diff((np.abs(poses) > np.array(stop_distances(file))).astype(int), axis=0) > 0
         )
         at_magnets = np.abs(speeds @ magnet_rows(file).T).max(axis=1)
         down = np.zeros(len(speeds))
-        if "z" in free:
-            z = free.index("z")
+        if "z" in axes:
+            z = axes.index("z")
             is_landing = is_contact[:, z] & (poses[1:, z] < 0.0)
             rest_tick = int(np.argmax(is_landing)) + round(SLIDE_LIMIT_S / self._rig.dt)
             down = -speeds[:, z] * is_landing

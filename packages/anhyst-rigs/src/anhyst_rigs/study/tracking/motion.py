@@ -1,7 +1,9 @@
-"""What was read while a body moved, and what the law of a method says of it: what all bodies share.
+"""Define the recorded motion of a body, and how a hysteresis model predicts its force.
 
-The law follows the currents that were commanded, at the gaps that were read, in the core's own
-code; what the body did is its acceleration. Both sides pass the same filter.
+:class:`Motion` computes the force on the body from its acceleration. :class:`MotionLaw` predicts
+the same force from the commanded currents and the measured gaps, with the code of the core. Both
+signals pass the same filter, so that they can be compared. `bodies` has the classes of stages and
+bearings.
 """
 
 from __future__ import annotations
@@ -23,31 +25,34 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, ParameterName, parameter_kind
 
 FILTER_CORNER_HZ = 250.0
-"""Corner of the three poles that both sides pass; a twentieth of the ticks at most."""
+"""Corner frequency of the three equal poles that both signals pass, Hz; at most a twentieth of the
+tick rate."""
 COMPARISON_RATE_HZ = 1000.0
-"""How often the two sides are compared."""
+"""Rate of the comparisons of measured and predicted force, Hz."""
 MIN_DEMAND_RATIO = 0.06
-"""Nothing is learnt below this part of the largest force: at rest any load would be taken for one."""
+"""Smallest demand of compared samples, as a fraction of the largest force. At rest, any
+load would be taken for an error of the magnets."""
 MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
-"""Bandwidth that an amplifier must have, in corners of the filter: what it lags is not counted."""
+"""Smallest bandwidth of an amplifier, as a multiple of the filter's corner. The lag of the
+amplifier is not modelled."""
 WIDTH_GRID_STEP = 0.005
-"""A law is fitted anew for widths on this grid."""
+"""Grid step of relative loop widths; a hysteresis model is fitted for each grid value."""
 
 
 def refuse_slow_amplifier(rig: BodyRig) -> None:
-    """Refuse a stage whose motion would teach something else than what its magnets are off by."""
+    """Reject a rig whose amplifier lag would be mistaken for a lag of the iron."""
     file, min_bandwidth_Hz = rig.settings, MIN_AMPLIFIER_BANDWIDTH_RATIO * FILTER_CORNER_HZ
     if file.amplifier.bandwidth_Hz < min_bandwidth_Hz:
         raise InputError(
-            f"{rig.path}: amplifier.bandwidth_Hz: is below {min_bandwidth_Hz:g} Hz, and its lag would be "
-            "taken for the iron's; calibrate with a faster amplifier",
+            f"{rig.path}: amplifier.bandwidth_Hz: is below {min_bandwidth_Hz:g} Hz, so that its lag "
+            "would be mistaken for that of the iron; calibrate with a faster amplifier",
             code="amplifier-too-slow",
             key="amplifier.bandwidth_Hz",
         )
 
 
 class ColumnFault(NamedTuple):
-    """What is wrong with a recording, and the column that shows it."""
+    """A fault of a recording, and the column that shows it."""
 
     text: str
     column: str
@@ -55,113 +60,111 @@ class ColumnFault(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion(ABC):
-    """What was read while a body moved, and what it did."""
+    """Recorded motion of a body, and the force on the body that follows from it."""
 
     rig: BodyRig
-    columns: Mapping[str, FloatArray]  # by column
-    first_compared_tick: int = (
-        0  # tick from which on it teaches; before, it only tells what the iron remembers
-    )
+    columns: Mapping[str, FloatArray]  # recorded values by column name, SI units
+    # first tick to compare; earlier ticks only give the hysteresis state
+    first_compared_tick: int = 0
 
     @property
     def comparisons_per_tick(self) -> int:
-        """How many numbers are compared at one tick."""
+        """Number of force components that are compared at one tick."""
         return 1
 
     @property
     def tick_numbers(self) -> FloatArray:
-        """Number of each tick."""
+        """Number of each tick, from 0."""
         return np.arange(self.columns["gap_read_m"].size, dtype=np.float64)
 
     def filter_force(self, force: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
-        """Return a force that acts so many ticks late, through the filter of both sides."""
+        """Delay a force by some ticks, and pass it through the filter."""
         gain = -math.expm1(-2.0 * math.pi * min(FILTER_CORNER_HZ * self.rig.dt, 0.05))
-        passed = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
+        filtered = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
         for _ in range(3):
-            passed = lfilter([gain], [1.0, gain - 1.0], passed)
-        return np.asarray(passed)
+            filtered = lfilter([gain], [1.0, gain - 1.0], filtered)
+        return np.asarray(filtered)
 
     @property
     @abstractmethod
     def measured_force(self) -> FloatArray:
-        """What the magnets must have pushed with, by the motion, filtered, N."""
+        """Net force of the magnets that the motion implies, filtered, N."""
 
     @property
     @abstractmethod
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
-        """What the numbers of the body push with, for each unit of them, filtered, N."""
+        """Force that each parameter of the body causes, per unit of the parameter, filtered, N."""
 
     @property
     @abstractmethod
     def force_noise(self) -> float:
-        """Standard deviation of the force of the motion from the noise of its sensors, N."""
+        """Standard deviation of the measured force from sensor noise, N."""
 
     @property
     @abstractmethod
     def compared_indices(self) -> NDArray[np.intp]:
-        """Places at which both sides are compared."""
+        """Indices of the samples that are compared."""
 
     @property
     def force_rms(self) -> float:
-        """Force of which a law leaves a part, root mean square, N."""
+        """Reference force of relative residuals, rms, N."""
         return rms(self.measured_force[self.compared_indices])
 
     @property
     def noise_gain(self) -> float:
-        """Noise of an acceleration after the filter, in that of its position, 1/s2."""
+        """Standard deviation of the filtered acceleration over that of the position, 1/s^2."""
         second_difference = np.zeros(self.tick_numbers.size)
         second_difference[:3] = 1.0, -2.0, 1.0
         return float(np.linalg.norm(self.filter_force(second_difference))) / self.rig.dt**2
 
     @property
     def delay_ticks(self) -> float:
-        """Ticks from a command to its force: dead time and half a tick.
+        """Delay from a command to its force, ticks: dead time and half a tick.
 
-        The integral of an amplifier leaves no lag of what is slower than the filter here.
+        The amplifier adds no lag, because its control has an integral part and the filter is
+        slower.
         """
         amplifier_delay = self.rig.settings.amplifier.delay_s / self.rig.dt
         return self.rig.settings.timing.delay_ticks + 0.5 + amplifier_delay
 
 
 class MotionLaw(ABC):
-    """A method as it is fitted to the loops, and with other numbers."""
+    """Hysteresis model of one method, with parameters that a motion can correct."""
 
     rig: BodyRig
     method: MethodName
-    names: Sequence[ParameterName]  # all numbers of it, in the order of files
-    estimable_names: Sequence[ParameterName]  # those that a motion may move
+    names: Sequence[ParameterName]  # all parameters, in the order of the calibration file
+    estimable_names: Sequence[ParameterName]  # parameters that a motion may change
     comparison_sigma_ratio: (
-        float  # standard deviation of a comparison, in parts of the largest force
+        float  # standard deviation of a comparison, fraction of the largest force
     )
-    max_sigma_ratio: (
-        float  # of its prior standard deviation: a number with more left is called not seen
-    )
-    max_residual_ratio: float  # of the moving force: what is left at most where a law fits
-    force_max: float  # largest force that is asked for, N
-    required_columns: Sequence[str]  # columns of a recording without which nothing is learnt
-    optional_columns: Sequence[str]  # columns that help, where a recording has them
+    max_sigma_ratio: float  # largest posterior over prior sigma of an identified parameter
+    max_residual_ratio: float  # largest rms residual of a suitable model, fraction of the rms force
+    force_max: float  # largest demanded force, N
+    required_columns: Sequence[str]  # columns that a recording must have
+    optional_columns: Sequence[str]  # columns that are used if a recording has them
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return the methods of which the recordings do not say enough: those of flux probes."""
+        """Return methods that the recordings cannot calibrate, by default those with a probe."""
         del motions
         return FLUX_PROBE_METHODS
 
     def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
-        """Return what a law is told of what the recordings hold."""
+        """Return keyword arguments for the constructor that depend on the recordings."""
         del motions
         return {}
 
     @abstractmethod
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return what shows that a recording begins in motion: what iron remembers is not known."""
+        """Return a fault if a recording begins in motion, so that its hysteresis state is unknown."""
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
-        """Return what shows that the demand counts the other way than the body goes."""
+        """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
         del motion
         return None
 
     def prior_sigma(self, name: ParameterName) -> float:
-        """Return the standard deviation that the rig file states for a number."""
+        """Return the prior standard deviation of a parameter, from the rig file."""
         spread = self.rig.settings.spread
         uses_probe = self.method in FLUX_PROBE_METHODS
         return {
@@ -179,20 +182,20 @@ class MotionLaw(ABC):
     def make_motion(
         self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
     ) -> Motion:
-        """Take a motion as it was read."""
+        """Make a motion from recorded columns."""
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
-        """Whether a motion can show a number."""
+        """Whether a motion gives information about a parameter."""
         del motion, name
         return True
 
     @abstractmethod
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the net force along a path by the law with some numbers, filtered, N."""
+        """Return the predicted net force along a motion for some parameter values, filtered, N."""
 
 
 def round_to_grid(name: ParameterName, value: float) -> float:
-    """Return the value of a parameter that a law can be fitted with."""
+    """Round a loop width to the grid of fitted models; return other parameters unchanged."""
     return (
         round(value / WIDTH_GRID_STEP) * WIDTH_GRID_STEP
         if parameter_kind(name) == "width"

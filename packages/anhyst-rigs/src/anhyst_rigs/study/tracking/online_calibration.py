@@ -1,4 +1,9 @@
-"""What a stage or a bearing learns while it runs on a bench, beside it."""
+"""Calibrate a stage or a bearing while it runs on a bench.
+
+The calibrators read the rows of the bench in a separate thread. They estimate the parameters after
+each cycle of a stage's set-point, or each second of a bearing, and put corrections into force
+between two ticks. If errors grow, they restore earlier corrections and stop.
+"""
 
 from __future__ import annotations
 
@@ -28,14 +33,17 @@ from anhyst_rigs.study.tracking.estimator import FORGETTING_TIME_S, ParameterEst
 from anhyst_rigs.study.tracking.measures import slit_statistics
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amplifier
 
-MAX_SHOWN_LAPS = 500
-"""Laps that a page can draw."""
+MAX_SHOWN_CYCLES = 500
+"""Number of cycles that a page can draw."""
 PICKUP_TIME_S = 0.1
-"""In which the weight of a body is taken up: the iron that carries it remembers that ever after."""
+"""Time to take up the weight of a body, s. These rows are kept, because they determine
+the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
-"""Rows that are kept for a lap and what its iron remembers, s; after a longer rest a lap is waited for."""
+"""Length of the row buffer for one cycle and the hysteresis state before it, s. After a longer
+rest, one cycle is skipped."""
 MAX_ERROR_GROWTH = 1.5
-"""Times the least error, in two laps in a row, beyond which what was learnt is taken back."""
+"""Largest growth of the error over its smallest value in two cycles in a row. Beyond it the earlier
+corrections are restored."""
 _BEARING_COLUMNS = (
     "reference_m",
     "gap_read_m",
@@ -45,64 +53,60 @@ _BEARING_COLUMNS = (
     "state",
     "phase",
 )
-MIN_COMPARISONS, MIN_SWAP_CHANGE = 50, 0.1
-"""Comparisons of a second that teaches; part of a stated deviation below which nothing is swapped."""
+MIN_COMPARISONS = 50
+"""Smallest number of comparisons in a window that is used for an update."""
+MIN_SWAP_CHANGE = 0.1
+"""Smallest change of a parameter that swaps a block, in prior standard deviations."""
 
 
 Corrections = Mapping[ParameterName, float]
-"""What a method is corrected by; empty where by nothing."""
+"""Parameter values that correct a method; empty without corrections."""
 RunOnBench = Callable[[Callable[[], None]], None]
-"""Does something to the bench between two of its ticks, in its thread."""
+"""Runs a function in the bench's thread, between two ticks."""
 
 
-class LearntLap(NamedTuple):
-    """What a lap left, and what was known after it."""
+class CycleResult(NamedTuple):
+    """Errors of one cycle (or window of a bearing), and the estimate after it."""
 
-    tick: int  # its last
+    tick: int  # last tick
     lap: int
     method: MethodName
-    # error; of a stage the largest moving average over the slit, while it cruised
+    # error; for a stage the largest moving average over the slit in the cruise
     average: float
     peak: float  # largest error
-    learning: bool  # whether it was to teach
-    refused: int  # laps of this method so far that taught nothing, since nothing explained them
-    # number by name: estimate, standard deviation that is left, what is applied, what is stated
+    learning: bool  # whether the estimate was updated
+    refused: int  # number of rejected cycles of this method
+    # by parameter: estimate, posterior sigma, applied value, prior sigma
     values: Mapping[str, tuple[float, float, float, float]]
 
 
 class _CorrectionHistory:
-    """What was in force of a method when its laps left least, and what has been since."""
+    """Corrections of a method that were in force, and those with the smallest error."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
         self._conditions: tuple[object, ...] = ()
-        self._last_average = self._best_average = (
-            math.inf
-        )  # moving averages, m: a lap's, the larger of two laps'
+        # moving averages, m: last cycle, best pair
+        self._last_average = self._best_average = math.inf
         self._best_corrections: Corrections = {}
 
     def add(self, setup: StageSetup, corrections: Corrections) -> None:
-        """Keep what corrects a setup that is put in force."""
+        """Record the corrections of a setup that is put into force."""
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
-    def corrections_of(self, lap: StageCycle) -> Corrections | None:
-        """Return what a lap was corrected by; None where that is forgotten."""
-        return next(
-            (corrections for setup, corrections in self._entries if setup is lap.setup), None
-        )
+    def corrections_of(self, cycle: StageCycle) -> Corrections | None:
+        """Return the corrections during a cycle, or None if they are no longer stored."""
+        return next((values for setup, values in self._entries if setup is cycle.setup), None)
 
     def find_better(
-        self, lap: StageCycle, corrections: Corrections, average: float
+        self, cycle: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
-        """Return what left less than these last two laps do, and how much; None if nothing did."""
-        if (
-            lap.conditions != self._conditions
-        ):  # another plant, load or gain: nothing is known of it
-            self._conditions, self._last_average, self._best_average = (
-                lap.conditions,
-                math.inf,
-                math.inf,
-            )
+        """Return better corrections and their error, m, if the last two cycles were worse."""
+        # other conditions (plant, load or gain): no earlier errors
+        if cycle.conditions != self._conditions:
+            self._conditions = cycle.conditions
+            self._last_average = math.inf
+            self._best_average = math.inf
         pair, self._last_average = (self._last_average, average), average
         if max(pair) < self._best_average:
             self._best_average, self._best_corrections = max(pair), corrections
@@ -115,41 +119,39 @@ class _CorrectionHistory:
 
 
 class BenchCalibrator:
-    """Calibrates the methods of a bench from its motions, each from those that it drove itself.
+    """Base class: calibrates each method of a bench from the motions that it controlled itself.
 
-    :meth:`run` is a thread of its own; what it found acts through `do`, which a session gives: in
-    the thread of the bench, as the orders do.
+    :meth:`run` has a separate thread. Changes of the bench go through ``run_on_bench``.
     """
 
     unit = "m"
-    """Of the errors of its laps."""
+    """Unit of the errors of the cycles."""
 
     def __init__(self, bench: Bench, is_on: bool = False) -> None:
         self.is_on = is_on
-        self.laps: deque[LearntLap] = deque(maxlen=MAX_SHOWN_LAPS)
+        self.laps: deque[CycleResult] = deque(maxlen=MAX_SHOWN_CYCLES)
         self._clock = bench
         self._estimators: dict[MethodName, ParameterEstimator] = {}
-        self._uncorrected_error: dict[MethodName, float] = {}  # error where nothing is applied
+        self._uncorrected_error: dict[MethodName, float] = {}  # error without corrections
         self._buffer: deque[FloatArray] = deque()
         self._stop_reason = ""
-        self._start_tick = 0  # tick before which nothing teaches that waits to be looked at
+        self._start_tick = 0  # first tick of rows that may be used
 
     def switch(self, is_on: bool) -> None:
-        """Learn from what is under way on, or no more; what is applied stays."""
+        """Switch the calibration on or off; applied corrections stay."""
         if is_on and (refusal := self._refusal):
             raise refusal
         self.is_on, self._start_tick = is_on, self._clock.tick
 
     def revert(self) -> int:
-        """Forget all that was learnt; in the bench's thread."""
-        self._start_tick = (
-            self._clock.tick
-        )  # first: what waits finds either this or its learner gone
+        """Delete all estimates and return the tick; called in the bench's thread."""
+        # first, so that pending updates find either the new tick or no estimator
+        self._start_tick = self._clock.tick
         self._estimators, self._stop_reason = {}, ""
         return self._start_tick
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the laps."""
+        """Return what a page shows in addition to the cycles."""
         estimators = dict(self._estimators)
         return {
             "on": self.is_on,
@@ -162,28 +164,28 @@ class BenchCalibrator:
         }
 
     def run(self, subscription: Subscription, run_on_bench: RunOnBench) -> None:
-        """Take rows until they end."""
+        """Process rows until the subscription ends."""
         with suppress(InputError):  # the bench is closed
             while (rows := subscription.get()) is not None:
                 self.process_rows(rows, run_on_bench)
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Take rows, and learn from each lap that ends with them."""
+        """Store rows and update the estimate from each cycle that ends with them."""
         if self._buffer and rows[0, 0] != self._buffer[-1][-1, 0] + 1:
-            self._buffer.clear()  # some were missed
+            self._buffer.clear()  # rows are missing
         self._buffer.append(rows)
         self._process(rows, run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Learn from what ends with rows."""
+        """Update the estimate from each cycle or window that ends with these rows."""
         raise NotImplementedError  # pragma: no cover
 
     def _stop(self, reason: str) -> None:
-        """Learn no more, and show why."""
-        self._stop_reason, self.is_on = f"learning ended: {reason}", False
+        """Stop the calibration, and show the reason."""
+        self._stop_reason, self.is_on = f"calibration stopped: {reason}", False
 
-    def _record_lap(self, lap: LearntLap, estimator: ParameterEstimator | None) -> None:
-        """Keep what a page draws of a lap."""
+    def _record_cycle(self, cycle: CycleResult, estimator: ParameterEstimator | None) -> None:
+        """Store what a page draws of a cycle."""
         if estimator is not None:
             values = {
                 parameter.name: (
@@ -195,50 +197,49 @@ class BenchCalibrator:
                 for parameter in estimator.calibration.parameter
                 if parameter.name in estimator.identified
             }
-            lap = lap._replace(refused=estimator.rejected_count, values=values)
-        self.laps.append(lap)
+            cycle = cycle._replace(refused=estimator.rejected_count, values=values)
+        self.laps.append(cycle)
 
     @property
     def _refusal(self) -> InputError | None:
-        """Return why nothing can be learnt, or None."""
+        """The reason why nothing can be calibrated, or None."""
         raise NotImplementedError  # pragma: no cover
 
 
 class StageCalibrator(BenchCalibrator):
-    """Calibrates a stage from its laps; what it found acts when the body next rests."""
+    """Calibrates a stage from its cycles; corrections come into force when the body next rests."""
 
     def __init__(self, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._required_columns = StageLaw(rig, magnet, "full").required_columns[
-            1:
-        ]  # the clock is the tick here
+        # without the time: rows begin with the tick
+        self._required_columns = StageLaw(rig, magnet, "full").required_columns[1:]
         self._column_indices = [
-            _row_index(bench.signals, one) for one in (*self._required_columns, "error_m", "lap")
+            _row_index(bench.signals, name) for name in (*self._required_columns, "error_m", "lap")
         ]
-        # in rows of them
+        # positions in stored rows
         self._command_indices = [
-            1 + n for n, one in enumerate(self._required_columns) if one.startswith("command")
+            1 + n for n, name in enumerate(self._required_columns) if name.startswith("command")
         ]
-        self._skipped_laps = 0
-        # rows of that, since it was switched on
+        self._skipped_cycles = 0
+        # rows since the current was switched on, while the weight is taken up
         self._pickup_rows = np.zeros((0, 1 + len(self._column_indices)))
         self._laws: dict[MethodName, MotionLaw] = {}
         self._histories: dict[MethodName, _CorrectionHistory] = {}
 
     def revert(self) -> int:
-        """Forget all that was learnt, and put in force what the rig file says."""
+        """Delete all estimates, and put the setups of the rig file into force."""
         super().revert()
-        self._histories, self._skipped_laps = {}, 0
+        self._histories, self._skipped_cycles = {}, 0
         return [self._bench.correct(setup) for setup in self._bench.setups][-1]
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the laps."""
-        return {**super().status(), "left_out": self._skipped_laps}
+        """Return what a page shows in addition to the cycles."""
+        return {**super().status(), "left_out": self._skipped_cycles}
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Take rows, and learn from each lap that ends with them."""
+        """Store rows and update the estimate from each cycle that ends with them."""
         super().process_rows(rows[:, [0, *self._column_indices]], run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
@@ -246,117 +247,128 @@ class StageCalibrator(BenchCalibrator):
             len(self._buffer) > 1 and sum(map(len, self._buffer)) > MAX_BUFFER_S * self._bench.rate
         ):
             self._buffer.popleft()
-        pickup_tick, first = max(self._bench.plant_tick, self._bench.lift_tick), int(rows[0, 0])
-        if 0 <= pickup_tick - first < len(rows):
+        pickup_tick = max(self._bench.plant_tick, self._bench.lift_tick)
+        first_tick = int(rows[0, 0])
+        if 0 <= pickup_tick - first_tick < len(rows):
             was_lifted_again = pickup_tick != self._bench.plant_tick
             earlier_rows = (
                 self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
             )
-            self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first :]])
-            if was_lifted_again:  # its iron carries the weight on another branch now
+            self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first_tick :]])
+            if was_lifted_again:  # the iron now carries the weight on another branch
                 self._estimators = {
-                    name: one.copy_without_data() for name, one in self._estimators.items()
+                    name: estimator.copy_without_data()
+                    for name, estimator in self._estimators.items()
                 }
-        elif pickup_tick <= first < pickup_tick + PICKUP_TIME_S * self._bench.rate:
+        elif pickup_tick <= first_tick < pickup_tick + PICKUP_TIME_S * self._bench.rate:
             self._pickup_rows = np.concatenate([self._pickup_rows, rows])
-        for lap in tuple(self._bench.cycles):
-            if rows[0, 0] <= lap.last_tick <= rows[-1, 0]:
-                self._process_lap(lap, run_on_bench)
+        for cycle in tuple(self._bench.cycles):
+            if rows[0, 0] <= cycle.last_tick <= rows[-1, 0]:
+                self._process_cycle(cycle, run_on_bench)
 
     def _rows_before_lift(self, tick: int) -> FloatArray:
-        """Return what the iron remembers of before a lift: the first one, the last lap, the way down."""
+        """Return rows before a lift that determine the hysteresis state: first lift to descent."""
         history_begin = max(
-            (one.history_start for one in tuple(self._bench.cycles) if one.first_tick < tick),
+            (cycle.history_start for cycle in tuple(self._bench.cycles) if cycle.first_tick < tick),
             default=0,
         )
         rows = np.concatenate(self._buffer)
         rows = rows[(rows[:, 0] >= history_begin) & (rows[:, 0] < tick)]
         has_current = rows[:, self._command_indices].any(axis=1)
         is_earlier = self._pickup_rows[:, 0] < (rows[0, 0] if len(rows) else tick)
-        # of a rest without current its first row says as much
+        # the first row of a rest without current is sufficient
         return np.concatenate(
             [self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]]
         )
 
-    def _process_lap(self, lap: StageCycle, run_on_bench: RunOnBench) -> None:
-        """Learn from a lap, unless it was broken off, and let what was found act."""
-        table = np.concatenate([one for one in self._buffer if one[-1, 0] >= lap.history_start])
-        first, end = int(table[0, 0]), lap.last_tick
+    def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
+        """Update the estimate from a complete cycle, and put corrections into force."""
+        table = np.concatenate(
+            [rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start]
+        )
+        first, end = int(table[0, 0]), cycle.last_tick
         error, laps = table[: end + 1 - first, -2:].T
-        begin_row = lap.first_tick - first
-        if begin_row < 0 or np.any(laps[begin_row:] != lap.number):
+        begin_row = cycle.first_tick - first
+        if begin_row < 0 or np.any(laps[begin_row:] != cycle.number):
             return
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
-        windows = slit_statistics(error[begin_row:], lap.motion, slit, dt)
+        windows = slit_statistics(error[begin_row:], cycle.motion, slit, dt)
         peak_error = peak_deviation(error[begin_row:])
         average = max(
             (peak_deviation(mean) for mean, _ in windows if mean.size), default=peak_error
         )
         estimators, is_learning, setup = self._estimators, self.is_on, None
-        estimator, history = (
-            estimators.get(lap.method),
-            self._histories.setdefault(lap.method, _CorrectionHistory()),
-        )
-        is_original_setup = any(lap.setup is setup for setup in self._bench.setups)
+        estimator = estimators.get(cycle.method)
+        history = self._histories.setdefault(cycle.method, _CorrectionHistory())
+        is_original_setup = any(cycle.setup is setup for setup in self._bench.setups)
         is_uncorrected = is_original_setup and (
             estimator is None or not any(estimator.applied_values.values())
         )
-        corrections = {} if is_original_setup else history.corrections_of(lap)
-        better = None if corrections is None else history.find_better(lap, corrections, average)
+        corrections = {} if is_original_setup else history.corrections_of(cycle)
+        better = None if corrections is None else history.find_better(cycle, corrections, average)
         if is_learning and better is not None and estimator is not None:
             setup = self._restore_best(estimator, *better, average)
-        elif is_learning and self._is_superseded(lap):
-            is_learning, self._skipped_laps = False, self._skipped_laps + 1
-        elif is_learning and lap.history_start >= first and end > self._start_tick:
-            is_earlier = self._pickup_rows[:, 0] < lap.history_start
-            rows = table[lap.history_start - first : end + 1 - first, 1:]
+        elif is_learning and self._is_superseded(cycle):
+            is_learning, self._skipped_cycles = False, self._skipped_cycles + 1
+        elif is_learning and cycle.history_start >= first and end > self._start_tick:
+            is_earlier = self._pickup_rows[:, 0] < cycle.history_start
+            rows = table[cycle.history_start - first : end + 1 - first, 1:]
             rows = np.concatenate([self._pickup_rows[is_earlier, 1:], rows])
             columns = dict(zip(self._required_columns, rows.T, strict=False))
-            setup = self._update(estimators, lap, columns, len(rows) - lap.tick_count)
-        estimator = estimators.get(lap.method)
+            setup = self._update(estimators, cycle, columns, len(rows) - cycle.tick_count)
+        estimator = estimators.get(cycle.method)
 
         def act() -> None:
             if estimators is not self._estimators:
-                return  # it was reverted meanwhile
+                return  # reverted meanwhile
             if is_uncorrected:
-                self._uncorrected_error[lap.method] = average
+                self._uncorrected_error[cycle.method] = average
             if setup is not None and estimator is not None:
                 self._bench.correct(setup)
                 history.add(setup, estimator.applied_values)
-            self._record_lap(
-                LearntLap(end, lap.number, lap.method, average, peak_error, is_learning, 0, {}),
+            self._record_cycle(
+                CycleResult(
+                    end, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}
+                ),
                 estimator,
             )
 
         run_on_bench(act)
 
-    def _is_superseded(self, lap: StageCycle) -> bool:
-        """Whether a lap after it has ended meanwhile: looking at one takes longer than a lap."""
+    def _is_superseded(self, cycle: StageCycle) -> bool:
+        """Whether a later cycle has ended; an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
-            one.number > lap.number and one.last_tick <= tick for one in tuple(self._bench.cycles)
+            other.number > cycle.number and other.last_tick <= tick
+            for other in tuple(self._bench.cycles)
         )
 
     def _restore_best(
-        self, estimator: ParameterEstimator, best: Corrections, best_average: float, average: float
+        self,
+        estimator: ParameterEstimator,
+        best_corrections: Corrections,
+        best_average: float,
+        average: float,
     ) -> StageSetup:
-        """End learning, and return what the method was corrected by when its laps left least."""
-        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best)
+        """Stop the calibration, and return the stage with the corrections of the smallest error."""
+        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(
+            best_corrections
+        )
         self._stop(
             f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
-            f"{1e9 * average:.3g} nm; what left least is in force again"
+            f"{1e9 * average:.3g} nm; the corrections with the smallest error are restored"
         )
         return estimator.corrected_stage()
 
     def _update(
         self,
         estimators: dict[MethodName, ParameterEstimator],
-        lap: StageCycle,
+        cycle: StageCycle,
         columns: Mapping[str, FloatArray],
         begin_row: int,
     ) -> StageSetup | None:
-        """Take a lap in that begins with a row; return what is to be put in force, if anything changes."""
-        method = lap.method
+        """Update the estimate from a cycle; return a new setup, or None without a change."""
+        method = cycle.method
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
         estimator = estimators.setdefault(
@@ -365,7 +377,7 @@ class StageCalibrator(BenchCalibrator):
         before = dict(estimator.applied_values)
         try:
             estimator.update(self._laws[method].make_motion(columns, begin_row))
-            estimator.follow_estimate(lap.motion.duration)
+            estimator.follow_estimate(cycle.motion.duration)
             return None if estimator.applied_values == before else estimator.corrected_stage()
         except (InputError, np.linalg.LinAlgError) as error:
             self._stop(str(error))
@@ -380,23 +392,27 @@ class StageCalibrator(BenchCalibrator):
         if self._rig.calibration_path is None:
             return None
         return InputError(
-            f"{self._rig.path}: control.calibration: learning begins without one; leave it out",
+            f"{self._rig.path}: control.calibration: online calibration begins without a file; remove it",
             code="not-both",
             key="control.calibration",
         )
 
 
-WINDOW_S, TAIL_S = 1.0, 0.1
-"""Rows of a bearing that are looked at together, and those before of which every one is kept."""
-THINNING_BLOCK_ROWS, MAX_HISTORY_ROWS = 20, 100_000
-"""Of older rows so many become the two that the iron remembers best; beyond so many once more."""
+WINDOW_S = 1.0
+"""Length of the window of a bearing that is processed together, s."""
+TAIL_S = 0.1
+"""Length of unthinned rows before a window, s."""
+THINNING_BLOCK_ROWS = 20
+"""Number of older rows that are replaced by the two with the smallest and largest drive."""
+MAX_HISTORY_ROWS = 100_000
+"""Number of thinned rows after which they are thinned again."""
 
 
 class BearingCalibrator(BenchCalibrator):
-    """Calibrates a bearing from every second in which its reference moved; a block is swapped then.
+    """Calibrates a bearing from each second in which its reference moved, and swaps the block.
 
-    The firmware lets fade what the current would jump by. Errors are what the force is off by; what
-    nothing would have been learnt for is what the law as it was fitted leaves of the same second.
+    The firmware fades the change of the current in. Errors are those of the force. For comparison,
+    the error of the uncorrected model is computed for the same second.
     """
 
     unit = "N"
@@ -410,33 +426,29 @@ class BearingCalibrator(BenchCalibrator):
     ) -> None:
         super().__init__(bench)
         self._setup, self._bench, self._method = setup, bench, setup.method
-        self._magnet, self._compile_block = (
-            magnet,
-            compile_block,
-        )  # to a block for the running board
-        self._column_indices = {one: _row_index(bench.signals, one) for one in _BEARING_COLUMNS}
+        self._magnet = magnet
+        self._compile_block = compile_block  # compiles a model to a block for the board
+        self._column_indices = {name: _row_index(bench.signals, name) for name in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))
         self._initial_block = self._own_block = bench.read_block()
         self._corrections: Corrections = {}
-        self._is_waiting = False  # for an armature that lies without a current
-        self._was_worse = False  # whether the last second was worse than without what is applied
+        self._is_waiting = False  # for an armature at rest without current
+        self._was_worse = False  # whether the last window was worse than without corrections
 
     def revert(self) -> int:
-        """Forget all that was learnt, and put in force what the rig file says."""
+        """Delete all estimates, and put the initial block into force."""
         super().revert()
         return self._swap_block(self._initial_block, {})
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the laps."""
-        waits = "rows were missed, and what the iron remembers is not known: land, and lift again"
-        shown = super().status()
-        return {**shown, "trouble": shown["trouble"] or (waits if self._is_waiting else "")}
+        """Return what a page shows in addition to the cycles."""
+        wait_text = "rows are missing, so the hysteresis state is unknown; land and lift again"
+        status = super().status()
+        return {**status, "trouble": status["trouble"] or (wait_text if self._is_waiting else "")}
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        if (
-            len(self._buffer) == 1
-        ):  # the first, or rows were missed: it begins where no current flows
+        if len(self._buffer) == 1:  # first rows, or rows are missing: wait for zero current
             self._history_rows = self._history_rows[:0]
             self._is_waiting = bool(rows[0, self._column_indices["command_A"]] > 0.0)
             if self._is_waiting:
@@ -454,7 +466,7 @@ class BearingCalibrator(BenchCalibrator):
         self._buffer = deque([table[-tail:]])
 
     def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Learn from a second, and let what was found act."""
+        """Update the estimate from one window, and put corrections into force."""
         if self._refusal is not None:
             return
         setup = self._setup
@@ -471,10 +483,8 @@ class BearingCalibrator(BenchCalibrator):
         force_error = (
             motion.measured_force - motion.filter_force(columns["demand_N"], motion.delay_ticks)
         )[indices]
-        zero_corrections = dict.fromkeys(law.names, 0.0)
-        uncorrected_rms_N = rms(
-            (motion.measured_force - law.net_force(motion, zero_corrections))[indices]
-        )
+        zeros = dict.fromkeys(law.names, 0.0)
+        uncorrected_rms_N = rms((motion.measured_force - law.net_force(motion, zeros))[indices])
         end, estimators, is_learning = int(table[-1, 0]), self._estimators, self.is_on
         is_worse = any(self._corrections.values())
         is_worse = is_worse and rms(force_error) > MAX_ERROR_GROWTH * max(
@@ -487,17 +497,17 @@ class BearingCalibrator(BenchCalibrator):
 
         def act() -> None:
             if estimators is not self._estimators:
-                return  # it was reverted meanwhile
+                return  # reverted meanwhile
             self._uncorrected_error[self._method] = uncorrected_rms_N
             if should_revert:
                 self.revert()
                 self._stop(
-                    f"the force was off by {rms(force_error):.3g} N, and by {uncorrected_rms_N:.3g} N without what "
-                    "was learnt, which is in force no more"
+                    f"the force error is {rms(force_error):.3g} N, without corrections "
+                    f"{uncorrected_rms_N:.3g} N; the corrections were removed"
                 )
             elif update is not None:
                 self._swap_block(*update)
-            lap = LearntLap(
+            cycle = CycleResult(
                 end,
                 0,
                 self._method,
@@ -507,27 +517,27 @@ class BearingCalibrator(BenchCalibrator):
                 0,
                 {},
             )
-            self._record_lap(lap, self._estimators.get(self._method))
+            self._record_cycle(cycle, self._estimators.get(self._method))
 
         run_on_bench(act)
 
     def _update(
         self, estimators: dict[MethodName, ParameterEstimator], law: BearingLaw, motion: Motion
     ) -> tuple[Sequence[int], Corrections] | None:
-        """Take a second in; return the block that is to be put in force, if anything changes."""
+        """Update the estimate from a window; return a new block and its corrections, or None."""
         estimator = estimators.setdefault(self._method, ParameterEstimator(law, FORGETTING_TIME_S))
         try:
             estimator.update(motion)
             estimator.follow_estimate(WINDOW_S)
             corrections = dict(estimator.applied_values)
             if all(
-                abs(one - self._corrections.get(name, 0.0))
+                abs(value - self._corrections.get(name, 0.0))
                 <= MIN_SWAP_CHANGE * estimator.prior_sigma[name]
-                for name, one in corrections.items()
+                for name, value in corrections.items()
             ):
                 return None
             gap_zero = corrections["gap_zero_m"]
-            gap_margin = 2.0 * abs(gap_zero)  # the gaps of the board stay those of the build
+            gap_margin = 2.0 * abs(gap_zero)  # the board keeps its range of gaps
             magnet = calibrate_magnet(
                 self._magnet, corrections["scale_1"], gap_zero, corrections["width"], gap_margin
             )
@@ -537,7 +547,7 @@ class BearingCalibrator(BenchCalibrator):
             return None
 
     def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
-        """Put a block in force, unless somebody swapped another model in; in the bench's thread."""
+        """Put a block into force, unless somebody else swapped a model; in the bench's thread."""
         current_block = self._bench.read_block()
         if set_generation(current_block, 0) != set_generation(self._own_block, 0):
             self._stop("another model is in force")
@@ -550,16 +560,16 @@ class BearingCalibrator(BenchCalibrator):
     def _refusal(self) -> InputError | None:
         rig, reason = self._setup.rig, ""
         if rig.calibration_path is not None:
-            reason = "control.calibration: learning begins without one; leave it out"
+            reason = "control.calibration: online calibration begins without a file; remove it"
         elif len(rig.settings.body_magnets) > 1:
             reason = "both magnets of a pair share one block; calibrate from a recording"
         elif self._method != "full":
-            reason = f"'{self._method}' is not calibrated while it runs; choose 'full'"
+            reason = f"'{self._method}' cannot be calibrated online; choose 'full'"
         return InputError(f"{rig.path}: {reason}", code="not-learnt-here") if reason else None
 
 
 def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
-    """Keep of each block of rows those at which the magnet is driven least and most."""
+    """Keep the two rows with the smallest and largest current over gap of each block of rows."""
     blocks = len(rows) // THINNING_BLOCK_ROWS
     row_count = blocks * THINNING_BLOCK_ROWS
     drive = rows[:row_count, columns["command_A"]] / rows[:row_count, columns["gap_read_m"]]
@@ -570,5 +580,5 @@ def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
 
 
 def _row_index(signals: Sequence[Signal], header: str) -> int:
-    """Return where a column of a recording is in the rows of a bench."""
+    """Return the position of a recording's column in the rows of a bench."""
     return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(header)

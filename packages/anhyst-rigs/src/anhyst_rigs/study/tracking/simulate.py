@@ -1,4 +1,9 @@
-"""All variants on the set-points of a stage: what ``anhyst simulate`` gives for one."""
+"""Simulate all variants on the set-points of a stage, as ``anhyst simulate`` does.
+
+For each variant a search finds feedforward gains on the training set-point. The variant is then
+evaluated on the test set-point over several noise seeds. Further runs show small forces, one
+repeated set-point, standstill, learning control and the loss of magnets.
+"""
 
 from __future__ import annotations
 
@@ -70,16 +75,17 @@ if TYPE_CHECKING:
 
 
 LEARNING_TRIALS = 8
+"""Number of trials of learning control, the first without a learnt force."""
 LEARNING_FILTER_HZ = 200.0
-"""Above it nothing is learnt."""
+"""Corner of the low-pass filter of the learnt force, Hz."""
 _PADDING_TICKS = 4096
-"""Ticks of zeros behind a trial, so that its end does not meet its begin."""
+"""Zeros after a trial, so that its end does not affect its beginning in the spectrum."""
 
 
 def run_learning_control(
     setup: StageSetup, gains: Feedforward, trials: int = LEARNING_TRIALS
 ) -> list[Recording]:
-    """Repeat the test set-point and add after each trial what the model of the loop asks for."""
+    """Repeat the test set-point; after each trial correct the force with a model of the loop."""
     table = setup.rig.settings.scan
     motion = scan_motion(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed=0)]
@@ -91,52 +97,48 @@ def run_learning_control(
 
 
 def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArray) -> FloatArray:
-    """Add the force that would have left no error, and keep what lies below the filter.
+    """Add the force that removes the error in a model of the loop, and low-pass filter the sum.
 
-    With the plant ``P = e^(-s late)/(m s^2)`` and the controller C an error e is gone after the
-    force ``e/P + C e``.
+    With the plant ``P = e^(-s delay)/(m s^2)`` and the controller C, the force ``e/P + C e``
+    removes an error e.
     """
     n, dt = error.size, rig.dt
     frequency = np.fft.rfftfreq(n + _PADDING_TICKS, dt)
     s = 2j * math.pi * frequency
     delay_s = rig.loop_delay + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     low_pass = 1.0 / (1.0 + (frequency / LEARNING_FILTER_HZ) ** 4)
-    coefficients, z_inverse = pid_coefficients(rig), 1.0 / np.exp(s * dt)
+    pid, z_inverse = pid_coefficients(rig), 1.0 / np.exp(s * dt)
     with np.errstate(divide="ignore", invalid="ignore"):
-        control = (
-            coefficients["b0"] + coefficients["b1"] * z_inverse + coefficients["b2"] * z_inverse**2
-        )
-        control = control / (
-            1.0 + coefficients["a1"] * z_inverse + coefficients["a2"] * z_inverse**2
-        )
+        control = pid["b0"] + pid["b1"] * z_inverse + pid["b2"] * z_inverse**2
+        control = control / (1.0 + pid["a1"] * z_inverse + pid["a2"] * z_inverse**2)
     inverse_loop = rig.settings.body.mass_kg * s**2 * np.exp(s * delay_s) + control
-    inverse_loop[0] = 0.0  # a constant force is what the integral finds
+    inverse_loop[0] = 0.0  # the integral part finds constant forces
     error_spectrum = np.fft.rfft(error, n + _PADDING_TICKS)
     force_spectrum = np.fft.rfft(learnt_force, n + _PADDING_TICKS) + inverse_loop * error_spectrum
     return np.ascontiguousarray(np.fft.irfft(low_pass * force_spectrum, n + _PADDING_TICKS)[:n])
 
 
 TRAINING_SEED = 1000
-"""First noise seed of the motions from which a stage learns that calibrates itself."""
+"""First noise seed of the calibration motions."""
 GAIN_SEARCH_RUNS = 30
-"""Of the search."""
+"""Largest number of runs of the gain search."""
 _GAIN_STEPS = np.array([0.01, 50e-6, 5e-9])
-"""One of each in the first simplex: weight of the acceleration, jerk (s), snap (s2)."""
+"""Steps of the first simplex: weight of the acceleration, jerk gain (s), snap gain (s^2)."""
 _LOST_COST_M = 1.0
-"""Cost of a run in which the loop was lost, m."""
+"""Cost of a run that lost the loop, m."""
 
 
 def gains_at(point: FloatArray) -> Feedforward:
-    """Return the gains at a point of the search; 0 is the mass of the file alone."""
+    """Return the gains at a point of the search; at 0 only the mass of the file is fed forward."""
     acceleration, jerk, snap = (_GAIN_STEPS * point).tolist()
     return Feedforward(1.0 + acceleration, jerk, snap)
 
 
 def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
-    """Search the three gains that leave the smallest error on a set-point.
+    """Search the three feedforward gains with the smallest error on a set-point.
 
-    It is the error rms, and the moving average with the weight that the rig file gives it.
-    Nelder and Mead from the mass of the file alone; the noise is the same in every run.
+    The cost is the error rms plus the moving average with its weight from the rig file. The search
+    is Nelder-Mead from the mass of the file; all runs have the same noise.
     """
     table = setup.rig.settings.scan
 
@@ -152,83 +154,84 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
 
 COMPENSATOR: MethodName = "full"
-"""What the others are the baselines of; its run is recorded."""
+"""Method that all others are compared with; its run is recorded."""
 _OMITTED_METHODS = ("ratio", "secant", "simplified", "at-rest")
 COMPARED_METHODS = tuple(name for name in METHODS if name not in _OMITTED_METHODS)
 """Variants, in the order of every table."""
 SMALL_ACCELERATION_RATIO = 0.1
-"""Of the accelerations of the test set-point: what is called small forces."""
+"""Fraction of the test accelerations in the run with small forces."""
 _STANDSTILL_S = 0.2
 
 
 @dataclass(frozen=True)
 class VariantResult:
-    """One variant on the test set-point."""
+    """Results of one variant on the test set-point."""
 
     gains: Feedforward  # found on the training set-point
-    measures: tuple[Measures, ...]  # one a seed
-    # for each of the bands the settling of every scan of every seed, s
+    measures: tuple[Measures, ...]  # one for each seed
+    # settling times of every scan of every seed, for each error band, s
     settling_times: tuple[tuple[float, ...], ...]
-    recording: Recording  # of the first seed
-    small_force_measures: Measures  # the same gains, a tenth of the accelerations
-    # gains found on the very test set-point: what a single, repeated one would show
+    recording: Recording  # run with the first seed
+    small_force_measures: Measures  # same gains, a tenth of the accelerations
+    # gains found on the test set-point, as for a single repeated one
     repeated_setpoint_measures: Measures
-    standstill_errors: Mapping[str, float]  # by column, errors at rest, rms, the long stroke moving
+    # errors at rest while the long stroke moves, rms, by column
+    standstill_errors: Mapping[str, float]
     learning_peaks_m: tuple[float, ...]  # peak of each trial of learning control, m
-    # of each coordinate that the set-point does not move, with its unit, the largest error, one a
-    # seed; none where it moves them all
+    # largest error of each coordinate that the set-point does not move, for each seed, by axis and
+    # unit; empty if it moves all
     cross_talk: Mapping[str, tuple[float, ...]]
-    calibration: CalibratedMethod | None  # of a stage that calibrates itself
+    calibration: CalibratedMethod | None  # None unless the stage calibrates itself
 
     @property
     def case_figures(self) -> CaseFigures:
-        """All figures on the test set-point, over the seeds."""
+        """All figures on the test set-point over the seeds."""
         runs = []
-        for seed, one in enumerate(self.measures):
-            crossed = {key: values[seed] for key, values in self.cross_talk.items()}
-            runs.append(None if one.is_lost else asdict(one) | crossed)
+        for seed, measures in enumerate(self.measures):
+            axis_errors = {key: values[seed] for key, values in self.cross_talk.items()}
+            runs.append(None if measures.is_lost else asdict(measures) | axis_errors)
         return CaseFigures.summarise(runs)
 
     def interval(self, key: str) -> Interval:
-        """Return a measure over the seeds; no mean where one of the runs was lost."""
+        """Return a measure over the seeds, without a mean if one of the runs was lost."""
         return self.case_figures.interval(key)
 
     @property
     def standstill_m(self) -> float:
-        """Error at rest along the set-point, rms."""
+        """Error at rest along the set-point, rms, m."""
         return self.standstill_errors["error_m"]
 
     @property
     def standstill_by_axis(self) -> dict[str, float]:
-        """Error at rest of each coordinate with its unit, rms."""
+        """Error at rest of each coordinate, rms, by axis and unit."""
         errors = self.standstill_errors.items()
         return {name.removeprefix("error_"): error for name, error in errors if name != "error_m"}
 
     @property
     def lost_in(self) -> list[str]:
-        """Everything tried in which the loop was lost, but for what learning control added."""
-        lost, count = self.case_figures.lost, self.case_figures.runs
-        tried = {
-            f"test set-point ({lost} of {count} runs)": lost > 0,
+        """Runs that lost the loop, without learning control."""
+        lost_count, count = self.case_figures.lost, self.case_figures.runs
+        is_lost_by_run = {
+            f"test set-point ({lost_count} of {count} runs)": lost_count > 0,
             "a tenth of its accelerations": self.small_force_measures.is_lost,
             "gains found on the test set-point": self.repeated_setpoint_measures.is_lost,
             "standstill": math.isinf(self.standstill_m),
         }
-        return [title for title, was_lost in tried.items() if was_lost]
+        return [title for title, was_lost in is_lost_by_run.items() if was_lost]
 
 
 @dataclass(frozen=True, repr=False)
 class TrackingStudy(StudyResult):
-    """What was found.
+    """Results of all variants on a stage.
 
     Parameters
     ----------
     rig : BodyRig
-    tried : mapping of str to TriedVariant
+    variants : mapping of str to VariantResult
     left_out : mapping of str to str
-        Variants that could not be made, and why.
-    losses : sequence of LostMagnet
-        What became of the compensator's own stage without each magnet that the rig file loses.
+        Variants that could not be made, and the reason.
+    losses : sequence of LossResult
+        Behaviour of the stage with the compensator after each loss that the rig file names.
     """
 
     kind: ClassVar = "tracking"
@@ -239,11 +242,11 @@ class TrackingStudy(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Everything tried in which the compensator's own loop was lost."""
+        """Runs that lost the loop with the compensator."""
         return self.variants[COMPENSATOR].lost_in
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds."""
+        """Return the content of ``figures.json``."""
         control, table = self.rig.settings.tracking, self.rig.settings.scan
         return {
             "format": "anhyst-tracking",
@@ -254,18 +257,18 @@ class TrackingStudy(StudyResult):
             "test_m_per_s2": table.test_m_per_s2,
             "left_out": dict(self.left_out),
             "lost_in": self.lost_in,
-            "variants": {name: _variant_dict(one) for name, one in self.variants.items()},
-            **({"losses": [asdict(one) for one in self.losses]} if self.losses else {}),
+            "variants": {name: _variant_dict(variant) for name, variant in self.variants.items()},
+            **({"losses": [asdict(loss) for loss in self.losses]} if self.losses else {}),
         }
 
     @property
     def completed(self) -> list[MethodName]:
-        """Variants that were not lost on the test set-point."""
-        return [name for name, one in self.variants.items() if not one.case_figures.lost]
+        """Variants that kept the loop on the test set-point."""
+        return [name for name, variant in self.variants.items() if not variant.case_figures.lost]
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it on this stage, against the strongest baselines."""
+        """Whether compensation is beneficial on this stage, against the strongest baselines."""
         if self.lost_in:
             return Judgement(
                 "unknown", f"the loop of '{COMPENSATOR}' was lost: {'; '.join(self.lost_in)}"
@@ -282,9 +285,9 @@ class TrackingStudy(StudyResult):
 
     @property
     def verdicts(self) -> dict[MethodName, Judgement]:
-        """Against the best curve without memory, what knows one play, and the probe.
+        """Comparisons with the best curve without memory, and with each variant that has memory.
 
-        What was lost is compared with nothing.
+        Lost variants are not compared.
         """
         if self.lost_in:
             return {}
@@ -300,63 +303,66 @@ class TrackingStudy(StudyResult):
 
     @property
     def memoryless(self) -> MethodName:
-        """The variant without memory whose peak is the lowest."""
+        """The variant without memory that has the smallest peak."""
         methods: list[MethodName] = [*CONSTANT_METHODS, "single-valued"]
-        tried = [name for name in methods if name in self.variants]
-        held = [name for name in tried if name in self.completed]
-        return min(held or tried, key=lambda name: self.variants[name].interval("peak_m").mean)
+        candidates = [name for name in methods if name in self.variants]
+        completed = [name for name in candidates if name in self.completed]
+        return min(
+            completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean
+        )
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
-        """Compare each of some measures with the lowest one of some variants."""
+        """Compare each figure with the smallest one of some variants."""
         compared = []
         for metric in (PEAK_ERROR, MOVING_AVERAGE, SETTLING_TIME):
             intervals = {name: self.variants[name].interval(metric.key) for name in names}
-            best = min(intervals, key=lambda name: intervals[name].mean)
-            own = self.variants[COMPENSATOR].interval(metric.key)
-            compared.append(compare(metric.title, best, own, intervals[best]))
+            best_name = min(intervals, key=lambda name: intervals[name].mean)
+            own_interval = self.variants[COMPENSATOR].interval(metric.key)
+            compared.append(compare(metric.title, best_name, own_interval, intervals[best_name]))
         return compared
 
     def facts(self) -> dict[str, str]:
-        """Return peak of the error and moving average of every variant."""
+        """Return peak and moving average of the error of every variant."""
         facts = {"rig": self.rig.settings.name}
-        for name, one in self.variants.items():
-            peak, average = 1e9 * one.interval("peak_m").mean, 1e9 * one.interval("average_m").mean
+        for name, variant in self.variants.items():
+            peak = 1e9 * variant.interval("peak_m").mean
+            average = 1e9 * variant.interval("average_m").mean
             facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
             for metric in cross_talk_metrics(self.rig.settings):
-                largest = metric.factor * one.interval(metric.key).mean
+                largest = metric.factor * variant.interval(metric.key).mean
                 facts[name] += f", {metric.title.partition(',')[0]} {largest:.0f} {metric.unit}"
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the measures of every variant on the test set-point, means over the seeds, SI."""
+        """Return the measures of each variant on the test set-point, means over seeds, SI units."""
         names = [field.name for field in fields(Measures)]
         rows = self.variants.items()
         return rows_to_columns(
             [
-                {"variant": own, **{name: one.interval(name).mean for name in names}}
-                for own, one in rows
+                {"variant": variant_name, **{name: variant.interval(name).mean for name in names}}
+                for variant_name, variant in rows
             ]
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the error of every variant over the test set-point, one noise seed."""
-        for name, one in self.variants.items():
-            ax.plot(one.recording["t_s"], 1e9 * one.recording["error_m"], lw=0.8, label=name)
+        """Draw the error of every variant over the test set-point, for one noise seed."""
+        for name, variant in self.variants.items():
+            ax.plot(
+                variant.recording["t_s"], 1e9 * variant.recording["error_m"], lw=0.8, label=name
+            )
         ax.set_xlabel("time [s]")
         ax.set_ylabel("error [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write the recording of the compensator's run, and ``figures.json`` beside it."""
+        """Write the recording of the compensator's run, and ``figures.json`` next to it."""
         self.variants[COMPENSATOR].recording.save(path)
         self.write_figures(Path(path).parent / FIGURES_FILE)
         return Path(path)
 
 
 def _variant_dict(variant: VariantResult) -> dict[str, Any]:
-    gains, crossed = (
-        variant.gains,
-        {key: variant.interval(key).as_dict() for key in variant.cross_talk},
-    )
+    gains = variant.gains
+    crossed = {key: variant.interval(key).as_dict() for key in variant.cross_talk}
     return {
         "gains": {"acceleration": gains.acceleration, "jerk_s": gains.jerk, "snap_s2": gains.snap},
         "test": {field.name: variant.interval(field.name).as_dict() for field in fields(Measures)},
@@ -371,9 +377,9 @@ def _variant_dict(variant: VariantResult) -> dict[str, Any]:
 
 
 def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResult:
-    """Find the gains of one variant on the training set-point and judge it on the test set-point.
+    """Find the gains of a variant on the training set-point; evaluate it on the test set-point.
 
-    One that calibrates itself works on the training set-point first, and goes on learning.
+    A variant that calibrates itself does so on the training set-point first, and continues.
     """
     table = setup.rig.settings.scan
     gains, estimator = tune_and_calibrate(setup, magnet)
@@ -384,26 +390,30 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
     else:
         runs = [estimator.run_and_update(setup.drift, motion, gains, seed) for seed in seeds]
         setup = estimator.corrected_stage(setup.drift)
-    small = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2])
+    small_motion = scan_motion(
+        table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2]
+    )
     test_gains = find_gains(setup, motion)
     trials = run_learning_control(setup, gains)
     stationary = stationary_axes(setup.rig.settings)
-    crossed = [cross_talk(run, motion, stationary) for run in runs]
+    axis_errors = [cross_talk(run, motion, stationary) for run in runs]
     return VariantResult(
         gains=gains,
         measures=tuple(measure(run, motion, table.slit_s) for run in runs),
         settling_times=tuple(
-            tuple(one for run in runs for one in settling_times(run, motion, band))
+            tuple(time for run in runs for time in settling_times(run, motion, band))
             for band in SETTLING_BANDS_M
         ),
         recording=runs[0],
-        small_force_measures=measure(track(setup, small, gains, 1), small, table.slit_s),
+        small_force_measures=measure(
+            track(setup, small_motion, gains, 1), small_motion, table.slit_s
+        ),
         repeated_setpoint_measures=measure(
             track(setup, motion, test_gains, 1), motion, table.slit_s
         ),
         standstill_errors=measure_standstill(setup, gains),
         learning_peaks_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
-        cross_talk={key: tuple(one[key] for one in crossed) for key in crossed[0]},
+        cross_talk={key: tuple(errors[key] for errors in axis_errors) for key in axis_errors[0]},
         calibration=None if estimator is None else estimator.calibration,
     )
 
@@ -411,7 +421,7 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
 def tune_and_calibrate(
     setup: StageSetup, magnet: IdentifiedMagnet
 ) -> tuple[Feedforward, ParameterEstimator | None]:
-    """Return the gains of one variant, and of one that calibrates itself what it learnt with them."""
+    """Return the gains of a variant, and its estimator if it calibrates itself."""
     training = scan_motion(setup.rig.settings.scan, setup.rig.settings.scan.train_m_per_s2)
     gains = find_gains(setup, training)
     estimator = calibrate_running_stage(setup, magnet, gains, TRAINING_SEED)
@@ -421,7 +431,7 @@ def tune_and_calibrate(
 
 
 def measure_standstill(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, float]:
-    """Return the errors of a mass that stands still, rms, by column, m or rad."""
+    """Return the errors at rest, rms, by column, m or rad."""
     file, table = setup.rig.settings, setup.rig.settings.scan
     columns = ["error_m", *error_columns(file.body.free)]
     set_point = replace(
@@ -437,10 +447,10 @@ def measure_standstill(setup: StageSetup, gains: Feedforward, seed: int = 1) -> 
 def make_variants(
     rig: BodyRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
-    """Fit variants, all compared ones where none are named.
+    """Fit variants to the magnet; by default all compared ones.
 
-    Where solid iron is followed, the same compensator stands beside it that takes iron to be thin.
-    The second of the mappings says which could not be, and why.
+    If the model has layers of a solid core, the same compensator for a laminated core is added. The
+    second result gives the reasons for variants that could not be made.
     """
     setups: dict[MethodName, StageSetup] = {}
     left_out: dict[MethodName, str] = {}
@@ -459,7 +469,7 @@ def make_variants(
 
 
 def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
-    """Refuse a loop that does not even hold a tenth of the accelerations, with no gains found yet."""
+    """Reject a loop that is lost at a tenth of the accelerations with mass feedforward only."""
     table = setup.rig.settings.scan
     small_motion = scan_motion(
         table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2[:2]]
@@ -478,7 +488,7 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
 
 
 def check_calibration(rig: BodyRig) -> None:
-    """Say before any work what is wrong with a calibration, or with learning one."""
+    """Reject an unusable calibration, or a rig that cannot calibrate itself, before any work."""
     if rig.settings.tracking.calibrate:
         refuse_slow_amplifier(rig)
     check_calibration_covers(rig, COMPENSATOR, rig.settings.tracking.calibration)
@@ -491,7 +501,7 @@ def explore_stage(
     progress: Progress | None = None,
     out: PathLike | None = None,
 ) -> TrackingStudy:
-    """Try variants on a stage."""
+    """Simulate and evaluate all variants on a stage."""
     check_calibration(rig)
     identified_magnet = magnet or identify_stage_magnet(rig)
     setups, left_out = make_variants(rig, identified_magnet, names)

@@ -1,1 +1,1 @@
-"""Gains for stated aims, over gaps, step heights and loads at once."""
+"""Tune controller gains for stated aims over all gaps, step heights and loads of a rig."""

@@ -1,6 +1,8 @@
-"""A bearing as what is tuned: steps and a swept sine at every gap and load, and what limits them.
+"""Tune the controller of a magnetic bearing.
 
-What limits are aims, noise, force, voltage, delay, pinning.
+A trial runs steps and a swept sine at every gap and load. After the search, this module reports
+what limits the result: aims, sensor noise, force, voltage, current, delay or the pinning of the
+iron.
 """
 
 from __future__ import annotations
@@ -42,81 +44,89 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 MAX_SEARCH_HOLD_S = 0.03
-"""Longest time for which a position is held in the search, s; checks hold as the rig file says."""
-_PEAK_FACTORS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
+"""Longest hold after a step during the search, s. Checks use the hold of the rig file."""
+_PEAK_FACTORS = (0.55, 0.7, 1.0)  # factors on the peak limit, for the initial guesses
 
 
 def default_conditions(rig: BodyRig) -> tuple[BearingCondition, ...]:
-    """Return all gaps of a rig file with its load and with two thirds of it."""
-    tried, load = rig.settings, rig.settings.load.force_N
+    """Return all gaps of a rig file, each with its load and with two thirds of it."""
+    settings, load = rig.settings, rig.settings.load.force_N
     return tuple(
         BearingCondition(gap, force)
-        for gap in dict.fromkeys(tried.step_gaps_m)
+        for gap in dict.fromkeys(settings.step_gaps_m)
         for force in dict.fromkeys([load, load * 2.0 / 3.0])
     )
 
 
 @dataclass(frozen=True)
 class BearingLoop:
-    """A variant behind the controller of a bearing."""
+    """One compensation variant with the controller of a bearing."""
 
     setup: BearingSetup
     conditions: tuple[BearingCondition, ...]
 
     @property
     def space(self) -> BearingSpace:
-        """The box that is searched."""
-        plant = self.setup.rig.settings
-        return BearingSpace(plant.timing.rate_Hz, plant.body.mass_kg)
+        """The box of parameters that is searched."""
+        settings = self.setup.rig.settings
+        return BearingSpace(settings.timing.rate_Hz, settings.body.mass_kg)
 
     def with_gains_at(self, point: FloatArray) -> BearingLoop:
-        """Return the same with the gains at a point of the box."""
-        table = self.space.make_controller_table(point, self.setup.controller)
-        return replace(self, setup=replace(self.setup, controller=table))
+        """Return this loop with the gains of a point of the box."""
+        controller = self.space.make_controller_table(point, self.setup.controller)
+        return replace(self, setup=replace(self.setup, controller=controller))
 
     def for_search(self) -> BearingLoop:
-        """Return the same with steps that are held no longer than they take to settle."""
+        """Return this loop with a shorter hold after each step."""
         rig = self.setup.rig
-        hold = min(rig.settings.step.hold_s, MAX_SEARCH_HOLD_S)
-        return replace(self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold})))
+        hold_s = min(rig.settings.step.hold_s, MAX_SEARCH_HOLD_S)
+        return replace(
+            self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold_s}))
+        )
 
     def make_controller(self) -> None:
-        """Make the controller; InputError where fixed point cannot hold its gains."""
+        """Make the controller; raises InputError if fixed point cannot represent its gains."""
         self.setup.make_controller()
 
     def figures(
         self, condition: BearingCondition, aims: Aims, ceiling: float, seed: int
     ) -> BearingFigures | None:
-        """Run steps and sine at one condition; None if the armature was not held."""
+        """Run steps and a sine at one condition; None if the armature was lost.
+
+        The sine is skipped if the steps alone cost more than the ceiling.
+        """
         setup = self.setup
         heights = tuple(setup.rig.settings.step.heights_m)
-        steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
-        if lost is not None:
+        steps, lost_at_s = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
+        if lost_at_s is not None:
             return None
-        rows = [
+        step_rows = [
             merge_directions(steps, height)
             for height in dict.fromkeys(step.height for step in steps)
         ]
-        outcome = _worst_figures([row for row in rows if row is not None])
-        if aims.cost(outcome) > ceiling:
-            return outcome  # a sine cannot make it better
-        # The few frequencies where a loop that is fast enough has its peak.
-        rate = setup.rig.settings.timing.rate_Hz
-        tried = geometric_spacing(rate / 160.0, rate / 10.0, 11)
-        measured = measure_loop_sensitivity(setup, condition.gap, condition.load, tried, seed)
+        figures = _worst_figures([row for row in step_rows if row is not None])
+        if aims.cost(figures) > ceiling:
+            return figures  # the sine can only add cost
+        # The sensitivity of a fast loop has its peak in this range.
+        rate_Hz = setup.rig.settings.timing.rate_Hz
+        frequencies = geometric_spacing(rate_Hz / 160.0, rate_Hz / 10.0, 11)
+        measured = measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, seed)
         if measured is None:
             return None
-        return replace(outcome, peak_sensitivity=interpolate_peak(measured))
+        return replace(figures, peak_sensitivity=interpolate_peak(measured))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best.
+        """Return functions that find the best points for linear loops.
 
-        It does so for several peaks of the sensitivity and softnesses.
+        There is one function for each limit of the peak sensitivity and each softening of the
+        magnet.
         """
-        screens = [make_screen(self.setup, self.conditions, one) for one in SLOPE_FRACTIONS]
-        stricter = [aims.with_scaled_limits({"peak_sensitivity": bound}) for bound in _PEAK_FACTORS]
+        screens = [make_screen(self.setup, self.conditions, part) for part in SLOPE_FRACTIONS]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
-            partial(self._find_best_point, seed, (one, two)) for one in screens for two in stricter
+            partial(self._find_best_point, seed, (screen, screen_aims))
+            for screen in screens
+            for screen_aims in aims_list
         ]
 
     def _find_best_point(self, seed: int, task: tuple[Screen, Aims]) -> FloatArray:
@@ -128,47 +138,47 @@ class BearingLoop:
         return screen.evaluate(gains).costs(aims, screen.horizon_s)
 
     def minimum_settling_time(self, seed: int, changed: tuple[Screen, Aims]) -> float:
-        """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
-        best = self._find_best_point(seed, changed)
-        cost = float(self._linear_costs(*changed, best[None, :])[0])
+        """Return the settling time of the best linear loops, s; inf if the aims are missed."""
+        best_point = self._find_best_point(seed, changed)
+        cost = float(self._linear_costs(*changed, best_point[None, :])[0])
         return cost if cost <= changed[0].horizon_s else math.inf
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Run the steps of all conditions with every noise seed, and a fine swept sine at each."""
+        """Run all steps with every noise seed, and a swept sine at each condition."""
         setup, conditions = self.setup, self.conditions
         seeds = default_seeds(setup.rig)
         heights = setup.rig.settings.step.heights_m
-        gaps = list(dict.fromkeys(one.gap for one in conditions))
-        loads = list(dict.fromkeys(one.load for one in conditions))
+        gaps = list(dict.fromkeys(condition.gap for condition in conditions))
+        loads = list(dict.fromkeys(condition.load for condition in conditions))
         cells = compare_steps([setup], gaps, heights, loads, list(seeds), jobs=jobs)
-        measured = map_ordered(partial(_measure_sensitivity, setup), list(conditions), jobs=jobs)
-        figures, peaks = {}, {}
-        for condition, response in zip(conditions, measured, strict=True):
-            mine = [
+        responses = map_ordered(partial(_measure_sensitivity, setup), list(conditions), jobs=jobs)
+        figures, peak_frequencies = {}, {}
+        for condition, response in zip(conditions, responses, strict=True):
+            condition_cells = [
                 cell for cell in cells if (cell.gap, cell.load) == (condition.gap, condition.load)
             ]
-            figures[condition] = _condition_figures(mine, response)
-            peaks[condition] = math.inf if response is None else response.peak_frequency
-        worst = {
-            name: max(kept, key=lambda each: each.figures[name].mean)
+            figures[condition] = _condition_figures(condition_cells, response)
+            peak_frequencies[condition] = math.inf if response is None else response.peak_frequency
+        worst_cells = {
+            name: max(cells_with_figure, key=lambda each: each.figures[name].mean)
             for name in GAIN_METRICS
-            if (kept := [cell for cell in cells if name in cell.figures])
+            if (cells_with_figure := [cell for cell in cells if name in cell.figures])
         }
         return CheckResult(
             figures,
-            peaks,
+            peak_frequencies,
             len(seeds),
-            {name: cell.figures[name].half_width for name, cell in worst.items()},
-            {name: f"step of {1e6 * cell.height:g} um" for name, cell in worst.items()},
+            {name: cell.figures[name].half_width for name, cell in worst_cells.items()},
+            {name: f"step of {1e6 * cell.height:g} um" for name, cell in worst_cells.items()},
             {"steps": [cell.as_dict() for cell in cells]},
         )
 
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits gains that were found and checked."""
+        """Report what limits the gains that were found and checked."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
+            return [Limit("settling_time_s", "no gains settle within the hold at every condition")]
         return [
             *check_result.find_binding_aims(aims),
             *_noise_limits(self.setup, check_result),
@@ -177,7 +187,7 @@ class BearingLoop:
         ]
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them."""
+        """Return the gains by their names in files."""
         pidd2 = self.setup.controller.pidd2()
         return {
             "K_p_N_per_m": pidd2.K_p,
@@ -191,12 +201,12 @@ class BearingLoop:
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
+        """Description of the trial at every condition."""
         heights = self.setup.rig.settings.step.heights_m
-        return f"steps of {', '.join(f'{1e6 * one:g}' for one in heights)} um up and down"
+        return f"steps of {', '.join(f'{1e6 * height:g}' for height in heights)} um up and down"
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
         controller, rig = self.setup.controller, self.setup.rig.settings
         return {
             "controller": controller.name,
@@ -206,7 +216,7 @@ class BearingLoop:
         }
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
         return [
             f"Poles of the moving mass: pair at {parameters['bandwidth_Hz']:.4g} Hz with damping "
             f"{parameters['damping']:.3g}, real one at "
@@ -216,7 +226,7 @@ class BearingLoop:
 
 
 def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
-    """Return the worst of each figure, with a peak of the sensitivity."""
+    """Return the largest value of each figure, with a given peak of the sensitivity."""
     names = set(rows[0]) & set(BearingFigures().by_name())
     return BearingFigures(
         peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
@@ -224,46 +234,51 @@ def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Be
 
 
 def interpolate_peak(measured: Sensitivity) -> float:
-    """Return the peak, between frequencies too: of a parabola through the three largest values."""
-    size = np.log(measured.magnitude)
-    at = int(np.argmax(size))
-    if not 0 < at < size.size - 1:
+    """Return the peak sensitivity, interpolated by a parabola through the three largest values."""
+    log_magnitude = np.log(measured.magnitude)
+    peak_index = int(np.argmax(log_magnitude))
+    if not 0 < peak_index < log_magnitude.size - 1:
         return measured.peak
-    left, middle, right = size[at - 1 : at + 2].tolist()
-    bend = left - 2.0 * middle + right
-    return math.exp(middle - (right - left) ** 2 / (8.0 * bend)) if bend < 0.0 else measured.peak
+    left, middle, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
+    curvature = left - 2.0 * middle + right
+    return (
+        math.exp(middle - (right - left) ** 2 / (8.0 * curvature))
+        if curvature < 0.0
+        else measured.peak
+    )
 
 
 def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:
-    rate = setup.rig.settings.timing.rate_Hz
-    tried = geometric_spacing(rate / 500.0, rate / 8.0, 40)
-    return measure_loop_sensitivity(setup, condition.gap, condition.load, tried, 0)
+    rate_Hz = setup.rig.settings.timing.rate_Hz
+    frequencies = geometric_spacing(rate_Hz / 500.0, rate_Hz / 8.0, 40)
+    return measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, 0)
 
 
 def _condition_figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> BearingFigures:
     if measured is None or any(cell.lost or not cell.figures for cell in cells):
         return BearingFigures.for_lost_body()
-    means = [{name: one.mean for name, one in cell.figures.items()} for cell in cells]
+    means = [{name: interval.mean for name, interval in cell.figures.items()} for cell in cells]
     return _worst_figures(means, interpolate_peak(measured))
 
 
-_LIMIT_FRACTION = 0.995  # of what there is: counts as all of it
-_NOISE_SIGMAS, _SETTLING_BAND = 3.0, 0.02  # standard deviations; of the smallest step
+_LIMIT_FRACTION = 0.995  # fraction of a limit above which a signal counts as saturated
+_NOISE_SIGMAS = 3.0  # width of the noise in the settling band, in standard deviations
+_SETTLING_BAND = 0.02  # relative to the step height
 
 
 def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
-    """Noise of the sensor, where it fills much of the band in which a small step must stay."""
+    """Report sensor noise that fills at least half of the settling band of the smallest step."""
     height = min(setup.rig.settings.step.heights_m)
-    rest = reached.worst.standstill_rms_m
-    share = _NOISE_SIGMAS * rest / (_SETTLING_BAND * height)
+    standstill_m = reached.worst.standstill_rms_m
+    share = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
     if share < 0.5:
         return []
-    kind = setup.rig.settings.gap_sensor.kind
+    sensor_kind = setup.rig.settings.gap_sensor.kind
     return [
         Limit(
             "noise",
-            f"three times the standstill of {1e9 * rest:.0f} nm rms fill {100.0 * share:.0f} % of "
-            f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {kind})",
+            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * share:.0f} % of "
+            f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {sensor_kind})",
         )
     ]
 
@@ -271,96 +286,105 @@ def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
 def _saturation_limits(
     setup: BearingSetup, conditions: Sequence[BearingCondition], seed: int, jobs: int | None
 ) -> list[Limit]:
-    """Report what the steps use up: the force that is allowed, the supply, the current."""
-    work = partial(_saturation_times, setup, seed)
-    usages = list(zip(conditions, map_ordered(work, list(conditions), jobs=jobs), strict=True))
+    """Report for how long force, voltage or current are at their limits during a step."""
+    measure_times = partial(_saturation_times, setup, seed)
+    times_by_condition = list(
+        zip(conditions, map_ordered(measure_times, list(conditions), jobs=jobs), strict=True)
+    )
     limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier
-    ends = {
+    texts = {
         "force": f"the demand is at its limits of {limits.force_low_N:g} and "
         f"{limits.force_high_N:g} N",
         "voltage": f"the amplifier is at its supply of {amplifier.supply_V:g} V",
         "current": f"the current is at its limits of {limits.current_low_A:g} and "
         f"{limits.current_high_A:g} A",
     }
-    found = []
-    for what, text in ends.items():
+    found_limits = []
+    for quantity, text in texts.items():
         condition, seconds = max(
-            ((one, usage[what]) for one, usage in usages), key=lambda each: each[1]
+            ((condition, times[quantity]) for condition, times in times_by_condition),
+            key=lambda entry: entry[1],
         )
         if seconds > 0.0:
-            found.append(
+            found_limits.append(
                 Limit(
-                    what, f"{text} for up to {1e3 * seconds:.2g} ms of a step, at {condition.text}"
+                    quantity,
+                    f"{text} for up to {1e3 * seconds:.2g} ms of a step, at {condition.text}",
                 )
             )
-    return found
+    return found_limits
 
 
 def _saturation_times(
     setup: BearingSetup, seed: int, condition: BearingCondition
 ) -> Mapping[str, float]:
-    """Return for how long of a step each thing is used up, s."""
+    """Return the longest time within a step that force, voltage and current are at their limits, s."""
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.step.heights_m
     scenario = plan_steps(rig, setup.controller, condition.gap, heights, condition.load)
     recording = SimulatedLoop(setup, seed).run(scenario)
-    longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
+    longest_s = {"force": 0.0, "voltage": 0.0, "current": 0.0}
     for step in scenario.steps:
-        part = recording.slice_ticks(step.begin, step.end)
-        spare = (1.0 - _LIMIT_FRACTION) * limits.force_high_N
-        demand, current = part["demand_N"], part["command_A"]
-        high, low = limits.current_high_A, limits.current_low_A
-        at_end = {
-            "force": (demand >= limits.force_high_N - spare)
-            | (demand <= limits.force_low_N + spare),
-            "voltage": np.abs(part["voltage_V"]) >= _LIMIT_FRACTION * rig.settings.amplifier.supply,
-            "current": (current >= _LIMIT_FRACTION * high)
-            | (current <= low + (1.0 - _LIMIT_FRACTION) * high),
+        step_recording = recording.slice_ticks(step.begin, step.end)
+        force_tolerance_N = (1.0 - _LIMIT_FRACTION) * limits.force_high_N
+        demand, current = step_recording["demand_N"], step_recording["command_A"]
+        current_high_A, current_low_A = limits.current_high_A, limits.current_low_A
+        is_saturated = {
+            "force": (demand >= limits.force_high_N - force_tolerance_N)
+            | (demand <= limits.force_low_N + force_tolerance_N),
+            "voltage": np.abs(step_recording["voltage_V"])
+            >= _LIMIT_FRACTION * rig.settings.amplifier.supply,
+            "current": (current >= _LIMIT_FRACTION * current_high_A)
+            | (current <= current_low_A + (1.0 - _LIMIT_FRACTION) * current_high_A),
         }
-        for what, ticks in at_end.items():
-            longest[what] = max(longest[what], float(np.count_nonzero(ticks)) * rig.dt)
-    return longest
+        for quantity, ticks in is_saturated.items():
+            longest_s[quantity] = max(longest_s[quantity], float(np.count_nonzero(ticks)) * rig.dt)
+    return longest_s
 
 
 def _find_helpful_changes(
     loop: BearingLoop, aims: Aims, seed: int, jobs: int | None
 ) -> list[Limit]:
-    """Tune linear loops again with one thing eased at a time."""
+    """Tune linear loops again with one change at a time, and report the changes that help."""
     screen = make_screen(loop.setup, loop.conditions)
     loops = screen.loops
     overshoot = 2.0 * (aims.overshoot_percent or 0.0)
-    looser = aims.with_scaled_limits({"overshoot_percent": 2.0})
-    sooner = [
-        replace(one, timing=replace(one.timing, delay_ticks=0.5 * one.timing.delay_ticks))
-        for one in loops
+    relaxed_aims = aims.with_scaled_limits({"overshoot_percent": 2.0})
+    loops_with_half_delay = [
+        replace(loop, timing=replace(loop.timing, delay_ticks=0.5 * loop.timing.delay_ticks))
+        for loop in loops
     ]
-    eased: dict[str, tuple[str, Screen, Aims]] = {
-        "overshoot_percent": (f"an overshoot of {overshoot:g} %", screen, looser),
+    changes: dict[str, tuple[str, Screen, Aims]] = {
+        "overshoot_percent": (f"an overshoot of {overshoot:g} %", screen, relaxed_aims),
         "force": (
-            "half as much force again for the largest step",
+            "50 % more force for the largest step",
             screen.with_scaled_force(1.5),
             aims,
         ),
-        "delay": ("half the delay from sample to current", screen.with_loops(sooner), aims),
+        "delay": (
+            "half the delay from sample to current",
+            screen.with_loops(loops_with_half_delay),
+            aims,
+        ),
         "pinning": ("an iron without pinning", screen.select_loops(range(0, len(loops), 2)), aims),
     }
-    quick = [
+    loops_with_fast_amplifier = [
         replace(
-            one,
+            loop,
             amplifier=AnalogueAmplifier(
-                2.0 * one.amplifier.gain, 2.0 * one.amplifier.integral_gain
+                2.0 * loop.amplifier.gain, 2.0 * loop.amplifier.integral_gain
             ),
         )
-        for one in loops
-        if isinstance(one.amplifier, AnalogueAmplifier)
+        for loop in loops
+        if isinstance(loop.amplifier, AnalogueAmplifier)
     ]
-    if quick:
-        faster = screen.with_loops(quick)
-        eased["amplifier"] = ("an amplifier of twice the bandwidth", faster, aims)
+    if loops_with_fast_amplifier:
+        fast_amplifier_screen = screen.with_loops(loops_with_fast_amplifier)
+        changes["amplifier"] = ("an amplifier of twice the bandwidth", fast_amplifier_screen, aims)
 
-    def text(what: str, cost: float, base: float) -> str:
-        would = f"{1e3 * cost:.2g} instead of {1e3 * base:.2g} ms"
-        return f"with {what} linear loops would settle in {would}"
+    def text(change: str, cost: float, base: float) -> str:
+        times_text = f"{1e3 * cost:.2g} instead of {1e3 * base:.2g} ms"
+        return f"with {change} linear loops would settle in {times_text}"
 
-    work = partial(loop.minimum_settling_time, seed)
-    return find_helpful_changes(work, screen, aims, eased, jobs, text)
+    minimum_cost = partial(loop.minimum_settling_time, seed)
+    return find_helpful_changes(minimum_cost, screen, aims, changes, jobs, text)

@@ -1,4 +1,8 @@
-"""A piezo stage as what is tuned: its triangle, the linear loop behind its margin, what limits it."""
+"""Tune the integrator and the notch filter of a piezo stage.
+
+A trial follows a triangle with the nominal stage and with random plants. A linear loop of each
+plant gives the sensitivity, the initial guesses, and the changes that would help.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +34,15 @@ from anhyst_rigs.study.tuning.trial import (
     round_gain,
 )
 
-SEARCH_PLANTS, CHECK_PLANTS = 6, 20
-"""Plants drawn as [spread] says: on which gains are searched, and others on which they are checked."""
+SEARCH_PLANTS = 6
+"""Number of random plants of [spread] in the search."""
+CHECK_PLANTS = 20
+"""Number of random plants of [spread] in the check."""
 _FIRST_CHECK_PLANT = 1000
-"""Number of the first of the latter."""
-_PEAK_FACTORS = (0.5, 0.75, 1.0)  # parts of the aimed peak: where the front is looked at
+"""Number of the first plant of the check. The search uses the plants from number 0."""
+_PEAK_FACTORS = (0.5, 0.75, 1.0)  # factors on the peak limit, for the initial guesses
 _FREQUENCY_COUNT = 300
-_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
 
 
 @dataclass(frozen=True)
@@ -44,14 +50,14 @@ class PiezoCondition:
     """A plant that follows the triangle."""
 
     text: str
-    number: int | None = None  # of the plant that is drawn; none of the nominal one
+    number: int | None = None  # number of the random plant; None: the nominal plant
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it by name."""
+        """Return the condition for JSON."""
         return {"name": self.text}
 
     def plant(self, file: RigFile) -> tuple[RigFile, int]:
-        """Return what the file of the plant would say, and the seed of its noise."""
+        """Return the rig file of the plant, and the seed of its noise."""
         if self.number is None:
             return file, file.seed
         drift, noise = sample_plant(file, file.seed, self.number)
@@ -59,138 +65,144 @@ class PiezoCondition:
 
 
 NOMINAL = PiezoCondition("the triangle")
-RANDOM_PLANTS = PiezoCondition(f"{CHECK_PLANTS} plants drawn as [spread] says")
+RANDOM_PLANTS = PiezoCondition(f"{CHECK_PLANTS} random plants of [spread]")
 SEARCH_CONDITIONS = (
     NOMINAL,
-    *(PiezoCondition(f"drawn plant {n + 1}", n) for n in range(SEARCH_PLANTS)),
+    *(PiezoCondition(f"random plant {n + 1}", n) for n in range(SEARCH_PLANTS)),
 )
 CHECK_CONDITIONS = tuple(
-    PiezoCondition("a fresh plant", _FIRST_CHECK_PLANT + n) for n in range(CHECK_PLANTS)
+    PiezoCondition("a further random plant", _FIRST_CHECK_PLANT + n) for n in range(CHECK_PLANTS)
 )
 
 
 @dataclass(frozen=True)
 class PiezoSpace(SearchBox):
-    """What is searched of a piezo stage: the keys of ``[control]``, about its resonance."""
+    """Parameter box of a piezo stage: keys of ``[control]`` around its resonance."""
 
     file: RigFile
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Every number by name."""
-        at, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
+        """All axes by parameter name."""
+        resonance_Hz, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
         rate = self.file.timing.rate_Hz
         return {
-            "bandwidth_Hz": Axis(min(at, rate) / 500.0, min(at, rate / 10.0), True),
-            "notch_Hz": Axis(0.7 * at, min(1.4 * at, 0.49 * rate), True),
+            "bandwidth_Hz": Axis(
+                min(resonance_Hz, rate) / 500.0, min(resonance_Hz, rate / 10.0), True
+            ),
+            "notch_Hz": Axis(0.7 * resonance_Hz, min(1.4 * resonance_Hz, 0.49 * rate), True),
             "notch_damping": Axis(0.3 * damping, max(30.0 * damping, 1.0), True),
             "notch_width": Axis(0.1, 3.0, True),
         }
 
     def nearest_point(self, gains: Mapping[str, float]) -> FloatArray:
-        """Return the point of the box that is nearest to gains."""
-        ends = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
-        parts = [math.log(one / low) / math.log(high / low) for one, low, high in ends]
-        return np.clip(parts, 0.0, 1.0)
+        """Return the point of the box that is nearest to some gains."""
+        bounds = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
+        positions = [math.log(value / low) / math.log(high / low) for value, low, high in bounds]
+        return np.clip(positions, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class LinearPiezo:
-    """Linear loops of plants behind a compensator that leaves nothing: resonance, delay, feedback."""
+    """Linear loops of plants with resonance, delay and feedback, without hysteresis."""
 
-    file: RigFile  # of the controller
+    file: RigFile  # rig file of the controller
     plants: tuple[RigFile, ...]
 
     def evaluate(self, rows: Sequence[Mapping[str, float]]) -> tuple[FloatArray, ...]:
-        """Return the worst peaks of the sensitivity, their frequencies (Hz), and what is left.
+        """Return peak sensitivities, their frequencies (Hz) and the residuals of a triangle.
 
-        A row holds values of the keys of ``[control]``; an unstable loop has an infinite peak.
+        Each row contains values of the keys of ``[control]``. Peak and residual are the largest of
+        all plants. An unstable loop has an infinite peak.
         """
-        own = np.array([self._controller_coefficients(row) for row in rows])
-        looks = [_evaluate_plant(self.file, plant, own) for plant in self.plants]
-        sizes, at, left = (np.array(one) for one in zip(*looks, strict=True))
-        worst = (np.argmax(sizes, axis=0), np.arange(len(rows)))
-        return sizes[worst], at[worst], left.max(axis=0)
+        coefficients = np.array([self._controller_coefficients(row) for row in rows])
+        results = [_evaluate_plant(self.file, plant, coefficients) for plant in self.plants]
+        peaks, frequencies, residuals = (np.array(column) for column in zip(*results, strict=True))
+        worst_index = (np.argmax(peaks, axis=0), np.arange(len(rows)))
+        return peaks[worst_index], frequencies[worst_index], residuals.max(axis=0)
 
     def _controller_coefficients(self, row: Mapping[str, float]) -> list[float]:
-        """Return the gain of the integrator and the coefficients of the notch."""
+        """Return the gain of the integrator and the coefficients of the notch filter."""
         file = self.file.with_changes({f"control.{name}": value for name, value in row.items()})
         gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
         return [gain, *make_notch(file)]
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return what points of the box cost: those that keep the peak what they leave."""
-        size, _, left = self.evaluate([space.parameters(point) for point in points])
-        over = np.clip(size / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED_AIM_COST + over, left)
+        """Return the costs of points: the residual if the peak is permitted, else more."""
+        peak, _, residual = self.evaluate([space.parameters(point) for point in points])
+        excess = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
+        return np.where(excess > 0.0, MISSED_AIM_COST + excess, residual)
 
     def with_doubled(self, table: str, key: str) -> LinearPiezo:
-        """Return loops of which all have one number that is twice as large."""
-        own, *plants = (
-            one.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(one, table), key)})
-            for one in (self.file, *self.plants)
+        """Return loops in which one key of all rig files has twice its value."""
+        file, *plants = (
+            file_.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(file_, table), key)})
+            for file_ in (self.file, *self.plants)
         )
-        return LinearPiezo(own, tuple(plants))
+        return LinearPiezo(file, tuple(plants))
 
 
 def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArray]:
-    """Return voltage, speed and place over a tick of the controller, as the plant computes them.
+    """Return the matrices of voltage, speed and position over a tick of the controller.
 
-    A voltage is as much displacement as the nominal stack makes of it.
+    They equal the substeps of the simulated plant. The voltage is expressed as the displacement of
+    the nominal stack at this voltage.
     """
     dt = 1.0 / file.timing.rate_Hz
     count = integration_steps(plant, dt)
     step, omega = dt / count, 2.0 * math.pi * plant.flexure.resonance_Hz
-    kept = math.exp(-step / plant.stack_amplifier.time_constant_s)
+    decay = math.exp(-step / plant.stack_amplifier.time_constant_s)
     gain = plant.stack.stroke_m_per_V / file.stack.stroke_m_per_V
-    pull = step * omega**2
-    speed = np.array([gain * kept * pull, 1.0 - 2.0 * step * plant.flexure.damping_ratio * omega,
-                      -pull])  # fmt: skip
-    once = np.array([[kept, 0.0, 0.0], speed, [0.0, 0.0, 1.0] + step * speed])
-    into = (1.0 - kept) * np.array([1.0, gain * pull, step * gain * pull])
-    matrix, driven = np.eye(3), np.zeros(3)
+    speed_gain = step * omega**2
+    damping = 1.0 - 2.0 * step * plant.flexure.damping_ratio * omega
+    speed = np.array([gain * decay * speed_gain, damping, -speed_gain])
+    step_matrix = np.array([[decay, 0.0, 0.0], speed, [0.0, 0.0, 1.0] + step * speed])
+    step_input = (1.0 - decay) * np.array([1.0, gain * speed_gain, step * gain * speed_gain])
+    matrix, input_vector = np.eye(3), np.zeros(3)
     for _ in range(count):
-        matrix, driven = once @ matrix, once @ driven + into
-    return matrix, driven
+        matrix, input_vector = step_matrix @ matrix, step_matrix @ input_vector + step_input
+    return matrix, input_vector
 
 
 def _evaluate_plant(
     file: RigFile, plant: RigFile, coefficients: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return peak of the sensitivity, its frequency and what is left of loops around one plant."""
-    matrix, into = _plant_matrices(file, plant)
+    """Return the peaks of the sensitivity, their frequencies and the residuals for one plant."""
+    matrix, input_vector = _plant_matrices(file, plant)
     gain, b0, b1, b2, a1, a2 = coefficients.T
-    closed = np.zeros((coefficients.shape[0], 6, 6))  # plant, what was asked last, two of the notch
-    closed[:, :3, :3], closed[:, :3, 3] = matrix, into
+    closed = np.zeros((coefficients.shape[0], 6, 6))  # plant (3), last demand, notch (2)
+    closed[:, :3, :3], closed[:, :3, 3] = matrix, input_vector
     closed[:, 3, 2], closed[:, 3, 3], closed[:, 3, 4] = -gain * b0, 1.0, gain
     closed[:, 4, 2], closed[:, 4, 4], closed[:, 4, 5] = a1 * b0 - b1, -a1, 1.0
     closed[:, 5, 2], closed[:, 5, 4] = a2 * b0 - b2, -a2
     poles = np.linalg.eigvals(closed)
-    stable = np.abs(poles).max(axis=1) < 1.0
+    is_stable = np.abs(poles).max(axis=1) < 1.0
     rate = file.timing.rate_Hz
-    swept = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
-    # The sensitivity peaks where a pole of the closed loop is near: narrow peaks are not missed.
-    narrow = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), swept[0])
-    frequency = np.hstack([np.tile(swept, (coefficients.shape[0], 1)), narrow])
+    sweep_Hz = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
+    # Narrow peaks lie near poles of the closed loop, so their frequencies are evaluated too.
+    pole_Hz = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), sweep_Hz[0])
+    frequency = np.hstack([np.tile(sweep_Hz, (coefficients.shape[0], 1)), pole_Hz])
     z = np.exp(2j * math.pi * frequency / rate)
-    below = np.poly(matrix)
-    above = np.poly(matrix - np.outer(into, [0.0, 0.0, 1.0])) - below
-    answer = np.polyval(above, z) / np.polyval(below, z)
-    one, two = 1.0 / z, 1.0 / z**2
-    b0, b1, b2, a1, a2, gain = (part[:, None] for part in (b0, b1, b2, a1, a2, gain))
-    notched = (b0 + b1 * one + b2 * two) / (1.0 + a1 * one + a2 * two)
-    size = 1.0 / np.abs(1.0 + gain / (1.0 - one) * notched * one * answer)
-    # What hysteresis leaves of a triangle are its harmonics, which fall with the square.
-    first = file.displacement_case.frequency_Hz
-    harmonics = np.where(swept >= first, (first / swept) ** 2, 0.0)
-    left = np.sqrt(np.trapezoid((size[:, :_FREQUENCY_COUNT] * harmonics) ** 2, swept, axis=1))
-    at = frequency[np.arange(coefficients.shape[0]), np.argmax(size, axis=1)]
-    return np.where(stable, size.max(axis=1), np.inf), at, left
+    denominator = np.poly(matrix)
+    numerator = np.poly(matrix - np.outer(input_vector, [0.0, 0.0, 1.0])) - denominator
+    response = np.polyval(numerator, z) / np.polyval(denominator, z)
+    z_1, z_2 = 1.0 / z, 1.0 / z**2
+    b0, b1, b2, a1, a2, gain = (column[:, None] for column in (b0, b1, b2, a1, a2, gain))
+    notch_response = (b0 + b1 * z_1 + b2 * z_2) / (1.0 + a1 * z_1 + a2 * z_2)
+    sensitivity = 1.0 / np.abs(1.0 + gain / (1.0 - z_1) * notch_response * z_1 * response)
+    # The residual of a triangle consists of harmonics that decrease with the square of their order.
+    first_Hz = file.displacement_case.frequency_Hz
+    harmonics = np.where(sweep_Hz >= first_Hz, (first_Hz / sweep_Hz) ** 2, 0.0)
+    residual = np.sqrt(
+        np.trapezoid((sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_Hz, axis=1)
+    )
+    peak_frequency = frequency[np.arange(coefficients.shape[0]), np.argmax(sensitivity, axis=1)]
+    return np.where(is_stable, sensitivity.max(axis=1), np.inf), peak_frequency, residual
 
 
 @dataclass(frozen=True)
 class PiezoLoop:
-    """A way from displacement to voltage behind the feedback of a piezo stage."""
+    """One inverse from displacement to voltage with the feedback of a piezo stage."""
 
     rig: PiezoRig
     inverse: ForceController
@@ -198,16 +210,16 @@ class PiezoLoop:
 
     @property
     def space(self) -> PiezoSpace:
-        """The box that is searched."""
+        """The box of parameters that is searched."""
         return PiezoSpace(self.rig.settings)
 
     def linear_loops(self, conditions: Sequence[PiezoCondition]) -> LinearPiezo:
         """Return the linear loops of some plants."""
         file = self.rig.settings
-        return LinearPiezo(file, tuple(one.plant(file)[0] for one in conditions))
+        return LinearPiezo(file, tuple(condition.plant(file)[0] for condition in conditions))
 
     def with_gains_at(self, point: FloatArray) -> PiezoLoop:
-        """Return the same with the gains at a point of the box."""
+        """Return this loop with the gains of a point of the box."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         return replace(
@@ -215,62 +227,77 @@ class PiezoLoop:
         )
 
     def for_search(self) -> PiezoLoop:
-        """Return the same: a triangle is as long in the search as in the check."""
+        """Return this loop: the triangle is equally long in search and check."""
         return self
 
     def make_controller(self) -> None:
-        """Make the controller: in floating point it holds any gains."""
+        """Do nothing: floating point represents any gains."""
 
     def sensitivity_peak(self, conditions: Sequence[PiezoCondition]) -> tuple[float, float]:
-        """Return the worst peak of the sensitivity of linear loops, and its frequency, Hz."""
-        size, at, _ = self.linear_loops(conditions).evaluate([self.gains()])
-        return float(size[0]), float(at[0])
+        """Return the largest peak of the sensitivity of the linear loops, and its frequency, Hz."""
+        peaks, frequencies, _ = self.linear_loops(conditions).evaluate([self.gains()])
+        return float(peaks[0]), float(frequencies[0])
 
     def figures(
         self, condition: PiezoCondition, aims: Aims, ceiling: float, seed: int
     ) -> PiezoFigures | None:
-        """Follow the triangle with a plant; None if the loop was lost."""
-        outcome = PiezoFigures(peak_sensitivity=self.sensitivity_peak([condition])[0])
-        if math.isinf(outcome.peak_sensitivity):
+        """Follow the triangle with one plant; None if the loop was lost.
+
+        The motion is skipped if the sensitivity alone costs more than the ceiling.
+        """
+        figures = PiezoFigures(peak_sensitivity=self.sensitivity_peak([condition])[0])
+        if math.isinf(figures.peak_sensitivity):
             return None
-        if aims.cost(outcome) > ceiling:
-            return outcome  # no motion can make it better
-        file, noise = condition.plant(self.rig.settings)
+        if aims.cost(figures) > ceiling:
+            return figures  # the motion can only add cost
+        file, noise_seed = condition.plant(self.rig.settings)
         plant = replace(self.rig, settings=file)
         run = follow_reference(
-            self.rig, make_reference(self.rig), self.inverse, plant, noise + seed
+            self.rig, make_reference(self.rig), self.inverse, plant, noise_seed + seed
         )
         if run.loss is not None:
             return None
         error = run["error_m"][first_evaluated_tick(self.rig) :]
-        return replace(outcome, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
+        return replace(figures, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best, for several peaks, and its own."""
-        linear, own = (
+        """Return functions that find initial points: gains of the file, best linear loops."""
+        linear, file_gains = (
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
         )
-        tried = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
-        return [own, *(partial(find_best_point, linear, self.space, seed, one) for one in tried)]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        return [
+            file_gains,
+            *(
+                partial(find_best_point, linear, self.space, seed, peak_aims)
+                for peak_aims in aims_list
+            ),
+        ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Judge on what nothing was searched on: all noise seeds, and plants that are drawn afresh."""
+        """Evaluate gains with all noise seeds, and with plants that the search did not use."""
         seeds = range(1, self.rig.settings.noise_seeds + 1)
-        tasks = [*((NOMINAL, seed) for seed in seeds), *((one, 0) for one in CHECK_CONDITIONS)]
-        judged = map_ordered(self._run_check, tasks, jobs=jobs)
-        own, fresh = ([one or PiezoFigures.for_lost_body() for one in part]
-                      for part in (judged[: len(seeds)], judged[len(seeds) :]))  # fmt: skip
+        tasks = [
+            *((NOMINAL, seed) for seed in seeds),
+            *((condition, 0) for condition in CHECK_CONDITIONS),
+        ]
+        results = map_ordered(self._run_check, tasks, jobs=jobs)
+        figures = [result or PiezoFigures.for_lost_body() for result in results]
+        nominal_results, random_results = figures[: len(seeds)], figures[len(seeds) :]
         means = {
-            name: mean_interval([getattr(one, name) for one in own]).mean
-            for name in own[0].by_name()
+            name: mean_interval([getattr(result, name) for result in nominal_results]).mean
+            for name in nominal_results[0].by_name()
         }
-        errors = [one.error_rms_m for one in fresh]
+        errors = [result.error_rms_m for result in random_results]
         lost = sum(map(math.isinf, errors))
-        middle, most = 1e9 * np.median(errors), 1e9 * max(errors)
-        text = f"rms error {middle:.3g} nm in the middle, {most:.3g} nm at most"
+        median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
+        error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
-            figures={NOMINAL: PiezoFigures(**means), RANDOM_PLANTS: merge_worst_figures(fresh)},
+            figures={
+                NOMINAL: PiezoFigures(**means),
+                RANDOM_PLANTS: merge_worst_figures(random_results),
+            },
             peak_frequencies={
                 NOMINAL: self.sensitivity_peak([NOMINAL])[1],
                 RANDOM_PLANTS: self.sensitivity_peak(CHECK_CONDITIONS)[1],
@@ -279,7 +306,7 @@ class PiezoLoop:
             half_widths={},
             locations={},
             rows={"plants": {"lost": lost, "error_rms_m": errors}},
-            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost} were lost" if lost else text),),
+            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost} were lost" if lost else error_text),),
         )
 
     def _run_check(self, task: tuple[PiezoCondition, int]) -> PiezoFigures | None:
@@ -289,43 +316,43 @@ class PiezoLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits gains that were checked: aims, the box, and what would help."""
+        """Report what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("error_rms_m", "not every noise seed and drawn plant was held")]
+            return [Limit("error_rms_m", "the loop was lost with a noise seed or a random plant")]
         linear = self.linear_loops(self.conditions)
         twice_damping = linear.with_doubled("flexure", "damping_ratio")
-        eased = {
+        changes = {
             "delay": ("twice the rate", linear.with_doubled("timing", "rate_Hz"), aims),
             "damping": ("twice the damping of the resonance", twice_damping, aims),
         }
 
-        def text(what: str, cost: float, base: float) -> str:
-            return f"with {what} linear loops would leave {100.0 * cost / base:.0f} % of the error"
+        def text(change: str, cost: float, base: float) -> str:
+            return f"with {change} linear loops would have {100.0 * cost / base:.0f} % of the error"
 
-        work = partial(find_minimum_cost, self.space, seed)
+        minimum_cost = partial(find_minimum_cost, self.space, seed)
         return [
             *check_result.find_binding_aims(aims),
-            *find_helpful_changes(work, linear, aims, eased, jobs, text),
+            *find_helpful_changes(minimum_cost, linear, aims, changes, jobs, text),
         ]
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them, those that the file leaves out included."""
+        """Return the gains by their names in files, including the defaults of omitted keys."""
         file = self.rig.settings
         return {"bandwidth_Hz": file.displacement.bandwidth_Hz, **notch_parameters(file)}
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
-        return f"judged on the triangle and on {RANDOM_PLANTS.text}"
+        """Description of the trial at every condition."""
+        return f"evaluated on the triangle and on {RANDOM_PLANTS.text}"
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
         return {"resonance_Hz": self.rig.settings.flexure.resonance_Hz}
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
         notch = f"a notch at {parameters['notch_Hz']:.4g} Hz from a damping of"
         return [
-            f"Integrator of {parameters['bandwidth_Hz']:.4g} Hz behind {notch} "
+            f"Integrator of {parameters['bandwidth_Hz']:.4g} Hz with {notch} "
             f"{parameters['notch_damping']:.3g} to {parameters['notch_width']:.3g}."
         ]

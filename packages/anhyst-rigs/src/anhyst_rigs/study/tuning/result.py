@@ -1,4 +1,4 @@
-"""What a tuning gives and leaves behind: notes in controller files, a table, JSON."""
+"""Write the results of a tuning: comments in controller files, a table and JSON."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import Interval, compare
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, GainFigures, format_figure
-from anhyst_rigs.study.tuning.search import SearchResult
+from anhyst_rigs.study.tuning.search import TuningSearchResult
 from anhyst_rigs.study.tuning.trial import Limit
 
 if TYPE_CHECKING:
@@ -29,47 +29,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TunedVariant:
-    """What tuning one variant gave."""
+    """The tuning of one variant."""
 
     variant: MethodName
-    search_result: SearchResult  # the search
-    limits: tuple[Limit, ...]  # what limits
+    search_result: TuningSearchResult  # result of the search
+    limits: tuple[Limit, ...]  # limits of the gains
     aims: Aims
 
     @property
     def figures(self) -> GainFigures:
-        """What the gains reach, worst of all conditions."""
+        """The figures of the gains, the worst of all conditions."""
         return self.search_result.figures
 
     @property
     def missed_aims(self) -> Mapping[str, float]:
-        """Aims that are missed, by how much of their limit."""
+        """The missed aims with their relative excess over the limit."""
         return self.aims.missed_by(self.figures)
 
 
 @dataclass(frozen=True, repr=False)
 class Tuning(Result):
-    """What a tuning gave.
+    """The result of a tuning.
 
     Parameters
     ----------
     rig : BodyRig or PiezoRig
     controller : ControllerFile or None
-        As it was; None of a stage or a piezo stage.
+        The controller file before tuning; None for a stage or a piezo stage.
     plant : PlantCheck or None
-        What the loops say about the plant of a bearing.
-    own : str
-        The variant that the files name; of stages ``full``.
+        Comparison of the plant of a bearing with the measured loops.
+    main_variant : str
+        The variant of the controller file; ``full`` for stages.
     aims : Aims
     budget, seed : int
-    tuned : mapping of str to Tuned
+    tuned : mapping of str to TunedVariant
         By variant.
     written : mapping of str to Path
-        Controller or rig file of every variant.
+        The controller or rig file of every variant.
     interrupted : bool
-        Whether ctrl-C ended it.
+        Whether ctrl-C ended the tuning.
     seconds, cpu_seconds : float
-        By the clock, and of all processes.
+        Elapsed time, and processor time of all processes.
     """
 
     rig: BodyRig | PiezoRig
@@ -87,126 +87,133 @@ class Tuning(Result):
 
     @property
     def first_tuned(self) -> TunedVariant:
-        """What was tuned first; rig, conditions and figures are those of all."""
+        """The variant that was tuned first; all have the same rig, conditions and figures."""
         return next(iter(self.tuned.values()))
 
     def facts(self) -> dict[str, str]:
-        """Return what the gains of every variant reach, and the aims that they miss."""
+        """Return the figures of every variant and its missed aims, as text."""
         facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
-        for name, one in self.tuned.items():
-            reached = [
-                format_figure(title, value) for title, value in one.figures.by_name().items()
+        for name, tuned in self.tuned.items():
+            figure_texts = [
+                format_figure(title, value) for title, value in tuned.figures.by_name().items()
             ]
-            met = f"misses {', '.join(one.missed_aims)}" if one.missed_aims else "meets its aims"
-            facts[name] = ", ".join([*reached, met])
+            aims_text = (
+                f"misses {', '.join(tuned.missed_aims)}" if tuned.missed_aims else "meets its aims"
+            )
+            facts[name] = ", ".join([*figure_texts, aims_text])
         return facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return what the gains of every variant reach, worst of all conditions."""
+        """Return the figures of every variant, the worst of all conditions."""
         return rows_to_columns(
             [
-                {"variant": name, **one.figures.by_name(), "met": not one.missed_aims}
-                for name, one in self.tuned.items()
+                {"variant": name, **tuned.figures.by_name(), "met": not tuned.missed_aims}
+                for name, tuned in self.tuned.items()
             ]
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the peak of the sensitivity of every variant over what was made small."""
-        for name, one in self.tuned.items():
-            title = GAIN_METRICS[one.figures.cost_name]
-            at = title.factor * one.figures.cost, one.figures.peak_sensitivity
-            ax.plot(*at, "o", label=name)
-            ax.set_xlabel(f"{title.title} [{title.unit}]")
+        """Draw the peak sensitivity over the minimised figure for every variant."""
+        for name, tuned in self.tuned.items():
+            metric = GAIN_METRICS[tuned.figures.cost_name]
+            position = metric.factor * tuned.figures.cost, tuned.figures.peak_sensitivity
+            ax.plot(*position, "o", label=name)
+            ax.set_xlabel(f"{metric.title} [{metric.unit}]")
         ax.set_ylabel("peak sensitivity")
 
 
 _PHRASES = {
     "settling_time_s": ("settles in", "in", "settling time", BENEFICIAL_CONDITIONS["feedback"]),
     "average_m": (
-        "leaves a moving average of",
+        "has a moving average of",
         "one of",
         "moving average",
         BENEFICIAL_CONDITIONS["stage"],
     ),
     "error_rms_m": (
-        "leaves an rms error of",
+        "has an rms error of",
         "one of",
         "rms error",
         BENEFICIAL_CONDITIONS["piezo"],
     ),
 }
-"""Of what is made small: what a variant does, and another one; its name; where it would pay."""
+"""For each minimised figure: verbs for the model and for the baseline, the name, and the advice."""
 
 
 def verdict_text(tuning: Tuning) -> str:
-    """Say in a sentence whether it is, against which baseline, and how measured flux does.
+    """Return a sentence on whether hysteresis models are worth it, and on measured flux.
 
-    What counts is the settling time of those whose gains meet the aims, or the moving average.
+    The best model and the best baseline are compared by settling time, moving average or rms error.
+    Variants that meet their aims come first.
     """
-    models = [
-        one
-        for name, one in tuning.tuned.items()
+    model_variants = [
+        tuned
+        for name, tuned in tuning.tuned.items()
         if name in MODEL_METHODS and name not in FLUX_PROBE_METHODS
     ]
-    baselines = [one for name, one in tuning.tuned.items() if name in BASELINE_METHODS]
-    if not models or not baselines:
+    baselines = [tuned for name, tuned in tuning.tuned.items() if name in BASELINE_METHODS]
+    if not model_variants or not baselines:
         names = " and ".join(f"'{name}'" for name in tuning.tuned)
         return (
-            f"worth it or not remains open: {names} alone was tuned; --all-variants tunes the "
-            "baselines for the same aims, and 'anhyst simulate' compares at the same gains"
+            f"no verdict: only {names} was tuned; --all-variants tunes the baselines for the same "
+            "aims, and 'anhyst simulate' compares at the same gains"
         )
-    text = _compare_with_baseline(_sort_best_first(models)[0], _sort_best_first(baselines)[0])
+    text = _compare_with_baseline(
+        _sort_best_first(model_variants)[0], _sort_best_first(baselines)[0]
+    )
     if (flux := tuning.tuned.get("flux")) is not None:
         text += f"; measured flux: {'misses the aims' if flux.missed_aims else _format_cost(flux)}"
     return text
 
 
-def _sort_best_first(ones: Iterable[TunedVariant]) -> list[TunedVariant]:
-    """Return the best that meets its aims first."""
-    return sorted(ones, key=lambda one: (bool(one.missed_aims), one.figures.cost))
+def _sort_best_first(variants: Iterable[TunedVariant]) -> list[TunedVariant]:
+    """Sort variants: first those that meet their aims, then by cost."""
+    return sorted(variants, key=lambda tuned: (bool(tuned.missed_aims), tuned.figures.cost))
 
 
-def _compare_with_baseline(mine: TunedVariant, other: TunedVariant) -> str:
-    named = f"the strongest baseline without hysteresis model ('{other.variant}')"
-    does, other_does, noun, pays = _PHRASES[mine.figures.cost_name]
-    both = (
-        f"'{mine.variant}' {does} {_format_cost(mine)}, {named} {other_does} {_format_cost(other)}"
+def _compare_with_baseline(model: TunedVariant, baseline: TunedVariant) -> str:
+    baseline_name = f"the strongest baseline without hysteresis model ('{baseline.variant}')"
+    model_verb, baseline_verb, noun, pays_where = _PHRASES[model.figures.cost_name]
+    comparison_text = (
+        f"'{model.variant}' {model_verb} {_format_cost(model)}, "
+        f"{baseline_name} {baseline_verb} {_format_cost(baseline)}"
     )
-    if mine.missed_aims:
-        met = (
+    if model.missed_aims:
+        aims_text = (
             "misses them too"
-            if other.missed_aims
-            else f"meets them, with a {noun} of {_format_cost(other)}"
+            if baseline.missed_aims
+            else f"meets them, with a {noun} of {_format_cost(baseline)}"
         )
-        return f"not worth it here: '{mine.variant}' misses the aims, {named} {met}; {pays}"
-    if other.missed_aims:
-        return f"worth it: '{mine.variant}' meets the aims, {named} misses them"
-    found = compare(noun, other.variant, _cost_interval(mine), _cost_interval(other))
-    if found.is_better:
-        return f"worth it: {both}, {100.0 * (1.0 - found.ratio):.2g} % less"
-    rest = "certainly less" if found.is_worse else "the same within the noise"
-    return f"not worth it here: {both}, {rest}; {pays}"
+        result = f"not worth it here: '{model.variant}' misses the aims"
+        return f"{result}, {baseline_name} {aims_text}; {pays_where}"
+    if baseline.missed_aims:
+        return f"worth it: '{model.variant}' meets the aims, {baseline_name} misses them"
+    comparison = compare(noun, baseline.variant, _cost_interval(model), _cost_interval(baseline))
+    if comparison.is_better:
+        return f"worth it: {comparison_text}, {100.0 * (1.0 - comparison.ratio):.2g} % less"
+    difference_text = "certainly less" if comparison.is_worse else "the same within the noise"
+    return f"not worth it here: {comparison_text}, {difference_text}; {pays_where}"
 
 
-def _format_cost(one: TunedVariant) -> str:
-    metric = GAIN_METRICS[one.figures.cost_name]
-    return f"{metric.factor * one.figures.cost:.2f} {metric.unit}"
+def _format_cost(tuned: TunedVariant) -> str:
+    metric = GAIN_METRICS[tuned.figures.cost_name]
+    return f"{metric.factor * tuned.figures.cost:.2f} {metric.unit}"
 
 
-def _cost_interval(one: TunedVariant) -> Interval:
-    check = one.search_result.check
-    width = 0.0 if check is None else check.half_widths.get(one.figures.cost_name, 0.0)
-    return Interval(one.figures.cost, width, 1)
+def _cost_interval(tuned: TunedVariant) -> Interval:
+    check = tuned.search_result.check
+    half_width = 0.0 if check is None else check.half_widths.get(tuned.figures.cost_name, 0.0)
+    return Interval(tuned.figures.cost, half_width, 1)
 
 
 RESULT_FILES = ("tuning.json", "tuning.md", "pareto.png")
-"""Files beside the tuned controllers."""
+"""Files that are written next to the tuned controllers."""
 _MAX_NOTES = 3
-"""Things that limit, of each kind, which a note or a line names; all stand in ``tuning.json``."""
+"""Maximum number of limits in a comment or a message. ``tuning.json`` contains all of them."""
 
 
 def describe_shortfall(tuning: Tuning) -> str | None:
-    """Say which aims the file's own variant misses, the best reached, and what limits; None if none."""
+    """Return a sentence on missed aims of the main variant; None if it meets all."""
     tuned = tuning.tuned.get(tuning.main_variant)
     if tuned is None or not tuned.missed_aims:
         return None
@@ -216,39 +223,41 @@ def describe_shortfall(tuning: Tuning) -> str | None:
         if name in limits:
             text += f" (aim {GAIN_METRICS[name].format_limit(limits[name])})"
         texts.append(text)
-    others = [one.text for one in tuned.limits if one.what not in tuned.missed_aims]
-    because = "; ".join(others[:_MAX_NOTES])
+    other_limits = [limit.text for limit in tuned.limits if limit.what not in tuned.missed_aims]
+    reason = "; ".join(other_limits[:_MAX_NOTES])
     return f"no gains of '{tuned.variant}' meet the aims, the best reach {', '.join(texts)}" + (
-        f"; what limits: {because}" if because else ""
+        f"; what limits: {reason}" if reason else ""
     )
 
 
 def make_file_note(tuned: TunedVariant, tuning: Tuning) -> str:
     """Return the comment at the head of a tuned file."""
-    found = tuned.search_result
-    if found.check is None:
-        reached = "Reached with one noise seed (the search was interrupted):"
+    result = tuned.search_result
+    if result.check is None:
+        reached_text = "Reached with one noise seed (the search was interrupted):"
     else:
-        reached = f"Reached, mean of {found.check.seed_count} noise seeds, worst of all conditions:"
-    missed = ["It MISSES its aims."] if tuned.missed_aims else []
+        reached_text = (
+            f"Reached, mean of {result.check.seed_count} noise seeds, worst of all conditions:"
+        )
+    missed_lines = ["It MISSES its aims."] if tuned.missed_aims else []
     lines = [
         f"Made by anhyst {running_version()} tune for variant '{tuned.variant}' on the rig "
         f"'{tuning.rig.settings.name}'.",
         f"Aims: {format_aims(tuning)}.",
-        f"Tried at {'; '.join(one.text for one in found.loop.conditions)};",
-        f"{found.loop.trial_text}; {tuning.budget} sets of gains, seed {tuning.seed}.",
-        reached,
+        f"Tried at {'; '.join(condition.text for condition in result.loop.conditions)};",
+        f"{result.loop.trial_text}; {tuning.budget} sets of gains, seed {tuning.seed}.",
+        reached_text,
         f"{', '.join(format_figure(name, value) for name, value in tuned.figures.by_name().items())}.",
-        *missed,
-        *found.loop.explain_parameters(found.parameters),
-        *(f"{one}." for one in (found.check.notes if found.check else ())),
-        *(f"What limits: {one.text}." for one in tuned.limits[:_MAX_NOTES]),
+        *missed_lines,
+        *result.loop.explain_parameters(result.parameters),
+        *(f"{note}." for note in (result.check.notes if result.check else ())),
+        *(f"What limits: {limit.text}." for limit in tuned.limits[:_MAX_NOTES]),
     ]
     return "\n".join(lines)
 
 
 def format_aims(tuning: Tuning) -> str:
-    """Write aims in a line."""
+    """Return the aims as one line of text."""
     limits = ", ".join(
         f"{GAIN_METRICS[name].title} <= {GAIN_METRICS[name].format_limit(limit)}"
         for name, limit in tuning.aims.limits.items()
@@ -265,8 +274,8 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 
 
 def table_rows(tuning: Tuning) -> list[list[str]]:
-    """Return the table of all variants, the best that meets its aims first."""
-    return [_table_row(one) for one in _sort_best_first(tuning.tuned.values())]
+    """Return the table of all variants, sorted by result."""
+    return [_table_row(tuned) for tuned in _sort_best_first(tuning.tuned.values())]
 
 
 def _table_row(tuned: TunedVariant) -> list[str]:
@@ -279,52 +288,56 @@ def _table_row(tuned: TunedVariant) -> list[str]:
             return text
         return f"{text} ± {factor * check.half_widths[name]:.{digits}f}"
 
-    missed = ", ".join(GAIN_METRICS[name].title for name in tuned.missed_aims)
-    limiting = list(dict.fromkeys(one.what for one in tuned.limits))
-    words = [GAIN_METRICS[name].title if name in GAIN_METRICS else name for name in limiting]
+    missed_titles = ", ".join(GAIN_METRICS[name].title for name in tuned.missed_aims)
+    limit_names = list(dict.fromkeys(limit.what for limit in tuned.limits))
+    limit_titles = [
+        GAIN_METRICS[name].title if name in GAIN_METRICS else name for name in limit_names
+    ]
     return [
         tuned.variant,
         *(with_interval(name, value) for name, value in tuned.figures.by_name().items()),
-        f"misses {missed}" if missed else "met",
-        ", ".join(words),
+        f"misses {missed_titles}" if missed_titles else "met",
+        ", ".join(limit_titles),
     ]
 
 
 def column_heads(tuning: Tuning) -> list[str]:
-    """Return the heads of the columns of :func:`rows`."""
+    """Return the column heads of :func:`table_rows`."""
     titles = [GAIN_METRICS[name] for name in tuning.first_tuned.figures.by_name()]
-    figures = [f"{one.title}, {one.unit}" if one.unit else one.title for one in titles]
+    figures = [
+        f"{metric.title}, {metric.unit}" if metric.unit else metric.title for metric in titles
+    ]
     return ["variant", *figures, "aims", "what limits"]
 
 
 def make_markdown(tuning: Tuning) -> str:
-    """Return the table and what limits as Markdown."""
-    seeds, loop = tuning.rig.settings.noise_seeds, tuning.first_tuned.search_result.loop
-    head = column_heads(tuning)
+    """Return the table and the limits as Markdown."""
+    seed_count, loop = tuning.rig.settings.noise_seeds, tuning.first_tuned.search_result.loop
+    columns = column_heads(tuning)
     lines = [
         f"Rig: {tuning.rig.settings.name}. Aims: {format_aims(tuning)}.",
         f"Worst of {len(loop.conditions)} conditions "
-        f"({'; '.join(one.text for one in loop.conditions)}), {loop.trial_text}; "
-        f"means of {seeds} noise seeds with 95 % intervals. Each variant was tuned for itself: "
+        f"({'; '.join(item.text for item in loop.conditions)}), {loop.trial_text}; "
+        f"means of {seed_count} noise seeds with 95 % intervals. Each variant was tuned for itself: "
         f"{tuning.budget} sets of gains, seed {tuning.seed}.",
         "",
-        f"| {' | '.join(head)} |",
-        f"| {' | '.join('---' for _ in head)} |",
+        f"| {' | '.join(columns)} |",
+        f"| {' | '.join('---' for _ in columns)} |",
         *(f"| {' | '.join(row)} |" for row in table_rows(tuning)),
         "",
         f"Verdict: {verdict_text(tuning)}.",
         "",
-        "What limits, and what was found besides:",
+        "Limits and further results:",
         "",
     ]
     for name, tuned in tuning.tuned.items():
         notes = tuned.search_result.check.notes if tuned.search_result.check else ()
-        lines += [f"- {name}: {text}" for text in (*(one.text for one in tuned.limits), *notes)]
+        lines += [f"- {name}: {text}" for text in (*(item.text for item in tuned.limits), *notes)]
     return "\n".join(lines) + "\n"
 
 
 def result_dict(tuning: Tuning) -> dict[str, Any]:
-    """Return what ``tuning.json`` holds; the same for the same input and seed."""
+    """Return the content of ``tuning.json``; equal for equal input and seed."""
     rig, loop = tuning.rig.settings, tuning.first_tuned.search_result.loop
     return {
         "format": "anhyst-tuning",
@@ -334,51 +347,51 @@ def result_dict(tuning: Tuning) -> dict[str, Any]:
         "delay_ticks": rig.timing.delay_ticks,
         **({"plant": tuning.plant.as_dict()} if tuning.plant else {}),
         "aims": tuning.aims.limits,
-        "conditions": [one.as_dict() for one in loop.conditions],
+        "conditions": [entry.as_dict() for entry in loop.conditions],
         "noise_seeds": rig.noise_seeds,
         "budget": tuning.budget,
         "seed": tuning.seed,
         "interrupted": tuning.interrupted,
-        "variants": {name: _variant_dict(one) for name, one in tuning.tuned.items()},
+        "variants": {name: _variant_dict(entry) for name, entry in tuning.tuned.items()},
     }
 
 
 def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
-    found, check = tuned.search_result, tuned.search_result.check
-    least = tuned.figures.cost_name
-    checked = [] if check is None else check.figures.items()
+    result, check = tuned.search_result, tuned.search_result.check
+    cost_name = tuned.figures.cost_name
+    condition_figures = [] if check is None else check.figures.items()
     return {
         "met": not tuned.missed_aims,
         "misses": list(tuned.missed_aims),
         "figures": tuned.figures.by_name(),
-        "before": found.initial_outcome.worst.by_name()
-        if found.initial_outcome.is_complete
+        "before": result.initial_outcome.worst.by_name()
+        if result.initial_outcome.is_complete
         else None,
-        "gains": found.loop.gains(),
-        "searched": dict(found.parameters),
-        "limits": [asdict(one) for one in tuned.limits],
+        "gains": result.loop.gains(),
+        "searched": dict(result.parameters),
+        "limits": [asdict(item) for item in tuned.limits],
         "conditions": [
             {
                 **condition.as_dict(),
                 **figures.by_name(),
                 "peak_Hz": check.peak_frequencies[condition],
             }
-            for condition, figures in checked
+            for condition, figures in condition_figures
             if check is not None
         ],
         **({} if check is None else check.rows),
-        "tried": found.tried_count,
+        "tried": result.tried_count,
         "candidates": [
             {
-                least: one.outcome.worst.cost,
-                "peak_sensitivity": one.outcome.worst.peak_sensitivity,
-                "meets_other_aims": meets_other_aims(tuned.aims, one.outcome.worst),
+                cost_name: item.outcome.worst.cost,
+                "peak_sensitivity": item.outcome.worst.peak_sensitivity,
+                "meets_other_aims": meets_other_aims(tuned.aims, item.outcome.worst),
             }
-            for one in found.candidates
+            for item in result.candidates
         ],
     }
 
 
 def meets_other_aims(aims: Aims, figures: GainFigures) -> bool:
-    """Return whether the aims other than what is made small and peak sensitivity are met."""
+    """Whether all aims except minimised figure and peak sensitivity are met."""
     return not set(aims.missed_by(figures)) - {figures.cost_name, "peak_sensitivity"}

@@ -1,8 +1,10 @@
-"""From aims to gains: screen, search in the nonlinear loop, check, and again where that fails.
+"""Search controller gains for stated aims.
 
-The screen is a cheap look at many gains at once: the loop linearised at every gap and load. Nothing
-of hysteresis and noise is in it; limits only in so far as the force that the largest step asks for
-is known. It finds where a search should begin.
+The search has three parts. A screen evaluates many gains in loops that are linearised at every gap
+and load, and finds initial guesses. It neglects hysteresis and noise, and limits the force demand
+of the largest step. A CMA evolution strategy then improves the gains in the nonlinear loop. A check
+runs the best gains with all noise seeds. If it misses an aim, the search continues with tighter
+limits.
 """
 
 from __future__ import annotations
@@ -36,62 +38,67 @@ from anhyst_rigs.study.tuning.trial import (
 
 
 class CmaStrategy:
-    """Draws points around a mean, and moves mean and spread to where the better ones lie."""
+    """CMA evolution strategy in the unit box, with an ask-and-tell interface."""
 
     def __init__(
         self, mean: FloatArray, sigma: float, seed: list[int], population_size: int
     ) -> None:
         box = np.tile([0.0, 1.0], (mean.size, 1))
-        number = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._optimiser = CMA(mean, sigma, bounds=box, seed=number, population_size=population_size)
+        cma_seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
+        self._optimiser = CMA(
+            mean, sigma, bounds=box, seed=cma_seed, population_size=population_size
+        )
         self._points: list[FloatArray] = []
 
     def ask(self) -> FloatArray:
-        """Return the points of the next generation, shape (children, n)."""
+        """Return the points of the next generation, shape (population_size, n)."""
         self._points = [self._optimiser.ask() for _ in range(self._optimiser.population_size)]
         return np.array(self._points)
 
     def tell(self, costs: FloatArray) -> None:
-        """Take the costs of the points asked for, in the same order."""
+        """Update the strategy with the costs of the last points, in the same order."""
         self._optimiser.tell(list(zip(self._points, costs.tolist(), strict=True)))
 
 
 _FREQUENCY_COUNT = 72
-_OUTPUT_INTERVAL_TICKS = 4  # ticks
-_SETTLING_BAND = 0.02
+_OUTPUT_INTERVAL_TICKS = 4  # a power of two
+_SETTLING_BAND = 0.02  # relative to the step height
 
 SOBOL_POINTS = 1024
-"""Places that are spread over the box at first; a power of two."""
-REFINEMENT_SIZE = (24, 32)
-"""Generations, and points in each, in which the best of them is improved."""
+"""Number of Sobol points that are evaluated first; a power of two."""
+REFINEMENT_GENERATIONS = 24
+"""Number of generations that improve the best Sobol point."""
+REFINEMENT_POPULATION = 32
+"""Number of points in each of these generations."""
 
 
 @dataclass(frozen=True)
 class ScreenResult:
-    """What linear loops do with n sets of gains, worst of all conditions."""
+    """Figures of linear loops with n sets of gains, the worst of all conditions."""
 
-    # settling is infinite where it takes longer than was looked at, or for ever; shape (n,)
+    # Arrays have the shape (n,). The settling time is infinite if a step does not settle in the
+    # horizon.
     overshoot_percent: FloatArray
     settling_time_s: FloatArray
     peak_sensitivity: FloatArray
-    # force that the largest step asks for, in parts of what there is; shape (n,)
+    # force demand of the largest step over the available force
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
-        """Return costs as :meth:`Aims.cost` gives them, of what is known here, shape (n,)."""
-        missed = np.zeros(self.peak_sensitivity.size)
+        """Return costs similar to :meth:`Aims.cost`, from the figures of linear loops, shape (n,)."""
+        excess = np.zeros(self.peak_sensitivity.size)
         limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
         for name, limit in (limits | {"peak_sensitivity": aims.peak_sensitivity}).items():
-            over = getattr(self, name) / limit - 1.0
-            missed += np.clip(np.nan_to_num(over, nan=100.0, posinf=100.0), 0.0, 100.0)
-        settled = np.isfinite(self.settling_time_s)
-        missed += np.where(settled, 0.0, 10.0)
-        time = np.where(settled, self.settling_time_s, horizon_s)
-        return np.where(missed > 0.0, MISSED_AIM_COST + missed, time)
+            relative_excess = getattr(self, name) / limit - 1.0
+            excess += np.clip(np.nan_to_num(relative_excess, nan=100.0, posinf=100.0), 0.0, 100.0)
+        is_settled = np.isfinite(self.settling_time_s)
+        excess += np.where(is_settled, 0.0, 10.0)
+        settling_time_s = np.where(is_settled, self.settling_time_s, horizon_s)
+        return np.where(excess > 0.0, MISSED_AIM_COST + excess, settling_time_s)
 
 
 class Screen:
-    """Linear loops at several conditions, around which gains are tried."""
+    """Linear loops at several conditions, for a fast evaluation of gains."""
 
     def __init__(
         self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon_s: float
@@ -110,132 +117,141 @@ class Screen:
         return Screen(loops, self._reserves, self.horizon_s)
 
     def select_loops(self, indices: Iterable[int]) -> Screen:
-        """Return a screen of some of the loops."""
-        some = list(indices)
-        reserves = [self._reserves[index] for index in some]
-        return Screen([self.loops[index] for index in some], reserves, self.horizon_s)
+        """Return a screen with some of the loops."""
+        selected = list(indices)
+        reserves = [self._reserves[index] for index in selected]
+        return Screen([self.loops[index] for index in selected], reserves, self.horizon_s)
 
     def with_scaled_force(self, factor: float) -> Screen:
-        """Return a screen whose largest step has so many times the force."""
-        return Screen(self.loops, [factor * one for one in self._reserves], self.horizon_s)
+        """Return a screen in which the available force is multiplied by a factor."""
+        return Screen(self.loops, [factor * reserve for reserve in self._reserves], self.horizon_s)
 
     def evaluate(self, per_tick: FloatArray) -> ScreenResult:
-        """Judge gains, as rows of :attr:`anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
+        """Evaluate n sets of gains, as rows of `anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
         peak = np.max(
-            [self._peak_sensitivity(at, per_tick) for at in range(len(self.loops))], axis=0
+            [self._peak_sensitivity(index, per_tick) for index in range(len(self.loops))], axis=0
         )
-        steps = [self._evaluate_step(at, per_tick) for at in range(len(self.loops))]
+        steps = [self._evaluate_step(index, per_tick) for index in range(len(self.loops))]
         return ScreenResult(
-            overshoot_percent=np.max([one[0] for one in steps], axis=0),
-            settling_time_s=np.max([one[1] for one in steps], axis=0),
+            overshoot_percent=np.max([result[0] for result in steps], axis=0),
+            settling_time_s=np.max([result[1] for result in steps], axis=0),
             peak_sensitivity=peak,
-            effort=np.max([one[2] for one in steps], axis=0),
+            effort=np.max([result[2] for result in steps], axis=0),
         )
 
-    def _peak_sensitivity(self, at: int, per_tick: FloatArray) -> FloatArray:
+    def _peak_sensitivity(self, index: int, per_tick: FloatArray) -> FloatArray:
         p, k, d, e, _, _, s, t, _ = (column[:, None] for column in per_tick.T[:9])
-        step = self._z - 1.0
-        first = s * step / (step + s)
-        second = t * step / (step + t) * first
-        feedback = p + k / step + d * first + e * second
-        compensation = self.loops[at].compensation
-        gain = (feedback + compensation.k_s) / compensation.k_i * self._plants[at]
-        return np.asarray(np.max(1.0 / np.abs(1.0 + gain), axis=1))
+        z_minus_1 = self._z - 1.0
+        first_derivative = s * z_minus_1 / (z_minus_1 + s)
+        second_derivative = t * z_minus_1 / (z_minus_1 + t) * first_derivative
+        feedback = p + k / z_minus_1 + d * first_derivative + e * second_derivative
+        compensation = self.loops[index].compensation
+        loop_gain = (feedback + compensation.k_s) / compensation.k_i * self._plants[index]
+        return np.asarray(np.max(1.0 / np.abs(1.0 + loop_gain), axis=1))
 
     def _evaluate_step(
-        self, at: int, per_tick: FloatArray
+        self, index: int, per_tick: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return overshoot, %, settling time, s, and effort of a step of the reference."""
-        loop = self.loops[at]
-        matrix, into = closed_loop_matrices(loop, per_tick)
+        """Return overshoot (%), settling time (s) and force ratio of a step of the reference."""
+        loop = self.loops[index]
+        matrix, input_vector = closed_loop_matrices(loop, per_tick)
         for _ in range(int(np.log2(_OUTPUT_INTERVAL_TICKS))):
-            into = (matrix @ into[..., None])[..., 0] + into
+            input_vector = (matrix @ input_vector[..., None])[..., 0] + input_vector
             matrix = matrix @ matrix
         c = np.concatenate([loop.plant[2], np.zeros(3)])
         p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
-        own = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
-        feedback = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
-        asks = np.concatenate([feedback, own], axis=1)  # the controller, of each state
-        jump = weight * p  # and at once, N/m
+        controller_output = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
+        position_output = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
+        output_rows = np.concatenate([position_output, controller_output], axis=1)
+        feedthrough = weight * p  # direct feedthrough of the reference, N/m
         count = round(self.horizon_s * self._rate / _OUTPUT_INTERVAL_TICKS)
-        state = np.zeros_like(into)
-        seen = np.empty((count, into.shape[0]))
-        force = np.abs(jump)
-        with np.errstate(all="ignore"):  # what is unstable leaves all bounds
+        state = np.zeros_like(input_vector)
+        position = np.empty((count, input_vector.shape[0]))
+        force = np.abs(feedthrough)
+        with np.errstate(all="ignore"):  # unstable loops overflow
             for tick in range(count):
-                state = (matrix @ state[..., None])[..., 0] + into
-                seen[tick] = state @ c
-                force = np.maximum(force, np.abs(np.sum(state * asks, axis=1) + jump))
-            seen = np.nan_to_num(seen, nan=1e9, posinf=1e9, neginf=-1e9)
-            overshoot = 100.0 * np.maximum(seen.max(axis=0) - 1.0, 0.0)
-            outside = np.abs(seen - 1.0) > _SETTLING_BAND
-        last = count - 1 - np.argmax(outside[::-1], axis=0)
-        time = np.where(outside.any(axis=0), (last + 1) * _OUTPUT_INTERVAL_TICKS / self._rate, 0.0)
-        return overshoot, np.where(outside[-1], np.inf, time), force / self._reserves[at]
+                state = (matrix @ state[..., None])[..., 0] + input_vector
+                position[tick] = state @ c
+                force = np.maximum(force, np.abs(np.sum(state * output_rows, axis=1) + feedthrough))
+            position = np.nan_to_num(position, nan=1e9, posinf=1e9, neginf=-1e9)
+            overshoot = 100.0 * np.maximum(position.max(axis=0) - 1.0, 0.0)
+            is_outside = np.abs(position - 1.0) > _SETTLING_BAND
+        last_outside = count - 1 - np.argmax(is_outside[::-1], axis=0)
+        settling_time_s = np.where(
+            is_outside.any(axis=0), (last_outside + 1) * _OUTPUT_INTERVAL_TICKS / self._rate, 0.0
+        )
+        return (
+            overshoot,
+            np.where(is_outside[-1], np.inf, settling_time_s),
+            force / self._reserves[index],
+        )
 
 
 def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return matrices of closed loops over a tick, and what a reference of 1 adds."""
+    """Return the matrices of closed loops over a tick, and their input vectors for the reference."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
-    own = np.zeros((n, 3, 3))
-    own[:, 0, 0], own[:, 1, 0], own[:, 1, 1] = 1.0 - s, -s * t, 1.0 - t
-    own[:, 2, 2] = 1.0
-    out = np.stack([d * s + e * s * t, e * t, np.ones(n)], axis=1)
-    share = 1.0 / loop.compensation.k_i
-    through = share * (-p - d * s - e * s * t - loop.compensation.k_s)
+    controller_matrix = np.zeros((n, 3, 3))
+    controller_matrix[:, 0, 0] = 1.0 - s
+    controller_matrix[:, 1, 0] = -s * t
+    controller_matrix[:, 1, 1] = 1.0 - t
+    controller_matrix[:, 2, 2] = 1.0
+    controller_output = np.stack([d * s + e * s * t, e * t, np.ones(n)], axis=1)
+    inverse_k_i = 1.0 / loop.compensation.k_i
+    position_gain = inverse_k_i * (-p - d * s - e * s * t - loop.compensation.k_s)
     matrix = np.zeros((n, m + 3, m + 3))
-    matrix[:, :m, :m] = a + through[:, None, None] * np.outer(b, c)
-    matrix[:, :m, m:] = share * b[:, None] * out[:, None, :]
+    matrix[:, :m, :m] = a + position_gain[:, None, None] * np.outer(b, c)
+    matrix[:, :m, m:] = inverse_k_i * b[:, None] * controller_output[:, None, :]
     matrix[:, m:, :m] = np.stack([s, s * t, -k], axis=1)[:, :, None] * c
-    matrix[:, m:, m:] = own
-    into = np.zeros((n, m + 3))
-    into[:, :m] = (share * weight * p)[:, None] * b
-    into[:, m + 2] = k
-    return matrix, into
+    matrix[:, m:, m:] = controller_matrix
+    input_vector = np.zeros((n, m + 3))
+    input_vector[:, :m] = (inverse_k_i * weight * p)[:, None] * b
+    input_vector[:, m + 2] = k
+    return matrix, input_vector
 
 
 def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
-    """Return the point of a box that costs least, beginning at the best of many points."""
-    from scipy.stats import qmc  # slow to load, and used here alone
+    """Return the point of the unit box with the smallest cost, from a Sobol sequence and CMA."""
+    from scipy.stats import qmc  # slow import
 
     points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
     best: FloatArray = points[int(np.argmin(cost))]
-    least = float(np.min(cost))
-    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_SIZE[1])
-    for _ in range(REFINEMENT_SIZE[0]):
-        tried = strategy.ask()
-        cost = costs(tried)
+    minimum_cost = float(np.min(cost))
+    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_POPULATION)
+    for _ in range(REFINEMENT_GENERATIONS):
+        points_tried = strategy.ask()
+        cost = costs(points_tried)
         strategy.tell(cost)
-        if float(np.min(cost)) < least:
-            best, least = tried[int(np.argmin(cost))], float(np.min(cost))
+        if float(np.min(cost)) < minimum_cost:
+            best, minimum_cost = points_tried[int(np.argmin(cost))], float(np.min(cost))
     return best
 
 
 class LinearLoops(Protocol):
-    """Linear loops that say what points of a box cost."""
+    """Linear loops that evaluate points of a box."""
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return costs as :meth:`Aims.cost` gives them, of what is known here."""
+        """Return costs similar to :meth:`Aims.cost`, from linear loops."""
 
 
 def find_best_point(loop: LinearLoops, space: SearchBox, seed: int, aims: Aims) -> FloatArray:
-    """Return the point that linear loops like best."""
+    """Return the point with the smallest cost in linear loops."""
     return minimise_cost(partial(loop.costs, space, aims), len(space.axes), seed)
 
 
 def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, Aims]) -> float:
-    """Return what that point costs."""
+    """Return the smallest cost in linear loops, for a pair of loops and aims."""
     loop, aims = changed
     return float(loop.costs(space, aims, find_best_point(loop, space, seed, aims)[None, :])[0])
 
 
 SCREEN_HORIZON_S = 0.03
-"""How long linear steps are looked at, s."""
+"""Duration of steps in the screen, s."""
 SLOPE_FRACTIONS = (0.3, 0.5, 0.75)
-"""Of softened loops: how much small steps feel of the pinning is not known beforehand."""
+"""Fractions between the slope after a reversal (0) and the static slope (1), for softened loops.
+The effective slope for small steps is not known in advance."""
 
 
 def make_screen(
@@ -243,68 +259,74 @@ def make_screen(
     conditions: Sequence[BearingCondition],
     slope_fraction: float = SLOPE_FRACTIONS[1],
 ) -> Screen:
-    """Linearise a setup at every condition: along the static slope, and softened by pinning.
+    """Linearise a setup at every condition, with the static slope and with a softened slope.
 
-    Small steps turn the current, and just after a turn only the reversible part of the iron
-    answers. A loop whose magnet gives a slope between the two stands for such steps.
+    A small step reverses the current. Just after a reversal, only the reversible part of the iron
+    responds, so the slope of the magnet is smaller. The softened loop represents such steps.
     """
     limits = setup.controller.limits
-    largest = max(setup.rig.settings.step.heights_m)
+    largest_step_m = max(setup.rig.settings.step.heights_m)
     loops: list[LinearLoop] = []
     reserves: list[float] = []
     for condition in conditions:
         rig = change_rig(setup.rig, {"gap_m": condition.gap, "load.force_N": condition.load})
-        at = find_operating_point(rig)
-        own = make_linear_loop(replace(setup, rig=rig), at)
-        share = min(max(at.slopes.slope_ratio, 0.0), 1.0)
-        soft = share + slope_fraction * (1.0 - share)
-        loops += [own, replace(own, bearing=replace(own.bearing, k_i=soft * own.bearing.k_i))]
-        reserve = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
+        operating_point = find_operating_point(rig)
+        static_loop = make_linear_loop(replace(setup, rig=rig), operating_point)
+        slope_ratio = min(max(operating_point.slopes.slope_ratio, 0.0), 1.0)
+        softening = slope_ratio + slope_fraction * (1.0 - slope_ratio)
+        loops += [
+            static_loop,
+            replace(
+                static_loop,
+                bearing=replace(static_loop.bearing, k_i=softening * static_loop.bearing.k_i),
+            ),
+        ]
+        reserve_N = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
         if len(rig.settings.body_magnets) > 1:
-            reserve = limits.force_high_N - abs(rig.static_load)
-        reserves += [max(reserve, 1e-3 * limits.force_high_N) / largest] * 2
+            reserve_N = limits.force_high_N - abs(rig.static_load)
+        reserves += [max(reserve_N, 1e-3 * limits.force_high_N) / largest_step_m] * 2
     return Screen(loops, reserves, SCREEN_HORIZON_S)
 
 
 DEFAULT_BUDGET = 240
-"""Sets of gains tried in the nonlinear loop."""
+"""Number of sets of gains that are tried in the nonlinear loop."""
 POPULATION_SIZE = 10
-"""Of a generation of the search; even, so that two cores are busy."""
-_INITIAL_SIGMA = 0.1  # of the box: first step of the search
-_MAX_STARTS = 2  # of which the search goes on with the better one after a third of the budget each
-_MIN_START_DISTANCE = 0.15  # of the box: starts are farther apart than that
-_CHECKS_PER_ROUND = 2  # of the best, after every round
-_MAX_ROUNDS = 3  # at most: a check that fails sends the search back
-_REPEAT_GENERATIONS = 4  # generations of a search that was sent back
-_TIGHTENING_FACTOR = 0.98  # than what the check found too much
-_CHECK_WORK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
-_LIMITS_WORK = 40.0  # finding out what limits the best gains
+"""Number of points in a generation; even, so that two cores are used equally."""
+_INITIAL_SIGMA = 0.1  # initial step of the search, relative to the box
+_MAX_STARTS = 2  # starting points; the better one continues after a third of the budget each
+_MIN_START_DISTANCE = 0.15  # smallest distance between starting points, relative to the box
+_CHECKS_PER_ROUND = 2  # number of candidates that are checked after every round
+_MAX_ROUNDS = 3  # maximum number of rounds; a failed check starts another one
+_REPEAT_GENERATIONS = 4  # generations of a repeated search
+_TIGHTENING_FACTOR = 0.98  # factor on the tightened limits of missed aims
+_CHECK_WORK = 15.0  # work of one check in units of one trial, for the progress
+_LIMITS_WORK = 40.0  # work of finding the limits, in units of one trial
 
 
 @dataclass(frozen=True, eq=False)
 class TriedGains:
-    """Gains that were tried, and what they gave."""
+    """Gains that were tried, and their result."""
 
-    point: FloatArray  # in the box that is searched
-    outcome: GainOutcome  # with one noise seed
+    point: FloatArray  # point of the unit box
+    outcome: GainOutcome  # result with one noise seed
 
 
 @dataclass(frozen=True)
-class SearchResult:
-    """What a search found."""
+class TuningSearchResult:
+    """The result of a search."""
 
-    loop: Tunable  # with the best gains
-    parameters: dict[str, float]  # the best point of the box, by name
-    check: CheckResult | None  # of the best; None if the search was interrupted before
-    initial_outcome: GainOutcome  # of the gains as they were, one noise seed
-    # all that were tried at every condition, those of the front included
+    loop: Tunable  # loop with the best gains
+    parameters: dict[str, float]  # parameters of the best point
+    check: CheckResult | None  # check of the best gains; None if the search was interrupted before
+    initial_outcome: GainOutcome  # result of the original gains with one noise seed
+    # all gains that were tried at every condition, including the initial guesses
     candidates: tuple[TriedGains, ...]
-    tried_count: int  # sets of gains in the nonlinear loop
+    tried_count: int  # number of sets of gains in the nonlinear loop
     interrupted: bool  # whether ctrl-C ended the search
 
     @property
     def figures(self) -> GainFigures:
-        """What the best gains reach, as far as it was checked."""
+        """The figures of the best gains, from the check or, without a check, from the search."""
         if self.check is not None:
             return self.check.worst
         return self.candidates[0].outcome.worst
@@ -314,12 +336,12 @@ class SearchResult:
 class GainSearch:
     """A search for the gains of one variant."""
 
-    loop: Tunable  # all of its controller but the gains is kept
+    loop: Tunable  # loop; only the gains of its controller change
     aims: Aims
     budget: int = DEFAULT_BUDGET  # sets of gains tried in the nonlinear loop before the first check
-    seed: int = 0  # of everything random in the search, and of the noise in it
-    progress: Progress | None = None  # called with what is done and what there is in all
-    jobs: int | None = None  # processes; as many as there are cores if left out
+    seed: int = 0  # seed of the search and of the noise
+    progress: Progress | None = None  # called with the completed and the total work
+    jobs: int | None = None  # number of processes; None: the number of cores
     _search_loop: Tunable = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
     _tried_count: int = field(init=False, default=0)
@@ -330,9 +352,9 @@ class GainSearch:
         self._search_loop = self.loop.for_search()
         self._total_work = self.budget + _CHECKS_PER_ROUND * _CHECK_WORK + _LIMITS_WORK
 
-    def run(self) -> SearchResult:
-        """Search."""
-        before = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
+    def run(self) -> TuningSearchResult:
+        """Run the search; ctrl-C returns the best gains so far."""
+        initial = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, CheckResult]] = []
         interrupted = False
         try:
@@ -343,22 +365,22 @@ class GainSearch:
                 raise
             interrupted = True
         if checked:
-            _, best, reached = min(checked, key=lambda each: each[0])
+            _, best, best_check = min(checked, key=lambda entry: entry[0])
         else:
-            best, reached = self._sorted_candidates(self.aims)[0], None
-        others = [one for one in self._candidates if one is not best]
-        return SearchResult(
+            best, best_check = self._sorted_candidates(self.aims)[0], None
+        other_candidates = [candidate for candidate in self._candidates if candidate is not best]
+        return TuningSearchResult(
             loop=self.loop.with_gains_at(best.point),
             parameters=self.loop.space.parameters(best.point),
-            check=reached,
-            initial_outcome=before,
-            candidates=(best, *others),
+            check=best_check,
+            initial_outcome=initial,
+            candidates=(best, *other_candidates),
             tried_count=self._tried_count,
             interrupted=interrupted,
         )
 
     def _run_rounds(self, checked: list[tuple[float, TriedGains, CheckResult]]) -> None:
-        """Search and check; where the check fails, search again with stricter aims."""
+        """Search and check; if the check misses an aim, search again with tighter limits."""
         aims = self.aims
         generations = max(self.budget // POPULATION_SIZE, 1)
         for round_ in range(_MAX_ROUNDS):
@@ -367,84 +389,94 @@ class GainSearch:
                     _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
                 )
             self._search(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
-            seen = [one for _, one, _ in checked]
-            for candidate in [one for one in self._sorted_candidates(aims) if one not in seen][
-                :_CHECKS_PER_ROUND
-            ]:
-                found = self.loop.with_gains_at(candidate.point).check(self.jobs)
-                checked.append((self.aims.cost(found.worst), candidate, found))
+            checked_candidates = [candidate for _, candidate, _ in checked]
+            for candidate in [
+                candidate
+                for candidate in self._sorted_candidates(aims)
+                if candidate not in checked_candidates
+            ][:_CHECKS_PER_ROUND]:
+                result = self.loop.with_gains_at(candidate.point).check(self.jobs)
+                checked.append((self.aims.cost(result.worst), candidate, result))
                 self._report_progress(_CHECK_WORK)
-            _, _, best = min(checked, key=lambda each: each[0])
-            misses = self.aims.missed_by(best.worst)
+            _, _, best_check = min(checked, key=lambda entry: entry[0])
+            misses = self.aims.missed_by(best_check.worst)
             if not misses:
                 return
             aims = aims.with_scaled_limits(
-                {name: _TIGHTENING_FACTOR / (1.0 + min(over, 1.0)) for name, over in misses.items()}
+                {
+                    name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0))
+                    for name, excess in misses.items()
+                }
             )
 
     def _try_initial_guesses(self) -> None:
-        """Try what linear loops like best."""
+        """Try the initial guesses of linear loops."""
         tasks = list(self.loop.initial_guesses(self.aims, self.seed))
         self._total_work += 2.0 * len(tasks)
         points = map_ordered(call, tasks, lambda *_: self._report_progress(1.0), self.jobs)
         self._evaluate_points(np.array(points), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
-                f"none of {len(points)} sets of gains that linear loops like best holds the body "
-                "wherever it is tried; 'anhyst simulate' reports how it is lost: look at the limits "
-                "and the load",
+                f"none of the {len(points)} best sets of gains of linear loops holds the body at all "
+                "conditions; run 'anhyst simulate' to see the loss, and check the limits and the load",
                 code="no-gains-hold",
             )
 
     def _search(self, aims: Aims, generations: int, round_: int) -> None:
-        """Search around the best, at first around several of them, then where it went best."""
+        """Search from several starting points first, then continue from the best."""
         starts = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
         paths = [
             _SearchPath(
                 CmaStrategy(
-                    one.point,
+                    start.point,
                     _INITIAL_SIGMA / (1 + 2 * round_),
                     [self.seed, 3, round_, i],
                     POPULATION_SIZE,
                 )
             )
-            for i, one in enumerate(starts)
+            for i, start in enumerate(starts)
         ]
-        early = generations // (_MAX_STARTS + 1) if len(paths) > 1 else 0
+        early_generations = generations // (_MAX_STARTS + 1) if len(paths) > 1 else 0
         for path in paths:
-            self._run_generations(path, aims, early)
-        best = min(paths, key=lambda each: each.minimum_cost)
-        self._run_generations(best, aims, generations - early * len(paths))
+            self._run_generations(path, aims, early_generations)
+        best_path = min(paths, key=lambda path: path.minimum_cost)
+        self._run_generations(best_path, aims, generations - early_generations * len(paths))
 
     def _run_generations(self, path: _SearchPath, aims: Aims, count: int) -> None:
         for _ in range(count):
-            # Hardest first, so that gains which are no good are given up early.
-            best = self._sorted_candidates(aims)[0].outcome.figures
-            order = sorted(self.loop.conditions, key=lambda each: -aims.cost(best[each]))
+            # The hardest conditions first, so that poor gains are abandoned early.
+            best_figures = self._sorted_candidates(aims)[0].outcome.figures
+            order = sorted(
+                self.loop.conditions, key=lambda condition: -aims.cost(best_figures[condition])
+            )
             points = path.strategy.ask()
             costs = np.array(
-                [one.cost for one in self._evaluate_points(points, order, aims, path.ceiling)]
+                [
+                    outcome.cost
+                    for outcome in self._evaluate_points(points, order, aims, path.ceiling)
+                ]
             )
             path.strategy.tell(costs)
             path.minimum_cost = min(path.minimum_cost, float(costs.min()))
             path.ceiling = float(np.sort(costs)[POPULATION_SIZE // 2 - 1])
 
     def _select_distant_starts(self, aims: Aims, count: int) -> list[TriedGains]:
-        """Return the best that lie apart from each other."""
+        """Return the best candidates that have a minimum distance from each other."""
         chosen: list[TriedGains] = []
-        for one in self._sorted_candidates(aims):
+        for candidate in self._sorted_candidates(aims):
             if all(
-                np.max(np.abs(one.point - other.point)) > _MIN_START_DISTANCE for other in chosen
+                np.max(np.abs(candidate.point - other.point)) > _MIN_START_DISTANCE
+                for other in chosen
             ):
-                chosen.append(one)
+                chosen.append(candidate)
         return chosen[:count]
 
     def _evaluate_points(
         self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
     ) -> list[GainOutcome]:
         loops = [self._search_loop.with_gains_at(point) for point in points]
-        work = partial(run_trial, conditions=order, aims=aims, ceiling=ceiling, seed=self.seed)
-        outcomes = map_ordered(work, loops, lambda *_: self._report_progress(1.0), self.jobs)
+        trial = partial(run_trial, conditions=order, aims=aims, ceiling=ceiling, seed=self.seed)
+        outcomes = map_ordered(trial, loops, lambda *_: self._report_progress(1.0), self.jobs)
         self._tried_count += len(loops)
         self._candidates += [
             TriedGains(point, outcome)
@@ -454,8 +486,8 @@ class GainSearch:
         return outcomes
 
     def _sorted_candidates(self, aims: Aims) -> list[TriedGains]:
-        """Return what was tried at every condition, the best first."""
-        return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
+        """Return all completely tried gains, sorted by cost."""
+        return sorted(self._candidates, key=lambda candidate: aims.cost(candidate.outcome.worst))
 
     def _report_progress(self, work: float) -> None:
         self._work_done += work
@@ -465,7 +497,7 @@ class GainSearch:
 
 @dataclass
 class _SearchPath:
-    """A strategy on its way."""
+    """One run of the strategy from a starting point."""
 
     strategy: CmaStrategy
     ceiling: float = math.inf

@@ -1,4 +1,8 @@
-"""A stage as what is tuned: its set-points, the linear loop behind its margin, what limits it."""
+"""Tune the PID of a stage.
+
+A trial follows set-points and a standstill. The linear loop of mass, amplifier, delay and PID gives
+the sensitivity, the initial guesses, and the changes that would help.
+"""
 
 from __future__ import annotations
 
@@ -38,49 +42,44 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 CHECK_PLANTS = 10
-"""Drawn as [spread] says, on which gains are checked."""
+"""Number of random plants of [spread] for the check."""
 MAX_PERIOD_TICKS = 1000.0
-"""Ticks of the controller in a period of the lowest crossover that is searched."""
-_PEAK_FACTORS = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is looked at
+"""Largest period of the crossover frequency in the search, in ticks of the controller."""
+_PEAK_FACTORS = (0.7, 0.85, 1.0)  # factors on the peak limit, for the initial guesses
 _FREQUENCY_COUNT = 400
-_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
-_MIN_NOISE_RATIO = 1e-9  # of a mean: less is not noise
-_CROSSOVER_LIMIT_FRACTION = 0.95  # of the highest crossover: counts as all of it
-_FORCE_LIMIT_FRACTION = 0.995  # of the force: counts as all of it
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
+_MIN_NOISE_RATIO = 1e-9  # smallest relative interval that is reported
+_CROSSOVER_LIMIT_FRACTION = 0.95  # fraction of the highest crossover that counts as reached
+_FORCE_LIMIT_FRACTION = 0.995  # fraction of the largest force that counts as reached
 
 
 @dataclass(frozen=True)
 class StageCondition:
-    """What a stage is tried on."""
+    """A motion of the stage in a trial."""
 
     text: str
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it by name."""
+        """Return the condition for JSON."""
         return {"name": self.text}
 
 
-TRAINING, SLOW_TRAINING, STANDSTILL, TEST = (
-    StageCondition(text)
-    for text in (
-        "the training set-point",
-        "a tenth of its accelerations",
-        "standstill",
-        "the test set-point",
-    )
-)
+TRAINING = StageCondition("the training set-point")
+SLOW_TRAINING = StageCondition("a tenth of its accelerations")
+STANDSTILL = StageCondition("standstill")
+TEST = StageCondition("the test set-point")
 
 
 @dataclass(frozen=True)
 class StageSpace(SearchBox):
-    """What is searched of a stage: the keys of ``[control]`` that make its PID."""
+    """The box of parameters of a stage: the keys of ``[control]`` that define its PID."""
 
-    rate: float  # of the controller, Hz
+    rate: float  # sample rate of the controller, Hz
     max_crossover: float  # highest crossover, Hz
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Every number by name."""
+        """All axes by parameter name."""
         return {
             "crossover_Hz": Axis(
                 self.rate / MAX_PERIOD_TICKS, min(self.rate / 20.0, self.max_crossover), True
@@ -93,23 +92,23 @@ class StageSpace(SearchBox):
 
 @dataclass(frozen=True)
 class LinearStage:
-    """The position loop of a stage: a mass that nothing holds, current, delay and PID.
+    """The linear position loop of a stage: a free mass, amplifier, delay and PID.
 
-    What the compensator leaves is no part of it, but for the force that disturbs.
+    Errors of the compensation appear only as a disturbance force.
     """
 
     rate: float  # Hz
     mass: float  # kg
-    delay: float  # delay from the sample to the middle of the tick in which it acts, s
-    bandwidth: float  # of the current, Hz
+    delay: float  # delay from a sample to the middle of the tick in which it acts, s
+    bandwidth: float  # bandwidth of the current, Hz
     slit: float  # s
 
     def evaluate(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
-        """Judge n sets of gains, given as columns of the keys of ``[control]``.
+        """Evaluate n sets of gains, given as columns of the keys of ``[control]``.
 
-        Returned are the peaks of the sensitivity, infinite where a loop is unstable, their
-        frequencies, Hz, and the moving averages that a force of flat spectrum leaves,
-        m/(N/sqrt(Hz)); shape (n,).
+        Returns three arrays of shape (n,): the peak sensitivity, which is infinite for an unstable
+        loop, its frequency (Hz), and the moving average of the error under a disturbance force of
+        flat spectrum, m/(N/sqrt(Hz)).
         """
         frequency = np.geomspace(
             _MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT
@@ -133,25 +132,28 @@ class LinearStage:
 
         gain = self.mass * omega**2 / np.abs(shape(1j * omega))
         loop = gain * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0)) * body * hold * current
-        turned = np.unwrap(np.angle(1.0 + loop), axis=1)
-        # Three poles at rest turn 1 + L by three quarters on the way up where nothing is unstable.
-        stable = np.abs(turned[:, -1] - turned[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
-        size = np.where(stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
-        left = np.where(stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * size, 1.0)
-        average = np.sqrt(np.trapezoid(left**2, frequency, axis=1))
-        return size.max(axis=1), frequency[np.argmax(size, axis=1)], average
+        phase = np.unwrap(np.angle(1.0 + loop), axis=1)
+        # With three poles at z = 1, a stable loop turns the phase of 1 + L by +270 degrees
+        # (Nyquist).
+        is_stable = np.abs(phase[:, -1] - phase[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
+        sensitivity = np.where(is_stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
+        position_response = np.where(
+            is_stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * sensitivity, 1.0
+        )
+        average = np.sqrt(np.trapezoid(position_response**2, frequency, axis=1))
+        return sensitivity.max(axis=1), frequency[np.argmax(sensitivity, axis=1)], average
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return what points of the box cost: those that keep the peak what they leave."""
+        """Return the costs of points: the moving average if the peak is permitted, else more."""
         rows = [space.parameters(point) for point in points]
         columns = {name: np.array([row[name] for row in rows]) for name in space.axes}
         peak, _, average = self.evaluate(columns)
-        over = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED_AIM_COST + over, average)
+        excess = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
+        return np.where(excess > 0.0, MISSED_AIM_COST + excess, average)
 
 
 def make_linear_stage(rig: BodyRig) -> LinearStage:
-    """Return the linear loop of a rig file; the amplifier counts as a low pass of its bandwidth."""
+    """Return the linear loop of a rig; the amplifier is a low pass of its bandwidth."""
     file = rig.settings
     return LinearStage(
         rate=file.timing.rate_Hz,
@@ -164,25 +166,25 @@ def make_linear_stage(rig: BodyRig) -> LinearStage:
 
 @dataclass(frozen=True)
 class StageLoop:
-    """A variant behind the controller of a stage."""
+    """One compensation variant with the controller of a stage."""
 
     setup: StageSetup
-    feedforward: Feedforward  # found with the gains as they were; a check finds its own
-    max_crossover: float = math.inf  # crossover, Hz: what resonances allow that no plant here has
+    feedforward: Feedforward  # feedforward for the original gains; a check identifies its own
+    max_crossover: float = math.inf  # highest crossover, Hz; set by resonances of real stages
     conditions: tuple[StageCondition, ...] = (TRAINING, SLOW_TRAINING, STANDSTILL)
 
     @property
     def space(self) -> StageSpace:
-        """The box that is searched."""
+        """The box of parameters that is searched."""
         return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.max_crossover)
 
     @property
     def linear_loop(self) -> LinearStage:
-        """The linear loop, whatever the gains."""
+        """The linear loop without its gains."""
         return make_linear_stage(self.setup.rig)
 
     def with_gains_at(self, point: FloatArray) -> StageLoop:
-        """Return the same with the gains at a point of the box."""
+        """Return this loop with the gains of a point of the box."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         rig = self.setup.rig
@@ -190,29 +192,32 @@ class StageLoop:
         return replace(self, setup=replace(self.setup, rig=rig))
 
     def for_search(self) -> StageLoop:
-        """Return the same: set-points are as long in the search as in the check."""
+        """Return this loop: set-points are equally long in search and check."""
         return self
 
     def make_controller(self) -> None:
-        """Make the controller; InputError where fixed point cannot hold its gains."""
+        """Make the controller; raises InputError if fixed point cannot represent its gains."""
         self.setup.make_controller()
 
     def sensitivity_peak(self) -> tuple[float, float]:
         """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""
-        gains = {name: np.array([one]) for name, one in self.gains().items()}
-        peak, at, _ = self.linear_loop.evaluate(gains)
-        return float(peak[0]), float(at[0])
+        gains = {name: np.array([value]) for name, value in self.gains().items()}
+        peaks, frequencies, _ = self.linear_loop.evaluate(gains)
+        return float(peaks[0]), float(frequencies[0])
 
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
     ) -> StageFigures | None:
-        """Follow a set-point, or stand still; None if the loop was lost."""
-        outcome = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
-        if math.isinf(outcome.peak_sensitivity):
+        """Follow a set-point or stand still; None if the loop was lost.
+
+        The motion is skipped if the sensitivity alone costs more than the ceiling.
+        """
+        figures = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
+        if math.isinf(figures.peak_sensitivity):
             return None
-        if aims.cost(outcome) > ceiling:
-            return outcome  # no motion can make it better
-        return self._run_condition(condition, self.feedforward, seed, outcome)
+        if aims.cost(figures) > ceiling:
+            return figures  # the motion can only add cost
+        return self._run_condition(condition, self.feedforward, seed, figures)
 
     def _run_condition(
         self,
@@ -222,19 +227,19 @@ class StageLoop:
         figures: StageFigures,
     ) -> StageFigures | None:
         if condition == STANDSTILL:
-            rest = measure_standstill(self.setup, feedforward, seed)["error_m"]
-            return None if math.isinf(rest) else replace(figures, standstill_rms_m=rest)
+            error_m = measure_standstill(self.setup, feedforward, seed)["error_m"]
+            return None if math.isinf(error_m) else replace(figures, standstill_rms_m=error_m)
         motion = self._set_point(condition)
         return self._evaluate_run(track(self.setup, motion, feedforward, seed), motion, figures)
 
     def _set_point(self, condition: StageCondition) -> SetPoint:
         scan = self.setup.rig.settings.scan
-        peaks = scan.test_m_per_s2 if condition == TEST else scan.train_m_per_s2
+        accelerations = scan.test_m_per_s2 if condition == TEST else scan.train_m_per_s2
         return scan_motion(
             scan,
-            [SMALL_ACCELERATION_RATIO * one for one in peaks]
+            [SMALL_ACCELERATION_RATIO * acceleration for acceleration in accelerations]
             if condition == SLOW_TRAINING
-            else peaks,
+            else accelerations,
         )
 
     def _evaluate_run(
@@ -243,48 +248,63 @@ class StageLoop:
         measures = measure(run, motion, self.setup.rig.settings.scan.slit_s)
         if measures.is_lost:
             return None
-        currents = [name for name in run.columns if name.startswith("current_")]
+        current_names = [name for name in run.columns if name.startswith("current_")]
         return replace(
             figures,
             average_m=measures.average_m,
             error_peak_m=measures.peak_m,
             settling_time_s=measures.settling_50_s,
-            current_rate_rms_A_per_s=max(rms(np.diff(run[one])) / run.dt for one in currents),
+            current_rate_rms_A_per_s=max(
+                rms(np.diff(run[name])) / run.dt for name in current_names
+            ),
         )
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best, for several peaks."""
-        tried = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
-        return [partial(find_best_point, self.linear_loop, self.space, seed, one) for one in tried]
+        """Return functions that find the best linear loops for several peak limits."""
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        return [
+            partial(find_best_point, self.linear_loop, self.space, seed, peak_aims)
+            for peak_aims in aims_list
+        ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Find the feedforward as a simulation does, and judge on what nothing was found on.
+        """Identify the feedforward as a simulation does, and evaluate new motions.
 
-        That is the test set-point with all noise seeds, a standstill, and drawn plants.
+        These are the test set-point with all noise seeds and with random plants, and a standstill.
+        A tenth of the training accelerations is run once more.
         """
         file = self.setup.rig.settings
         feedforward = find_gains(self.setup, self._set_point(TRAINING))
         seeds = list(range(1, file.noise_seeds + 1))
         tasks = [
-            *((TEST, one) for one in seeds),
+            *((TEST, seed) for seed in seeds),
             (SLOW_TRAINING, 1),
             (STANDSTILL, 1),
             *((None, number) for number in range(CHECK_PLANTS)),
         ]
-        judged = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
-        count = len(seeds)
-        drawn = judged[count + 2 :]
-        whole = all(one is not None for one in [*judged[:count], *drawn])
-        unseen, widths = (
-            _mean_figures(judged[:count]) if whole else (StageFigures.for_lost_body(), {})
+        results = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
+        seed_count = len(seeds)
+        plant_results = results[seed_count + 2 :]
+        is_complete = all(
+            figures is not None for figures in [*results[:seed_count], *plant_results]
         )
-        others = [one or StageFigures.for_lost_body() for one in judged[count : count + 2]]
-        figures = dict(zip((TEST, SLOW_TRAINING, STANDSTILL), (unseen, *others), strict=True))
-        plants, note = _summarise_plants(drawn)
+        test_figures, widths = (
+            _mean_figures(results[:seed_count])
+            if is_complete
+            else (StageFigures.for_lost_body(), {})
+        )
+        other_figures = [
+            figures or StageFigures.for_lost_body()
+            for figures in results[seed_count : seed_count + 2]
+        ]
+        figures = dict(
+            zip((TEST, SLOW_TRAINING, STANDSTILL), (test_figures, *other_figures), strict=True)
+        )
+        plants_row, plants_note = _summarise_plants(plant_results)
         return CheckResult(
             figures=figures,
             peak_frequencies=dict.fromkeys(figures, self.sensitivity_peak()[1]),
-            seed_count=count,
+            seed_count=seed_count,
             half_widths=widths,
             locations={},
             rows={
@@ -293,74 +313,75 @@ class StageLoop:
                     "jerk_s": feedforward.jerk,
                     "snap_s2": feedforward.snap,
                 },
-                "plants": plants,
+                "plants": plants_row,
             },
-            notes=(note,),
+            notes=(plants_note,),
         )
 
     def _run_check(
         self, feedforward: Feedforward, task: tuple[StageCondition | None, int]
     ) -> StageFigures | None:
-        condition, number = task
+        condition, seed_or_plant = task
         figures = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
         if condition is not None:
-            return self._run_condition(condition, feedforward, number, figures)
+            return self._run_condition(condition, feedforward, seed_or_plant, figures)
         rig = self.setup.rig
-        drift, noise = sample_plant(rig.settings, rig.settings.seed, number)
+        drift, noise_seed = sample_plant(rig.settings, rig.settings.seed, seed_or_plant)
         motion = self._set_point(TEST)
         drifted = replace(self.setup, drift=drift)
-        return self._evaluate_run(track(drifted, motion, feedforward, noise), motion, figures)
+        return self._evaluate_run(track(drifted, motion, feedforward, noise_seed), motion, figures)
 
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits gains that were checked: aims, force, and what would help."""
+        """Report what limits checked gains: aims, force, crossover, helpful changes."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("average_m", "not every noise seed and drawn plant was held")]
-        near = check_result.find_binding_aims(aims)
+            return [Limit("average_m", "the loop was lost with a noise seed or a random plant")]
+        limits = check_result.find_binding_aims(aims)
         motion, file = self._set_point(TEST), self.setup.rig.settings
-        asked = track(self.setup, motion, self.feedforward, seed)["demand_N"]
-        demand = float(np.abs(asked + weight_along_scan(file)).max())
-        most = largest_wrench_factor(file, scan_wrench(file))
-        if demand >= _FORCE_LIMIT_FRACTION * most:
-            text = f"the demand reaches {demand:.3g} N of {most:.4g} N on the test set-point"
-            near.append(Limit("force", text))
+        demand_N = track(self.setup, motion, self.feedforward, seed)["demand_N"]
+        largest_demand_N = float(np.abs(demand_N + weight_along_scan(file)).max())
+        force_max_N = largest_wrench_factor(file, scan_wrench(file))
+        if largest_demand_N >= _FORCE_LIMIT_FRACTION * force_max_N:
+            text = f"the demand reaches {largest_demand_N:.3g} N of {force_max_N:.4g} N "
+            text += "on the test set-point"
+            limits.append(Limit("force", text))
         if (
             crossover := file.tracking.crossover_Hz
         ) >= _CROSSOVER_LIMIT_FRACTION * self.max_crossover:
-            text = f"the crossover of {crossover:.4g} Hz takes what is allowed, {self.max_crossover:g} Hz"
-            near.append(Limit("crossover", text))
-        return [*near, *self._find_helpful_changes(aims, seed, jobs)]
+            text = f"the crossover of {crossover:.4g} Hz reaches its limit of {self.max_crossover:g} Hz"
+            limits.append(Limit("crossover", text))
+        return [*limits, *self._find_helpful_changes(aims, seed, jobs)]
 
     def _find_helpful_changes(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
-        """Tune linear loops again with one thing eased at a time."""
+        """Tune linear loops again with one change at a time, and report the changes that help."""
         loop = self.linear_loop
-        sooner = replace(loop, delay=0.5 * (loop.delay + 0.5 / loop.rate))
-        faster = replace(loop, bandwidth=2.0 * loop.bandwidth)
-        eased = {
-            "delay": ("half the delay from sample to current", sooner, aims),
-            "amplifier": ("an amplifier of twice the bandwidth", faster, aims),
+        loop_with_half_delay = replace(loop, delay=0.5 * (loop.delay + 0.5 / loop.rate))
+        loop_with_fast_amplifier = replace(loop, bandwidth=2.0 * loop.bandwidth)
+        changes = {
+            "delay": ("half the delay from sample to current", loop_with_half_delay, aims),
+            "amplifier": ("an amplifier of twice the bandwidth", loop_with_fast_amplifier, aims),
         }
 
-        def text(what: str, cost: float, base: float) -> str:
-            left = 100.0 * cost / base
-            return f"with {what} linear loops would leave {left:.0f} % of the moving average"
+        def text(change: str, cost: float, base: float) -> str:
+            percent = 100.0 * cost / base
+            return f"with {change} linear loops would have {percent:.0f} % of the moving average"
 
-        work = partial(find_minimum_cost, self.space, seed)
-        return find_helpful_changes(work, loop, aims, eased, jobs, text)
+        minimum_cost = partial(find_minimum_cost, self.space, seed)
+        return find_helpful_changes(minimum_cost, loop, aims, changes, jobs, text)
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them."""
+        """Return the gains by their names in files."""
         control = self.setup.rig.settings.tracking
         return {name: float(getattr(control, name)) for name in self.space.axes}
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
-        return f"judged on {TEST.text} and on {CHECK_PLANTS} drawn plants"
+        """Description of the check."""
+        return f"evaluated on {TEST.text} and on {CHECK_PLANTS} random plants"
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
         file = self.setup.rig.settings
         return {
             "number_format": file.tracking.format,
@@ -369,7 +390,7 @@ class StageLoop:
         }
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
         crossover = parameters["crossover_Hz"]
         return [
             f"Crossover {crossover:.4g} Hz; integral up to "
@@ -380,10 +401,13 @@ class StageLoop:
 
 
 def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str, float]]:
-    """Return means over the seeds, and half of the 95 % interval of what noise changes."""
+    """Return means over the noise seeds, and half-widths of their 95 % intervals.
+
+    Intervals that are only rounding errors are omitted.
+    """
     means, widths = {}, {}
     for name in StageFigures().by_name():
-        interval = mean_interval([getattr(one, name) for one in runs])
+        interval = mean_interval([getattr(run, name) for run in runs])
         means[name] = interval.mean
         if interval.half_width > _MIN_NOISE_RATIO * interval.mean:
             widths[name] = interval.half_width
@@ -391,15 +415,15 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
 
 def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
-    """Return what drawn plants did, for tuning.json and in a sentence."""
-    count, held = len(drawn), [one for one in drawn if one is not None]
-    lost, averages = count - len(held), [one.average_m for one in held]
-    peaks = [one.error_peak_m for one in held]
-    plants = {"drawn": count, "lost": lost, "average_m": averages, "error_peak_m": peaks}
-    if lost:
-        return plants, f"{lost} of {count} drawn plants were lost"
-    shown = [1e9 * one for one in averages]
+    """Return the results of random plants, for tuning.json and as a sentence."""
+    count, survivors = len(drawn), [figures for figures in drawn if figures is not None]
+    lost_count, averages = count - len(survivors), [figures.average_m for figures in survivors]
+    peaks = [figures.error_peak_m for figures in survivors]
+    plants = {"drawn": count, "lost": lost_count, "average_m": averages, "error_peak_m": peaks}
+    if lost_count:
+        return plants, f"{lost_count} of {count} random plants were lost"
+    averages_nm = [1e9 * average for average in averages]
     return plants, (
-        f"{count} plants drawn as [spread] says: moving average {np.median(shown):.3g} nm in "
-        f"the middle, {max(shown):.3g} nm at most"
+        f"{count} random plants of [spread]: moving average {np.median(averages_nm):.3g} nm in "
+        f"the median, {max(averages_nm):.3g} nm at most"
     )

@@ -1,9 +1,11 @@
-"""What is tuned, the box of numbers that is searched, and one set of gains in the nonlinear loop.
+"""Define the search space of gains, and try one set of gains in the nonlinear loop.
 
-With the mass m that moves, the poles of the design rule lie at the distance w from the origin; here
-the real one may lie elsewhere, at a w, so that every set of gains can be reached::
+The space of a bearing contains the poles of the closed loop. With the moving mass m, the distance w
+of the pole pair from the origin, its damping z and the relative position a of the real pole::
 
     (m + K_dd) s^3 + K_d s^2 + K_p s + K_i = (m + K_dd) (s + a w) (s^2 + 2 z w s + w^2)
+
+The design rule fixes a = 1. With a as a parameter, every set of gains can be represented.
 """
 
 from __future__ import annotations
@@ -29,11 +31,11 @@ from anhyst_rigs.study.tuning.aims import (
 )
 
 _GAIN_DIGITS = 5
-"""Of every gain that is kept: what a file says is what was tried."""
+"""Significant digits of all gains, so that a file contains exactly the gains that were tried."""
 
 
 class Axis(NamedTuple):
-    """One of the numbers: its ends, and whether equal steps are equal ratios."""
+    """The range of one parameter, and whether its scale is logarithmic."""
 
     low: float
     high: float
@@ -41,40 +43,40 @@ class Axis(NamedTuple):
 
 
 class SearchBox:
-    """The box that is searched."""
+    """The box of parameters that is searched."""
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Every number by name."""
+        """All axes by parameter name."""
         raise NotImplementedError
 
     def parameters(self, point: FloatArray) -> dict[str, float]:
-        """Return the numbers at a point of the unit box."""
+        """Return the parameters at a point of the unit box."""
         values = {}
-        for (name, axis), part in zip(self.axes.items(), point.tolist(), strict=True):
+        for (name, axis), position in zip(self.axes.items(), point.tolist(), strict=True):
             if axis.is_logarithmic:
-                values[name] = axis.low * (axis.high / axis.low) ** part
+                values[name] = axis.low * (axis.high / axis.low) ** position
             else:
-                values[name] = axis.low + (axis.high - axis.low) * part
+                values[name] = axis.low + (axis.high - axis.low) * position
         return values
 
 
 @dataclass(frozen=True)
 class BearingSpace(SearchBox):
-    """What is searched of a bearing."""
+    """The box of parameters of a bearing."""
 
-    rate: float  # of the controller, Hz; frequencies are searched in parts of it
-    mass: float  # what moves, kg
+    rate: float  # sample rate of the controller, Hz; the unit of all frequencies
+    mass: float  # moving mass, kg
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Every number by name."""
+        """All axes by parameter name."""
         rate = self.rate
         return {
             "bandwidth_Hz": Axis(rate / 1000.0, rate / 20.0, True),
             "damping": Axis(0.3, 3.0, True),
-            "real_pole": Axis(0.03, 3.0, True),  # in parts of the bandwidth
-            "virtual_mass": Axis(-0.5, 1.0, False),  # in parts of the mass
+            "real_pole": Axis(0.03, 3.0, True),  # relative to the bandwidth
+            "virtual_mass": Axis(-0.5, 1.0, False),  # relative to the mass
             "set_point_weight": Axis(0.0, 1.0, False),
             "cutoff_Hz": Axis(rate / 100.0, 0.45 * rate, True),
             "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
@@ -83,25 +85,27 @@ class BearingSpace(SearchBox):
     def make_controller_table(
         self, point: FloatArray, template: ControllerTable
     ) -> ControllerTable:
-        """Return the controller at a point of the unit box; what is not searched stays as it is."""
-        at = self.parameters(point)
-        w, z, a = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"], at["real_pole"]
-        total = self.mass * (1.0 + at["virtual_mass"])
+        """Return the controller at a point of the unit box, with the template's settings."""
+        parameters = self.parameters(point)
+        w = 2.0 * math.pi * parameters["bandwidth_Hz"]
+        z, a = parameters["damping"], parameters["real_pole"]
+        total_mass = self.mass * (1.0 + parameters["virtual_mass"])
         gains = GainsTable(
-            K_p_N_per_m=round_gain(total * (1.0 + 2.0 * z * a) * w**2),
-            K_i_N_per_m_s=round_gain(total * a * w**3),
-            K_d_N_s_per_m=round_gain(total * (2.0 * z + a) * w),
-            K_dd_N_s2_per_m=round_gain(self.mass * at["virtual_mass"]),
+            K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * z * a) * w**2),
+            K_i_N_per_m_s=round_gain(total_mass * a * w**3),
+            K_d_N_s_per_m=round_gain(total_mass * (2.0 * z + a) * w),
+            K_dd_N_s2_per_m=round_gain(self.mass * parameters["virtual_mass"]),
         )
         filters = FilterTable(
-            cutoff_Hz=round_gain(at["cutoff_Hz"]), cutoff_2_Hz=round_gain(at["cutoff_2_Hz"])
+            cutoff_Hz=round_gain(parameters["cutoff_Hz"]),
+            cutoff_2_Hz=round_gain(parameters["cutoff_2_Hz"]),
         )
         return template.model_copy(
             update={
                 "design": None,
                 "gains": gains,
                 "filter": filters,
-                "set_point_weight": round(at["set_point_weight"], _GAIN_DIGITS),
+                "set_point_weight": round(parameters["set_point_weight"], _GAIN_DIGITS),
             }
         )
 
@@ -113,53 +117,53 @@ class BearingSpace(SearchBox):
 
 
 def round_gain(value: float) -> float:
-    """Return a gain as files hold it."""
+    """Return a gain with the number of digits that files contain."""
     return float(f"{value:.{_GAIN_DIGITS}g}")
 
 
-_BINDING_RATIO = 0.9  # of a limit: from here on it is said to bind
-_MIN_COST_REDUCTION = 0.05  # of what is made small: less is not reported
+_BINDING_RATIO = 0.9  # fraction of a limit above which it is reported as binding
+_MIN_COST_REDUCTION = 0.05  # smallest relative reduction of the cost that is reported
 
 
 @dataclass(frozen=True)
 class BearingCondition:
-    """Where a bearing is tried."""
+    """The gap and the load of a trial of a bearing."""
 
     gap: float  # m
     load: float  # N
 
     @property
     def text(self) -> str:
-        """Both with their units."""
+        """Gap and load with their units."""
         return f"{1e3 * self.gap:.3g} mm and {self.load:.3g} N"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return both by name."""
+        """Return gap and load for JSON."""
         return {"gap_m": self.gap, "load_N": self.load}
 
 
 @dataclass(frozen=True)
 class Limit:
-    """One thing that limits."""
+    """One thing that limits the gains."""
 
-    # name of a figure, or ``noise``, ``force``, ``voltage``, ``current``, ``delay``,
-    # ``amplifier``, ``pinning``
+    # name of a figure, or ``noise``, ``force``, ``voltage``, ``current``, ``crossover``, ``delay``,
+    # ``damping``, ``amplifier``, ``pinning``
     what: str
-    text: str  # A sentence for a person, with numbers
+    text: str  # a sentence with values
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What gains reach over all noise seeds."""
+    """Figures of gains over all noise seeds."""
 
-    # means over the seeds, worst of all heights; all infinite where the body was lost
+    # by condition: means over the seeds, worst of all heights; infinite if the body was lost
     figures: Mapping[Any, GainFigures]
-    peak_frequencies: Mapping[Any, float]  # frequency of the peak of the sensitivity, Hz
-    seed_count: int  # noise seeds behind every mean
-    half_widths: Mapping[str, float]  # of the 95 % interval of the worst of a figure, half of it
-    locations: Mapping[str, str]  # where that is, beside the condition
-    rows: Mapping[str, Any]  # what else was found, for tuning.json
-    notes: tuple[str, ...] = ()  # the same, for a person
+    peak_frequencies: Mapping[Any, float]  # frequency of the peak sensitivity, Hz
+    seed_count: int  # number of noise seeds
+    half_widths: Mapping[str, float]  # half-width of the 95 % interval of each worst figure
+    locations: Mapping[str, str]  # step of each worst figure
+    rows: Mapping[str, Any]  # further results for tuning.json
+    notes: tuple[str, ...] = ()  # further results as sentences
 
     @property
     def worst(self) -> GainFigures:
@@ -167,54 +171,56 @@ class CheckResult:
         return merge_worst_figures(self.figures.values())
 
     def find_binding_aims(self, aims: Aims) -> list[Limit]:
-        """Return the aims that are missed or nearly so, and where."""
-        found = []
+        """Return the aims that are missed or almost reached, with the condition."""
+        limits = []
         for name, limit in aims.limits.items():
             value = float(getattr(self.worst, name))
             if value < _BINDING_RATIO * limit:
                 continue
-            at = max(self.figures, key=lambda each: float(getattr(self.figures[each], name)))
-            where = f"at {at.text}"
-            if name == "peak_sensitivity":
-                where += f", around {self.peak_frequencies[at]:.0f} Hz"
-            elif name in self.locations:
-                where += f", {self.locations[name]}"
-            verb = "misses" if value > limit else "nearly takes"
-            bound = GAIN_METRICS[name].format_limit(limit)
-            found.append(
-                Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {where}")
+            condition = max(
+                self.figures, key=lambda condition: float(getattr(self.figures[condition], name))
             )
-        return found
+            location = f"at {condition.text}"
+            if name == "peak_sensitivity":
+                location += f", around {self.peak_frequencies[condition]:.0f} Hz"
+            elif name in self.locations:
+                location += f", {self.locations[name]}"
+            verb = "exceeds" if value > limit else "almost reaches"
+            bound = GAIN_METRICS[name].format_limit(limit)
+            limits.append(
+                Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {location}")
+            )
+        return limits
 
 
 class Tunable(Protocol):
-    """One variant in its loop, with gains that can be changed; goes to other processes."""
+    """One variant in its loop with adjustable gains; it is sent to worker processes."""
 
     @property
     def conditions(self) -> tuple[Any, ...]:
-        """All at which gains are to do well; each has ``text`` and ``as_dict()``."""
+        """All conditions of a trial; each has ``text`` and ``as_dict()``."""
 
     @property
     def space(self) -> SearchBox:
-        """The box that is searched."""
+        """The box of parameters that is searched."""
 
     def with_gains_at(self, point: FloatArray) -> Tunable:
-        """Return the same with the gains at a point of the box."""
+        """Return this loop with the gains of a point of the box."""
 
     def for_search(self) -> Tunable:
-        """Return the same as it is tried in the search; what is checked takes longer."""
+        """Return this loop with shorter motions than those of a check."""
 
     def make_controller(self) -> None:
-        """Make the controller; InputError where fixed point cannot hold its gains."""
+        """Make the controller; raises InputError if fixed point cannot represent its gains."""
 
     def figures(self, condition: Any, aims: Aims, ceiling: float, seed: int) -> GainFigures | None:
-        """Try the gains at one condition; None if the body was not held.
+        """Try the gains at one condition; None if the body was lost.
 
-        What cannot lower a cost that is above the ceiling need not be tried.
+        A trial may stop early if its cost exceeds the ceiling.
         """
 
     def initial_guesses(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best."""
+        """Return functions that find the best points for linear loops."""
 
     def check(self, jobs: int | None) -> CheckResult:
         """Try the gains with all noise seeds."""
@@ -222,20 +228,20 @@ class Tunable(Protocol):
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None
     ) -> list[Limit]:
-        """Return what limits gains that were checked."""
+        """Return what limits the checked gains."""
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them."""
+        """Return the gains by their names in files."""
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
+        """Description of the trial."""
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
 
 
 Loop = TypeVar("Loop")
@@ -249,33 +255,42 @@ def find_helpful_changes(
     jobs: int | None,
     format_text: Callable[[str, float, float], str],
 ) -> list[Limit]:
-    """Report what lowers the cost of the best gains when it is eased, the most first.
+    """Report the changes that reduce the cost of the best gains in linear loops, the largest first.
 
-    One more that is eased is the peak of the sensitivity, by half. A text is made of what is eased,
-    and the costs with and without.
+    The limit of the peak sensitivity, increased by half, is always one of them. The text of a
+    change is made from its description and the costs with and without it.
     """
-    peak, easier = 1.5 * aims.peak_sensitivity, aims.with_scaled_limits({"peak_sensitivity": 1.5})
-    changes = {"peak_sensitivity": (f"a peak sensitivity of {peak:g}", loop, easier), **changes}
-    tasks = [(loop, aims), *((one, its_aims) for _, one, its_aims in changes.values())]
-    base, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
-    if not math.isfinite(base):
+    relaxed_peak = 1.5 * aims.peak_sensitivity
+    relaxed_aims = aims.with_scaled_limits({"peak_sensitivity": 1.5})
+    changes = {
+        "peak_sensitivity": (f"a peak sensitivity of {relaxed_peak:g}", loop, relaxed_aims),
+        **changes,
+    }
+    tasks = [
+        (loop, aims),
+        *((changed_loop, changed_aims) for _, changed_loop, changed_aims in changes.values()),
+    ]
+    base_cost, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
+    if not math.isfinite(base_cost):
         return []
-    helps = sorted(
-        (cost, what)
-        for what, cost in zip(changes, costs, strict=True)
-        if cost < (1.0 - _MIN_COST_REDUCTION) * base
+    helpful = sorted(
+        (cost, change)
+        for change, cost in zip(changes, costs, strict=True)
+        if cost < (1.0 - _MIN_COST_REDUCTION) * base_cost
     )
-    return [Limit(what, format_text(changes[what][0], cost, base)) for cost, what in helps]
+    return [
+        Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful
+    ]
 
 
 @dataclass(frozen=True)
 class GainOutcome:
-    """What a trial gave."""
+    """The result of a trial."""
 
-    cost: float  # by :meth:`Aims.cost`; a lower bound of it where the trial was given up
-    # of what was tried before it was given up, or the body lost
+    cost: float  # :meth:`Aims.cost`; a lower bound if the trial stopped early
+    # figures of all conditions before the trial stopped or the body was lost
     figures: dict[Any, GainFigures]
-    is_complete: bool  # whether everything was tried
+    is_complete: bool  # whether all conditions were tried
 
     @property
     def worst(self) -> GainFigures:
@@ -286,21 +301,21 @@ class GainOutcome:
 def run_trial(
     loop: Tunable, conditions: Sequence[Any], aims: Aims, ceiling: float = math.inf, seed: int = 0
 ) -> GainOutcome:
-    """Try the gains of a loop at one condition after the other, until they cost more than a ceiling.
+    """Try the gains of a loop at one condition after another, until the cost exceeds a ceiling.
 
-    An iron that pins, noise and limits are in it; only the noise seed is one.
+    The nonlinear loop includes hysteresis, noise of one seed, and all limits.
     """
     figures: dict[Any, GainFigures] = {}
     cost = 0.0
     try:
         loop.make_controller()
-    except InputError:  # gains that fixed point cannot hold
+    except InputError:  # fixed point cannot represent the gains
         return GainOutcome(LOST_BODY_COST + len(conditions), figures, is_complete=False)
     for index, condition in enumerate(conditions):
-        result = loop.figures(condition, aims, ceiling, seed)
-        if result is None:
+        condition_figures = loop.figures(condition, aims, ceiling, seed)
+        if condition_figures is None:
             return GainOutcome(LOST_BODY_COST + len(conditions) - index, figures, is_complete=False)
-        figures[condition] = result
+        figures[condition] = condition_figures
         cost = aims.cost(merge_worst_figures(figures.values()))
         if cost > ceiling and index + 1 < len(conditions):
             return GainOutcome(cost, figures, is_complete=False)

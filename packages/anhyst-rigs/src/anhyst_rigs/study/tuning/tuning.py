@@ -1,4 +1,4 @@
-"""Tune the controller of a rig for one variant or for all: what ``anhyst tune`` does."""
+"""Tune the controller of a rig for one or all variants: the command ``anhyst tune``."""
 
 from __future__ import annotations
 
@@ -67,10 +67,10 @@ def tune(
     jobs: int | None,
     progress: Progress | None,
 ) -> Tuning:
-    """Find gains for stated aims over all that a rig file names at once: `anhyst.tune`."""
+    """Find controller gains for stated aims, for any kind of rig: `anhyst.tune`."""
     if budget < 10:
         raise InputError(
-            f"--budget: {budget} sets of gains are too few; give 10 or more",
+            f"--budget: {budget} sets of gains are too few; enter at least 10",
             code="out-of-range",
             key="--budget",
         )
@@ -88,14 +88,14 @@ def tune(
             "--effort": aims.current_rate_rms_A_per_s,
         },
     )
-    begin, used = time.perf_counter(), _processor_time()
-    tunes = require_capability(kind, HasTuning)
-    subject = tunes.tuning(rig, controller, crossover)
+    begin_s, used_before_s = time.perf_counter(), _processor_time()
+    tuning_kind = require_capability(kind, HasTuning)
+    subject = tuning_kind.tuning(rig, controller, crossover)
     aims = subject.with_default_aims(aims)
-    names = subject.variants() if all_variants else (subject.main_variant,)
-    places = subject.plan_paths(out, names, tunes.files(rig, controller))
+    variant_names = subject.variants() if all_variants else (subject.main_variant,)
+    paths = subject.plan_paths(out, variant_names, tuning_kind.files(rig, controller))
     search = partial(GainSearch, aims=aims, budget=budget, seed=seed, jobs=jobs)
-    tuned, interrupted = _tune_all(search, subject.make_loops(names, jobs), progress)
+    tuned, interrupted = _tune_all(search, subject.make_loops(variant_names, jobs), progress)
     out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
@@ -106,10 +106,10 @@ def tune(
         budget=budget,
         seed=seed,
         tuned=tuned,
-        written={name: places[name] for name in tuned},
+        written={name: paths[name] for name in tuned},
         interrupted=interrupted,
-        seconds=time.perf_counter() - begin,
-        cpu_seconds=_processor_time() - used,
+        seconds=time.perf_counter() - begin_s,
+        cpu_seconds=_processor_time() - used_before_s,
     )
     for name, path in result.written.items():
         subject.write(tuned[name], path, make_file_note(tuned[name], result))
@@ -118,38 +118,38 @@ def tune(
 
 
 class TuningSubject(ABC):
-    """A rig and what is written for it."""
+    """A rig whose controller is tuned, and the files that are written for it."""
 
-    file_stem: str  # of the files that are written
+    file_stem: str  # stem of the names of written files
     rig: BodyRig | PiezoRig
     controller: ControllerFile | None = None
-    plant: PlantCheck | None = None  # what the loops say about it
-    main_variant: MethodName  # what is tuned where not all variants are
+    plant: PlantCheck | None = None  # comparison of the plant with the measured loops
+    main_variant: MethodName  # the variant that is tuned by default
 
     def with_default_aims(self, aims: Aims) -> Aims:
-        """Return aims with those that are usual for such a rig, where none is given."""
+        """Return aims with the default limits of this kind of rig."""
         return aims
 
     @abstractmethod
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
 
     @abstractmethod
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Read what is known, and make variants; some may not be possible."""
+        """Identify the plant and make the loops of the variants; impossible variants are omitted."""
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
-        """Write what a simulation takes: a rig file, where no controller file has the gains."""
+        """Write the tuned rig file, if there is no controller file for the gains."""
         gains = tuned.search_result.loop.gains().items()
-        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
+        changes: dict[KeyPath, Any] = {("control", name): value for name, value in gains}
         rewrite_rig(self.rig.path, path, changes, note)
 
     def plan_paths(
         self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
     ) -> dict[MethodName, Path]:
-        """Return where the files go; find out first whether they can be written."""
+        """Return the paths of the output files, after a check that they can be written."""
         files = {
             name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names
         }
@@ -157,11 +157,13 @@ class TuningSubject(ABC):
             for name in (*files.values(), *RESULT_FILES):
                 check_writable(folder / name, input_files=reads)
         elif folder.exists():
-            raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
+            raise InputError(f"{folder}: is a file; enter a folder", code="is-a-file")
         else:
-            # A file of that name could be made there, and so could the folder.
-            above = next(one for one in folder.absolute().parents if one.exists())
-            check_writable(above / folder.name)
+            # If a file of this name could be made, so can the folder.
+            existing_parent = next(
+                parent for parent in folder.absolute().parents if parent.exists()
+            )
+            check_writable(existing_parent / folder.name)
         return {name: folder / file for name, file in files.items()}
 
 
@@ -174,11 +176,11 @@ class HasTuning(Protocol):
     def tuning(
         self, rig: PathLike, controller: PathLike | None, crossover: float | None
     ) -> TuningSubject:
-        """Read a rig file, with a controller file or the highest crossover, Hz, where it takes one."""
+        """Read a rig file, and a controller file or highest crossover (Hz) if accepted."""
 
 
 class BearingSubject(TuningSubject):
-    """A bearing, whose controller file is written anew."""
+    """A bearing, for which a controller file is written."""
 
     file_stem = "controller"
     rig: BodyRig
@@ -189,26 +191,26 @@ class BearingSubject(TuningSubject):
         self.main_variant = self.controller.settings.compensation.variant
 
     def with_default_aims(self, aims: Aims) -> Aims:
-        """Return aims with a largest overshoot of 2 %, where none is given."""
+        """Return aims with a limit of 2 % for the overshoot, if none is given."""
         return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
 
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
         return compared_variants(self.rig, self.main_variant)
 
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Identify what is controlled, and make variants."""
-        ready = check_inputs(self.rig, self.controller)
-        self.rig, knowledge = ready.rig, ready.identify_magnet()
-        self.plant = check_plant(ready.rig, knowledge)
-        setups = make_setups(ready.rig, self.controller, knowledge, tuple(names))
-        conditions = default_conditions(ready.rig)
+        """Identify the magnet and make the loops of the variants."""
+        inputs = check_inputs(self.rig, self.controller)
+        self.rig, knowledge = inputs.rig, inputs.identify_magnet()
+        self.plant = check_plant(inputs.rig, knowledge)
+        setups = make_setups(inputs.rig, self.controller, knowledge, tuple(names))
+        conditions = default_conditions(inputs.rig)
         return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
-        """Write the controller file with the gains that were found."""
+        """Write a controller file with the tuned gains."""
         assert isinstance(tuned.search_result.loop, BearingLoop)
         settings = tuned.search_result.loop.setup.controller
         changes: dict[str, Any] = {"name": f"tuned, {tuned.variant}"}
@@ -219,7 +221,7 @@ class BearingSubject(TuningSubject):
 
 
 class StageSubject(TuningSubject):
-    """A stage, whose rig file is written anew."""
+    """A stage, for which a rig file is written."""
 
     file_stem = "rig"
     main_variant = COMPENSATOR
@@ -229,39 +231,39 @@ class StageSubject(TuningSubject):
         self.rig = read_stage(rig)
         check_calibration(self.rig)
         self.max_crossover = math.inf if crossover is None else crossover
-        least = self.rig.settings.timing.rate_Hz / MAX_PERIOD_TICKS
-        if not self.max_crossover > least:
+        min_crossover = self.rig.settings.timing.rate_Hz / MAX_PERIOD_TICKS
+        if not self.max_crossover > min_crossover:
             raise InputError(
-                f"--crossover: {self.max_crossover:g} Hz is not above {least:g} Hz, a thousandth of the "
+                f"--crossover: {self.max_crossover:g} Hz is not above {min_crossover:g} Hz, a thousandth of the "
                 "controller's rate; give a higher one",
                 code="out-of-range",
                 key="--crossover",
             )
 
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
         return [
-            one
-            for one in COMPARED_METHODS
-            if one not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
+            name
+            for name in COMPARED_METHODS
+            if name not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
         ]
 
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Identify what is controlled, and make variants."""
-        made, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
+        """Identify the magnets and make the loops of the variants."""
+        setups, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
         work = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
-        feedforwards = map_ordered(work, list(made.values()), jobs=jobs)
+        feedforwards = map_ordered(work, list(setups.values()), jobs=jobs)
         return {
             name: StageLoop(setup, gains, self.max_crossover)
-            for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
+            for (name, setup), gains in zip(setups.items(), feedforwards, strict=True)
         }
 
 
 class PiezoSubject(TuningSubject):
-    """A piezo stage, whose rig file is written anew."""
+    """A piezo stage, for which a rig file is written."""
 
     file_stem = "rig"
     main_variant = "full"
@@ -270,13 +272,13 @@ class PiezoSubject(TuningSubject):
         self.rig: PiezoRig = read_piezo_rig(rig)
 
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
         return tuple(PIEZO_METHODS)
 
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Identify what is controlled, and make variants."""
+        """Identify the stack and make the loops of the variants."""
         inverses = find_inverses(self.rig)
         return {name: PiezoLoop(self.rig, inverses[PIEZO_METHODS[name]]) for name in names}
 
@@ -286,29 +288,33 @@ def _tune_all(
     loops: Mapping[MethodName, Tunable],
     progress: Progress | None,
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
-    """Tune one after the other; ctrl-C ends it and keeps what there is."""
+    """Tune one variant after another; ctrl-C keeps the completed ones."""
     tuned: dict[MethodName, TunedVariant] = {}
     parts = split_progress(progress, [1.0] * len(loops))
     for (name, loop), part in zip(loops.items(), parts, strict=True):
-        one = search(loop, progress=part)
+        gain_search = search(loop, progress=part)
         try:
-            gains = one.run()
-            reached = gains.check
+            result = gain_search.run()
+            check_result = result.check
             limits = (
-                gains.loop.find_limits(one.aims, reached, one.seed, one.jobs) if reached else []
+                result.loop.find_limits(
+                    gain_search.aims, check_result, gain_search.seed, gain_search.jobs
+                )
+                if check_result
+                else []
             )
             part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
-                raise Interrupted("too early for any gains, nothing written") from None
+                raise Interrupted("no gains were found yet, nothing was written") from None
             return tuned, True
-        tuned[name] = TunedVariant(name, gains, tuple(limits), one.aims)
-        if gains.interrupted:
+        tuned[name] = TunedVariant(name, result, tuple(limits), gain_search.aims)
+        if result.interrupted:
             return tuned, True
     return tuned, False
 
 
 def _processor_time() -> float:
-    """Return the processor time of this process and those that it waited for, s."""
-    used = os.times()
-    return used.user + used.system + used.children_user + used.children_system
+    """Return the processor time of this process and its finished children, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system

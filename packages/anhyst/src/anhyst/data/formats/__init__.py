@@ -1,7 +1,8 @@
-"""File formats of measurements, one file a format.
+"""File formats of measurements, one module for each format.
 
-A new format needs an entry in `_OWN`, in `SIGNATURES` and `_BINARY` if it is binary, and in
-`WRITERS` and `PACKAGES` if it can be written. An installed package adds one that is read.
+To add a format, add an entry to `_BUILT_IN_OPENERS`. A binary format also needs entries in
+`SIGNATURES` and `_BINARY_OPENERS`, and a format for writing in `WRITERS` and `WRITER_PACKAGES`. An
+installed package can add a format for reading.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ __all__ = [
 ]
 
 Opener = Callable[[Path, int], OpenTable]
-"""Opens a file that must have a given number of columns or more."""
+"""Function that opens a file and requires a minimum number of columns."""
 
 _BUILT_IN_OPENERS: dict[str, Opener] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm"), open_text),
@@ -52,12 +53,12 @@ _BUILT_IN_OPENERS: dict[str, Opener] = {
 FORMATS: Registry[Opener] = Registry(
     "anhyst.formats",
     _BUILT_IN_OPENERS,
-    lambda opener, _: "" if callable(opener) else "and it is no function",
+    lambda opener, _: "" if callable(opener) else "and it is not a function",
     prefix=".",
 )
-"""By suffix: those of anhyst, and of the entry points ``anhyst.formats`` of installed packages.
+"""Openers by suffix: built-in formats, and entry points ``anhyst.formats`` of installed packages.
 
-An entry point has the name of its suffix, without the dot.
+The name of an entry point is its suffix without the dot.
 """
 
 SIGNATURES: tuple[tuple[bytes, Opener], ...] = (
@@ -69,7 +70,7 @@ SIGNATURES: tuple[tuple[bytes, Opener], ...] = (
     (b"TDSm", open_tdms),
     (b"PAR1", open_parquet),
 )
-"""First bytes of each binary format; they count more than the name of a file."""
+"""First bytes of each binary format; they take precedence over the file name."""
 
 WRITERS: dict[str, Callable[[Path, Sequence[ChannelGroup]], tuple[str, ...]]] = {
     ".csv": write_text,
@@ -79,7 +80,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[ChannelGroup]], tuple[str, ...]]] = 
     **dict.fromkeys((".h5", ".hdf5"), write_hdf5),
     ".parquet": write_parquet,
 }
-"""By suffix: what writes sections whole or not at all, and says what the format cannot hold."""
+"""Writers by suffix; they leave no partial file, and return what the format cannot store."""
 
 WRITER_PACKAGES = {
     ".mf4": "asammdf",
@@ -87,39 +88,39 @@ WRITER_PACKAGES = {
     **dict.fromkeys((".h5", ".hdf5"), "h5py"),
     ".parquet": "pyarrow",
 }
-"""By suffix: what a writer imports; whoever calls one asks for it first."""
+"""Package that a writer imports, by suffix; callers check first that it is installed."""
 
 ONE_CLOCK_FORMATS = frozenset({".csv", ".parquet"})
-"""Formats that hold one clock, and each name once."""
+"""Formats with one clock and unique channel names."""
 
 
 _BINARY_OPENERS = (open_mat, open_mdf, open_tdms, open_hdf5, open_parquet, open_excel)
-"""What cannot open a text."""
+"""Openers that cannot read text."""
 
 
 def open_table(path: PathLike, min_columns: int = 2) -> OpenTable:
-    """Open a table by its first bytes, because the same format has many file names.
+    """Open a table; its first bytes decide the format, because a format can have many file names.
 
-    The name decides if the first bytes are those of no format. A text file needs no known name.
+    The name decides if the first bytes belong to no known format. A text file may have any name.
     """
     path = Path(path)
     if why := FORMATS.explain_unusable(path.suffix.lower()):
         raise InputError(f"{path}: {why}", code="not-installed")
-    by_name = FORMATS.get(path.suffix.lower(), open_text)
+    opener_of_name = FORMATS.get(path.suffix.lower(), open_text)
     head = b""
     if path.is_file():
         with contextlib.suppress(OSError), path.open("rb") as file:
             head = file.read(4096)
     for signature, opener in SIGNATURES:
         if head.startswith(signature):
-            # Version 7.3 of a MAT file is HDF5, and not every program begins it as MATLAB does.
-            is_mat = opener is open_hdf5 and by_name is open_mat and _is_matlab_file(path)
+            # Version 7.3 of a MAT file is HDF5, and not every program writes MATLAB's first bytes.
+            is_mat = opener is open_hdf5 and opener_of_name is open_mat and _is_matlab_file(path)
             return (open_mat if is_mat else opener)(path, min_columns)
     if head.startswith(b"PK") and is_workbook(path):
         return open_excel(path, min_columns)
-    is_misnamed = by_name in _BINARY_OPENERS and bool(head) and is_text(head)
-    table = (open_text if is_misnamed else by_name)(path, min_columns)
-    if isinstance(table, MemoryTable) and not table.sha256:  # of a format of another package
+    is_misnamed = opener_of_name in _BINARY_OPENERS and bool(head) and is_text(head)
+    table = (open_text if is_misnamed else opener_of_name)(path, min_columns)
+    if isinstance(table, MemoryTable) and not table.sha256:  # format of another package
         return replace(table, sha256=file_sha256(path))
     return table
 

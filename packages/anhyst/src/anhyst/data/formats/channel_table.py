@@ -1,6 +1,7 @@
-"""Channels as a table on one clock, after a first reading in a process of its own.
+"""Put channels of a file on one clock as a table, after a test reading in a separate process.
 
-Libraries in C crash and hang on damaged files, or fill the memory.
+Libraries in C crash, hang or fill the memory on damaged files. Therefore, a separate process with
+limits of time and memory reads each file first.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import parse_header, require_unit
 
 _MAX_PAUSE_STEPS = 10.0
-"""Usual steps of a clock; across a longer pause nothing is known of the channel."""
+"""Maximum pause of a clock, in median steps; channels are not interpolated over longer pauses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,25 +49,27 @@ class Clock:
 
     channel: Channel | None
     length: int
-    times: FloatArray | None  # s, shape (length,); None where a file does not say them
-    start: int = 0  # first of the channel's samples that ``times`` holds
-    is_whole: bool = True  # whether it holds all of them
+    times: FloatArray | None  # s, shape (length,); None if the file does not state them
+    start: int = 0  # index of the first sample of the channel in ``times``
+    is_whole: bool = True  # whether ``times`` contains all samples
 
 
 ReadSeconds = Callable[[Channel], FloatArray]
-"""Returns the times of a clock in s."""
+"""Function that returns the times of a clock, s."""
 
 
 def find_shared_clock(
     source: str, channels: Sequence[Channel], seconds: ReadSeconds
 ) -> tuple[Clock, tuple[str, ...]]:
-    """Find the clock that channels are read on: the finest, as far as all of them reach."""
+    """Return the finest clock of some channels, limited to their common time range, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
     unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
-    if len(by_length) > 1 or (unclocked and len(clocks) > 1):
+    channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
+    if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
         first_channel, second_channel = (
-            list(by_length.values())[:2] if len(by_length) > 1 else (unclocked[0], clocks[1])
+            list(channel_by_length.values())[:2]
+            if len(channel_by_length) > 1
+            else (unclocked[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
@@ -76,7 +79,7 @@ def find_shared_clock(
             key=first_channel.full_name,
         )
     if not clocks:
-        return Clock(None, max(by_length, default=1), None), ()
+        return Clock(None, max(channel_by_length, default=1), None), ()
     times = [seconds(clock) for clock in clocks]
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
@@ -90,7 +93,7 @@ def find_shared_clock(
         early_channel = clock_names[[ticks[-1] for ticks in times].index(end)]
         raise InputError(
             f"{source}: channel '{early_channel}' ends at {end:g} s and '{late_channel}' begins at {begin:g} s: "
-            "nothing was recorded together; leave one out",
+            "they have no common time; leave one out",
             code="no-common-time",
             key=late_channel,
         )
@@ -105,10 +108,10 @@ def find_shared_clock(
 
 
 def _clock_step(source: str, clock: Channel, times: FloatArray) -> float:
-    """Usual step of a clock that others are compared with."""
+    """Return the median step of a clock (the mean if the median is zero), s."""
     if times.size < 2:
         raise InputError(
-            f"{source}: '{clock.full_name}' holds one time only, too few to bring others onto it; "
+            f"{source}: '{clock.full_name}' contains only one time, too few to interpolate other channels; "
             "leave its channels out",
             code="clock-too-short",
             key=clock.full_name,
@@ -118,8 +121,8 @@ def _clock_step(source: str, clock: Channel, times: FloatArray) -> float:
     if is_bad.any():
         row = int(np.argmax(is_bad))
         raise InputError(
-            f"{source}: time '{clock.full_name}' is {times[row]:g} s in sample {row + 1}, not later "
-            "than before; channels on several clocks need rising times",
+            f"{source}: time '{clock.full_name}' is {times[row]:g} s in sample {row + 1}, which is "
+            "before the previous time or invalid; several clocks need increasing times",
             code="time-not-rising",
             key=clock.full_name,
         )
@@ -129,10 +132,10 @@ def _clock_step(source: str, clock: Channel, times: FloatArray) -> float:
 def resample_to_clock(
     source: str, channel: Channel, values: FloatArray, clock: Clock, seconds: ReadSeconds
 ) -> FloatArray:
-    """Bring a channel onto a clock; next to a sample without a value (NaN) there is none."""
+    """Interpolate a channel to a clock; the neighbours of a NaN sample are NaN."""
     if channel.clock is None:
         return np.full(clock.length, values[0]) if channel.length == 1 else values
-    if clock.times is None or clock.is_whole:  # its own clock, or one of the same times
+    if clock.times is None or clock.is_whole:  # its own clock, or a clock with equal times
         return values
     if channel.clock is clock.channel:
         return values[clock.start : clock.start + clock.length]
@@ -156,7 +159,7 @@ def resample_to_clock(
 def hold_on_clock(
     channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock
 ) -> Values:
-    """Hold the last value of a channel at each time; what fits no clock is blank."""
+    """Return the last value of a channel at each time of a clock; blank without usable times."""
     if channel.clock is clock.channel or (channel.length == clock.length and clock.is_whole):
         return values[clock.start : clock.start + clock.length]
     if channel.length == 1:
@@ -171,35 +174,35 @@ def hold_on_clock(
 class ChannelTable:
     """The channels of a file as columns.
 
-    Where the file has clocks, column 0 is the time. Channels on several clocks are brought onto
-    the finest one of those that are read; a channel of one sample holds throughout.
+    If the file has clocks, column 0 is the time. Channels on several clocks are interpolated to the
+    finest clock of the requested channels. A channel of one sample is a constant.
     """
 
     file: ChannelFile
 
     @property
     def source_name(self) -> str:
-        """The file."""
+        """Path of the file."""
         return str(self.file.path)
 
     @cached_property
     def clocks(self) -> list[Channel]:
-        """Clocks of all channels, in their order."""
+        """Distinct clocks of all channels, in order."""
         clocks = (channel.clock for channel in self.file.channels if channel.clock is not None)
         return list(dict.fromkeys(clocks))
 
     @cached_property
     def header(self) -> tuple[str, ...]:
-        """Names of the columns, each once: with the group before it where two groups share it."""
+        """Unique names of the columns, with the group before a name that is not unique."""
         return (*self._time_header[:1], *self._column_names)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """Units of the columns, empty where the file says none."""
+        """Units of the columns, empty if the file does not state one."""
         return (*self._time_header[1:], *(channel.unit for channel in self.file.channels))
 
     def find(self, name: str) -> int | None:
-        """Index of a column by its header, or by the name of its group and its own."""
+        """Return the index of a column by its header, or by its group and name."""
         if name in self.header:
             return self.header.index(name)
         full = [channel.full_name for channel in self.file.channels]
@@ -219,7 +222,7 @@ class ChannelTable:
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read columns by their indices, on the finest clock of those of numbers."""
+        """Read columns by index, on the finest clock of the numeric ones."""
         time_columns = len(self._time_header[:1])
         number_columns = [index for index in numbers if index >= time_columns]
         text_columns = [index for index in texts if index >= time_columns]
@@ -227,7 +230,7 @@ class ChannelTable:
             index: self.file.channels[index - time_columns]
             for index in {*number_columns, *text_columns}
         }
-        # The time is that of the numbers; where nothing else is asked for, of the first clock.
+        # The time is that of the numeric columns, or of the first clock if none is requested.
         clocked_channels = [channels[index] for index in number_columns] or [
             channel for channel in self.file.channels if channel.clock is not None
         ][: 1 if time_columns else 0]
@@ -255,16 +258,16 @@ class ChannelTable:
         )
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row."""
+        """Return the place of a row as text."""
         return f"{self.source_name}: sample {row + 1}"
 
     def channel(self, index: int) -> Channel:
-        """Return the channel of a column; the time is the first clock."""
+        """Return the channel of a column; the time column is the first clock."""
         time_columns = len(self._time_header[:1])
         return self.clocks[0] if index < time_columns else self.file.channels[index - time_columns]
 
     def seconds(self, clock: Channel) -> FloatArray:
-        """Return the times of a clock in s."""
+        """Return the times of a clock, s."""
         values = np.asarray(self._read_channel(clock), dtype=np.float64)
         return require_unit(clock.unit or "s").to_si(values)
 
@@ -273,11 +276,11 @@ class ChannelTable:
         """Header and unit of the time column, empty if the file has no clock."""
         if not self.clocks:
             return ()
-        first = self.clocks[0]
-        header = parse_header(first.name, first.unit)
+        first_clock = self.clocks[0]
+        header = parse_header(first_clock.name, first_clock.unit)
         if len(self.clocks) > 1 or not header.is_clock or header.problem:
             return ("t", "s")
-        return (first.name, first.unit)
+        return (first_clock.name, first_clock.unit)
 
     @cached_property
     def _column_names(self) -> list[str]:
@@ -296,7 +299,7 @@ class ChannelTable:
             return np.array(values, dtype=np.float64)
         except (TypeError, ValueError):
             raise TextInNumbersError(
-                f"{self.source_name}: column '{self.header[index]}' holds text or complex numbers, no "
+                f"{self.source_name}: column '{self.header[index]}' contains text or complex numbers, not "
                 "real ones",
                 column=index,
                 code="text-in-numbers",
@@ -304,11 +307,11 @@ class ChannelTable:
             ) from None
 
     def _time_values(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
-        """Values of the time column, in its own unit."""
+        """Return the values of the time column in its unit."""
         if clock.times is None:
             names = ", ".join(channel.full_name for channel in channels)
             raise InputError(
-                f"{self.source_name}: the time '{self.header[0]}' is not said to be that of {names}; "
+                f"{self.source_name}: the time '{self.header[0]}' is not stated to be the clock of {names}; "
                 f'leave it out: --columns "{self.header[0]}="',
                 code="time-of-others",
                 key=self.header[0],
@@ -321,9 +324,10 @@ class ChannelTable:
 def opener(
     *packages: str,
 ) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
-    """Make what opens a format out of what finds the channels of a file with these packages.
+    """Return a decorator that turns a function that finds the channels of a file into an opener.
 
-    It reads the file in a process of its own first, and refuses fewer numeric channels than needed.
+    The opener requires ``packages``, reads the file in a separate process first, and requires a
+    minimum number of numeric channels.
     """
 
     def decorate(find: Callable[[Path], ChannelFile]) -> Callable[[Path, int], ChannelTable]:
@@ -336,7 +340,7 @@ def opener(
             numeric = sum(not channel.is_text for channel in table.file.channels)
             if (count := numeric + len(table.clocks[:1])) < min_columns:
                 raise InputError(
-                    f"{path}: holds {count} channels of numbers with samples; at least {min_columns} are "
+                    f"{path}: contains {count} numeric channels with samples; at least {min_columns} are "
                     "needed",
                     code="too-few-channels",
                 )
@@ -352,23 +356,25 @@ def _as_texts(values: Values) -> Texts:
 
 
 MIN_CPU_TIME_S = 30.0
-"""Of processor time, and one more for each 4 MB: reading takes a hundredth of that."""
+"""Limit of processor time, plus 1 s for each 4 MB; reading takes about 1 % of it."""
 _MIN_ADDRESS_SPACE = 4 << 30
-"""Bytes of addresses, and twice the file; libraries reserve some that they never use."""
-_EXIT_REFUSED, _EXIT_OUT_OF_MEMORY = 2, 4
-_DAMAGE_ADVICE = "the file is damaged or made to do so: export it again"
+"""Limit of the address space in bytes, plus twice the file; libraries reserve unused space."""
+_EXIT_REFUSED = 2
+_EXIT_OUT_OF_MEMORY = 4
+"""Exit codes of the separate process: file refused, memory limit exceeded."""
+_DAMAGE_ADVICE = "the file is damaged or malicious: export it again"
 
 
 class _ThisProcess:
-    """Whether this process is the one that tries."""
+    """Whether this process is the one for test readings."""
 
     is_trial = False
 
 
 def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -> None:
-    """Read a file once in a process of its own; the same file is not tried twice.
+    """Read a file once in a separate process, unless it was tested before.
 
-    The opener is a function of a module: the process imports it by its name.
+    ``opener`` must be a function of a module, because the process imports it by its name.
     """
     if _ThisProcess.is_trial or not path.is_file():
         return
@@ -383,7 +389,7 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
 def _subprocess_refusal(
     path: Path, opener: str, _changed: int, size: int
 ) -> tuple[str, str, str] | None:
-    """Return why a file is refused: the text, code and key of the error."""
+    """Return text, code and key of the error for which a file is refused; ``None`` if readable."""
     cpu_limit_s = MIN_CPU_TIME_S + size / 4e6
     script = (
         "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
@@ -396,7 +402,8 @@ def _subprocess_refusal(
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            # A machine may be busy: it is processor time that counts, and this where it cannot.
+            # Processor time is limited. This limit of elapsed time is for systems that cannot do
+            # so.
             timeout=20.0 * cpu_limit_s,
             check=False,
         )
@@ -413,43 +420,43 @@ def _subprocess_refusal(
             "too-large",
             "",
         )
-    return f"{path}: crashes or hangs what reads it; {_DAMAGE_ADVICE}", "reader-ended", ""
+    return f"{path}: crashes or stops its reader; {_DAMAGE_ADVICE}", "reader-ended", ""
 
 
 def read_in_this_process() -> None:
-    """Read the file that the command line names, within bounds, and end with what came of it."""
+    """Read the file in the command line within limits, and exit with a code for the result."""
     path, opener, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     limit_resources(seconds, path.stat().st_size)
     pipe = os.dup(1)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print messages
     code, text = 0, ""
     module, _, name = opener.partition(":")
     try:
         table = getattr(import_module(module), name)(path, 1)
         for channel in [*table.clocks, *table.file.channels]:
             table.file.read([channel])
-        gc.collect()  # where a library has written beyond what is its own, this finds it
+        gc.collect()  # finds memory that a library has overwritten
     except MemoryError:
         code = _EXIT_OUT_OF_MEMORY
     except InputError as error:
         code, text = _EXIT_REFUSED, json.dumps([str(error), error.code, error.key])
-    except Exception:  # a fault of this package, to be seen where it is used
+    except Exception:  # a fault of this package, which appears again in the calling process
         pass
     os.write(pipe, text.encode())
-    # Without the end of an interpreter, in which what a library left behind may crash.
+    # Exit without finalising the interpreter, which may crash after errors in a library.
     os._exit(code)
 
 
 def limit_resources(seconds: float, size: int) -> None:
-    """Try files in this process from now on: so much processor time, memory for a file's size."""
+    """Mark this process as the one for test readings, and limit processor time and memory."""
     _ThisProcess.is_trial = True
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
         memory = _MIN_ADDRESS_SPACE + 2 * size
-        for what, limit in (
+        for resource_kind, limit in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(time.process_time() + seconds) + 1),
             (resource.RLIMIT_AS, memory),
         ):
-            resource.setrlimit(what, (limit, resource.getrlimit(what)[1]))
+            resource.setrlimit(resource_kind, (limit, resource.getrlimit(resource_kind)[1]))

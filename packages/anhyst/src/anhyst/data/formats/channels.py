@@ -1,4 +1,8 @@
-"""What a file of recordings holds: channels with unit, group and clock, columns as they stand."""
+"""Channels and tables of recordings: names, units, groups, clocks and samples.
+
+A reader of a format returns a `ChannelFile`, whose channels are read on request. `OpenTable` is the
+interface of all tables. A sample without a measured value is NaN.
+"""
 
 from __future__ import annotations
 
@@ -27,20 +31,20 @@ from anhyst.support.units import parse_header
 Values = NDArray[Any]
 
 MAX_BYTES = 1 << 30
-"""Of one channel, and of what a compressed file becomes; more is refused before it is read."""
+"""Maximum size of a channel and of an expanded compressed file, checked before reading."""
 MAX_CHANNELS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """What was recorded under one name."""
+    """A recorded channel."""
 
     name: str
-    length: int  # samples
-    key: Any  # by which the file's reader finds the samples
+    length: int  # number of samples
+    key: Any  # reader's key to the samples
     unit: str = ""
     group: str = ""
-    clock: Channel | None = None  # the times of the samples; None if the file does not say
+    clock: Channel | None = None  # times of the samples; None if not stated
     is_text: bool = False
 
     @property
@@ -50,7 +54,7 @@ class Channel:
 
 
 ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
-"""Read whole channels of a file, or so many of their first samples: arrays of shape (samples,)."""
+"""Function that reads channels, whole or a number of first samples: arrays of shape (samples,)."""
 
 
 def read_samples_in_keys(
@@ -62,7 +66,7 @@ def read_samples_in_keys(
 
 @dataclass(frozen=True, eq=False)
 class ChannelFile:
-    """A file whose channels are known, and not yet read. Clocks are not among ``channels``."""
+    """A file whose channels are known but not yet read; ``channels`` do not include clocks."""
 
     path: Path
     channels: tuple[Channel, ...]
@@ -71,7 +75,7 @@ class ChannelFile:
     breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
 
     def read(self, requested: Sequence[Channel], count: int | None = None) -> list[Values]:
-        """Read channels whole, or only their first samples."""
+        """Read channels completely, or only their first samples."""
         with report_damage(self.path):
             arrays = [
                 to_plain_values(values)
@@ -81,7 +85,7 @@ class ChannelFile:
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):
                 raise InputError(
-                    f"{self.path}: channel '{channel.full_name}' holds {values.size} of its "
+                    f"{self.path}: channel '{channel.full_name}' contains {values.size} of its "
                     f"{expected} samples; the file is damaged",
                     code="damaged-file",
                     key=channel.full_name,
@@ -100,7 +104,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class ChannelGroup:
-    """Channels of one group that ran on one clock; where there is none they are of any lengths."""
+    """Channels of one group with a common clock; without a clock, their lengths can differ."""
 
     group: str
     clock: Series | None
@@ -108,7 +112,7 @@ class ChannelGroup:
 
 
 def read_groups(file: ChannelFile) -> list[ChannelGroup]:
-    """Read everything, in the order of the file; in a group each channel gets a name of its own."""
+    """Read all channels in the order of the file, with unique names in each group."""
     groups: dict[tuple[str, Channel | None], list[Channel]] = {}
     for channel in file.channels:
         groups.setdefault((channel.group, channel.clock), []).append(channel)
@@ -127,25 +131,26 @@ def read_groups(file: ChannelFile) -> list[ChannelGroup]:
 
 
 def number_repeats(names: Sequence[str]) -> list[str]:
-    """Return names, those that come again with a number: ``x``, ``x#2``, ..."""
+    """Return names with a number added to repeated ones: ``x``, ``x#2``, ..."""
     counts = Counter[str]()
-    unique_names = []
+    numbered = []
     for name in names:
         counts[name] += 1
-        unique_names.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
-    return unique_names
+        numbered.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
+    return numbered
 
 
 def _unused_name(group: str, name: str, used: Container[tuple[str, str]]) -> str:
-    """Return a name that is not used in a group: ``x``, ``x#2``, ..."""
+    """Return a name that is unique in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
     return next(free for free in names if (group, free) not in used)
 
 
 def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
-    """Assign a clock to channels without one: the time channel of their group and length.
+    """Return channels with a clock that is found by its name in the same group.
 
-    It is a channel named as a time with a unit of time, such as ``t`` in s, and the only such one.
+    The clock is the only channel of the group and the length that is named as a time with a unit of
+    time, such as ``t`` in s.
     """
     times: dict[tuple[str, int], list[Channel]] = {}
     for channel in channels:
@@ -153,7 +158,7 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         is_time = header.is_clock and header.problem is None
         if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
-    clocks = {index: unique[0] for index, unique in times.items() if len(unique) == 1}
+    clocks = {index: candidates[0] for index, candidates in times.items() if len(candidates) == 1}
     clocked = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
@@ -161,7 +166,7 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
             clocked.append(channel)
         elif channel is not clock:
             clocked.append(replace(channel, clock=clock))
-    # A clock of nothing is a channel like any other.
+    # A clock without channels is an ordinary channel.
     unused_clocks = [
         clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)
     ]
@@ -169,7 +174,7 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
 
 
 def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
-    """Return texts, some of them as bytes, as an array of texts."""
+    """Return texts, some of which may be bytes, as an array of texts."""
     texts = [
         value.decode(encoding, "replace") if isinstance(value, bytes) else value for value in values
     ]
@@ -177,10 +182,10 @@ def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
 
 
 def check_size(path: Path, name: str, samples: int, size: int) -> None:
-    """Refuse a channel that says it is larger than any that can be read."""
+    """Raise an error for a channel that states more samples than can be read."""
     if samples < 0 or samples * max(size, 8) > MAX_BYTES:
         raise InputError(
-            f"{path}: channel '{name}' says that it holds {samples} samples, more than "
+            f"{path}: channel '{name}' states that it has {samples} samples, more than "
             f"{MAX_BYTES >> 30} GiB; cut the recording into parts",
             code="too-large",
             key=name,
@@ -188,12 +193,16 @@ def check_size(path: Path, name: str, samples: int, size: int) -> None:
 
 
 def to_plain_values(values: Values) -> Values:
-    """Return values as numbers, logicals or texts of shape (n,); dates become s since the first."""
+    """Return numbers, logicals or texts of shape (n,); dates become s since the first one."""
     values = np.asarray(values)
     if values.dtype.kind == "M":
         values = values.astype("datetime64[ns]")
-        first = values[:1]
-        return np.asarray((values - first) / np.timedelta64(1, "s")) if first.size else values
+        first_date = values[:1]
+        return (
+            np.asarray((values - first_date) / np.timedelta64(1, "s"))
+            if first_date.size
+            else values
+        )
     if values.dtype.kind == "m":
         return np.asarray(values / np.timedelta64(1, "s"))
     if values.dtype.kind == "S":
@@ -205,9 +214,9 @@ def to_plain_values(values: Values) -> Values:
 
 @contextmanager
 def report_damage(path: Path) -> Iterator[None]:
-    """Turn whatever a library makes of a damaged file into an `InputError`."""
+    """Turn any exception of a library on a damaged file into an `InputError`."""
     log_level = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)  # what libraries log of a damaged file is not that line
+    logging.disable(logging.CRITICAL)  # no log messages of libraries about damaged files
     try:
         yield
     except (InputError, MemoryError):
@@ -227,7 +236,7 @@ def report_damage(path: Path) -> Iterator[None]:
 
 
 def require_package(path: Path, *names: str) -> None:
-    """Refuse a file whose package is not installed, naming the extra."""
+    """Raise an error with the extra to install if a package is missing."""
     for name in names:
         if importlib.util.find_spec(name) is None:
             raise InputError(
@@ -245,14 +254,14 @@ def file_sha256(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A column of text: the distinct values and, for each row, which of them."""
+    """A text column: its distinct values, and for each row the index of its value."""
 
     values: tuple[str, ...]
     codes: NDArray[np.int32]
 
     @classmethod
     def from_rows(cls, rows: Sequence[str]) -> Texts:
-        """Take the texts of all rows; values in their order of appearance."""
+        """Return a column from the texts of all rows; values are in order of appearance."""
         order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
         return cls(tuple(order), np.array([order[text] for text in rows], np.int32))
 
@@ -260,7 +269,7 @@ class Texts:
         return self.codes.size
 
     def rows_by_text(self) -> list[NDArray[np.intp]]:
-        """Return the rows of each text that occurs, ascending, in the order of `values`."""
+        """Return the ascending rows of each text that occurs, in the order of `values`."""
         order = np.argsort(self.codes, kind="stable")
         ends = np.cumsum(np.bincount(self.codes, minlength=len(self.values)))
         return [rows for rows in np.split(order, ends[:-1]) if rows.size]
@@ -278,20 +287,20 @@ class Texts:
 class RawColumns:
     """The requested columns by index, and the SHA-256 of the whole file.
 
-    A sample without a measured value (overrange, invalid, empty) is NaN in ``numbers`` in every
-    format. The caller refuses it or leaves it out.
+    In every format, a sample without a measured value (overrange, invalid, empty) is NaN in
+    ``numbers``. The caller refuses or removes it.
     """
 
     sha256: str
     numbers: Mapping[int, FloatArray]
     texts: Mapping[int, Texts]
     notes: tuple[str, ...]
-    # First row of each block of rows, and what is written above it; () if a file has no blocks.
+    # First row of each block of rows, and the comments above it; () without blocks.
     breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()
 
 
 class TextInNumbersError(InputError):
-    """A column that was taken for numbers holds text; ``column`` is its index."""
+    """A column that was read as numbers contains text; ``column`` is its index."""
 
     def __init__(self, text: str, *, column: int, code: str, key: str) -> None:
         super().__init__(text, code=code, key=key)
@@ -299,12 +308,12 @@ class TextInNumbersError(InputError):
 
 
 def parse_number(text: str) -> float:
-    """Return the number that a text is, with a point or a comma as its decimal sign."""
+    """Return the number in a text with a decimal point or a decimal comma."""
     return float(text.replace(",", ".", 1))
 
 
 def is_number(text: str) -> bool:
-    """Whether a field reads as a number, with decimal point or comma (NaN and Inf included)."""
+    """Whether a field is a number with a decimal point or comma, including NaN and Inf."""
     try:
         parse_number(text)
     except ValueError:
@@ -319,28 +328,28 @@ _INVALID_MARK = re.compile(
     |[-*.?]{2,}|-|""",
     re.IGNORECASE | re.VERBOSE,
 )
-"""What loggers and spreadsheets write in place of a value."""
+"""Texts that loggers and spreadsheets write instead of a value."""
 SCPI_MARKS = (9.9e37, 9.91e37)
-"""Instruments send these numbers, of either sign, for infinity and for NaN."""
+"""Numbers of either sign that instruments send for infinity and NaN."""
 
 
 def is_invalid_mark(text: str) -> bool:
-    """Whether a field says that a sample has no measured value; an empty one does too."""
+    """Whether a field marks a sample without a measured value, including an empty field."""
     return _INVALID_MARK.fullmatch(text) is not None
 
 
 def is_number_or_mark(text: str) -> bool:
-    """Whether a field belongs to a column of numbers: a number, or a mark in place of one."""
+    """Whether a field belongs to a numeric column: a number, or a mark instead of one."""
     return is_number(text) or (text != "" and is_invalid_mark(text))
 
 
 def is_finite_number(text: str) -> bool:
-    """Whether a field reads as a number that is neither NaN nor infinite."""
+    """Whether a field is a number other than NaN and infinity."""
     return is_number(text) and math.isfinite(parse_number(text))
 
 
 class OpenTable(Protocol):
-    """A table that has been looked at, and not yet read."""
+    """A table whose header is known but whose data are not yet read."""
 
     @property
     def source_name(self) -> str:
@@ -352,26 +361,26 @@ class OpenTable(Protocol):
 
     @property
     def units(self) -> tuple[str, ...] | None:
-        """Units of the columns, where they stand apart from their names."""
+        """Units of the columns if they are separate from the names."""
 
     def find(self, name: str) -> int | None:
-        """Return the index of the column that a user means by a name, ``None`` if there is none."""
+        """Return the index of a column by a name from the user, ``None`` if there is none."""
 
     def first_rows(self, count: int) -> list[list[str]]:
-        """Return the fields of the first rows of data, as many as there are columns."""
+        """Return the fields of the first data rows, one for each column."""
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read columns by their indices."""
+        """Read columns by index."""
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row of data, counted from 0, such as ``file.csv: line 12``."""
+        """Return the place of a data row, counted from 0, such as ``file.csv: line 12``."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemoryTable:
-    """A table whose columns are in memory: a data frame, or a file that is read whole."""
+    """A table whose columns are in memory: a data frame, or a file that is read completely."""
 
     source_name: str
     header: tuple[str, ...]
@@ -380,7 +389,7 @@ class MemoryTable:
     sha256: str = ""
 
     def find(self, name: str) -> int | None:
-        """Index of a column by its header."""
+        """Return the index of a column by its header."""
         return self.header.index(name) if name in self.header else None
 
     def first_rows(self, count: int) -> list[list[str]]:
@@ -391,13 +400,15 @@ class MemoryTable:
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Take columns by their indices."""
+        """Return columns by index."""
         columns = {}
         for index in numbers:
             try:
                 columns[index] = np.array(self.columns[index], dtype=np.float64)
             except (TypeError, ValueError):
-                text = f"{self.source_name}: column '{self.header[index]}' holds text, not numbers"
+                text = (
+                    f"{self.source_name}: column '{self.header[index]}' contains text, not numbers"
+                )
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
@@ -405,5 +416,5 @@ class MemoryTable:
         return RawColumns(self.sha256, columns, words, ())
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row."""
+        """Return the place of a row as text."""
         return f"{self.source_name}: row {row}"

@@ -1,6 +1,6 @@
-"""Encoding of a text file, and which files are no text.
+"""Detect the encoding of a text file, and refuse binary files.
 
-UTF-16 is recoded to UTF-8 in memory, so that all readers see bytes that contain ASCII.
+UTF-16 is recoded to UTF-8 in memory, so that all readers get bytes that contain ASCII.
 """
 
 from __future__ import annotations
@@ -29,19 +29,22 @@ _UNREADABLE_FORMATS = (
     (rb"[\s\S]{0,1500}:CURV", "is a binary Tektronix waveform", "save it as CSV or MAT"),
     (rb"[\s\S]{0,4}:WFM#", "is a binary Tektronix waveform", "save it as CSV or MAT"),
     (rb"AG(01|03|10|30)", "is a binary Keysight waveform", "save it as CSV"),
-    (rb"", "is a binary file of a format that is not read", "export it as CSV, MAT or MDF 4"),
+    (rb"", "is a binary file of an unsupported format", "export it as CSV, MAT or MDF 4"),
 )
-"""Beginnings of files that are not read, what they are, and what to do; the last fits them all."""
+"""First bytes of unsupported files, the fault and the remedy; the last entry matches every file."""
 
 
 def _detect_utf16(head: bytes) -> str | None:
-    """Return the encoding of UTF-16 text, with or without its byte order mark."""
+    """Return the encoding of UTF-16 text, with or without a byte order mark; otherwise ``None``."""
     sample = head[:4096]
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    even, odd = sample[::2].count(0), sample[1::2].count(0)
-    if even + odd > len(sample) // 4 and min(even, odd) <= len(sample) // 100:
-        return "utf-16-be" if even > odd else "utf-16-le"
+    even_zeros, odd_zeros = sample[::2].count(0), sample[1::2].count(0)
+    if (
+        even_zeros + odd_zeros > len(sample) // 4
+        and min(even_zeros, odd_zeros) <= len(sample) // 100
+    ):
+        return "utf-16-be" if even_zeros > odd_zeros else "utf-16-le"
     return None
 
 
@@ -55,15 +58,15 @@ def is_text(head: bytes) -> bool:
 
 
 def refuse_binary(path: Path, head: bytes) -> None:
-    """Refuse a file that is no text, and say which kind of file it is."""
+    """Raise an error with the kind of the file if it is not text."""
     if is_text(head):
         return
-    _, fault, remedy = next(known for known in _UNREADABLE_FORMATS if re.match(known[0], head))
+    _, fault, remedy = next(entry for entry in _UNREADABLE_FORMATS if re.match(entry[0], head))
     raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
 
 
 def detect_encoding(head: bytes) -> str:
-    """Return UTF-8 if the text decodes as such (the last character may be cut), else Latin-1."""
+    """Return UTF-8 if the text can be decoded (its last character may be cut), else Latin-1."""
     if head.startswith(codecs.BOM_UTF8):
         return "utf-8-sig"
     try:
@@ -108,7 +111,7 @@ def read_head(path: Path, max_bytes: int) -> tuple[bytes, int]:
 
 
 def recode_utf16(path: Path, head: bytes) -> bytes | None:
-    """Return a UTF-16 file as UTF-8; ``None`` if it is in another encoding."""
+    """Return a UTF-16 file as UTF-8; ``None`` if it has another encoding."""
     encoding = _detect_utf16(head)
     if encoding is None:
         return None

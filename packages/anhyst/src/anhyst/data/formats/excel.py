@@ -1,8 +1,8 @@
-"""Excel workbooks, by python-calamine: the sheet that holds a table of numbers; read only.
+"""Read Excel workbooks with python-calamine: the sheets that contain a table of numbers.
 
-What a workbook would take in memory is counted before a library expands it. Sizes in the directory
-of a zip file may lie, so each member is expanded in blocks. Two cells in opposite corners of a sheet
-are a sheet of 17,000 million; one long text may be repeated by each cell.
+The memory that a workbook needs is determined before the library expands it. The sizes in a zip
+file can be wrong, so each member is expanded in blocks. A sheet with two cells in opposite corners
+has 17,000 million cells, and each cell can repeat a long text.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit
 
 _MAX_EXPANDED_BYTES = 1 << 29
-"""That a workbook may expand to: some 10 million cells."""
+"""Maximum size of an expanded workbook, about 10 million cells."""
 _MAX_CELLS = 20_000_000
 _BLOCK_BYTES = 1 << 20
 _OVERLAP_BYTES = 256
-"""Bytes of a block that are looked at again with the next: longer than the start of a cell."""
+"""Overlap of successive blocks in the search; longer than the start of a cell."""
 _CELL_TAG = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
 _ROW_TAG = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED_TEXT = re.compile(rb't="s"')
@@ -47,7 +47,7 @@ _DAMAGE_ERRORS = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError,
 
 
 def is_workbook(path: Path) -> bool:
-    """Whether a zip archive holds a workbook."""
+    """Whether a zip archive contains a workbook."""
     try:
         with zipfile.ZipFile(path) as archive:
             return "xl/workbook.xml" in archive.namelist()
@@ -56,6 +56,8 @@ def is_workbook(path: Path) -> bool:
 
 
 class _SizeGuard:
+    """Checks the expanded size of a workbook."""
+
     def __init__(self, path: Path) -> None:
         self.path = path
         self.expanded_bytes = 0
@@ -63,7 +65,7 @@ class _SizeGuard:
         self.text_references = 0
 
     def check(self) -> None:
-        """Refuse a workbook that would not fit into memory."""
+        """Raise an error for a workbook that would not fit into memory."""
         try:
             with zipfile.ZipFile(self.path) as archive:
                 for member in archive.infolist():
@@ -71,7 +73,7 @@ class _SizeGuard:
                         self._count(member.filename, iter(lambda: stream.read(_BLOCK_BYTES), b""))
         except _DAMAGE_ERRORS as error:
             raise InputError(
-                f"{self.path}: is no whole workbook ({error}); save it again, or export it as CSV",
+                f"{self.path}: is an incomplete workbook ({error}); save it again, or export it as CSV",
                 code="damaged-file",
             ) from None
         if self.longest_text * self.text_references > 4 * _MAX_EXPANDED_BYTES:
@@ -82,7 +84,7 @@ class _SizeGuard:
             )
 
     def _count(self, name: str, blocks: Iterator[bytes]) -> None:
-        """Count one file of the archive."""
+        """Add the size, the cells and the texts of one file of the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
         cell_range, tail, open_text_length = _CellRange(), b"", 0
         for block in blocks:
@@ -98,20 +100,22 @@ class _SizeGuard:
                 self.text_references += len(_SHARED_TEXT.findall(tail[-8:] + block))
                 tail = block[-_OVERLAP_BYTES:]
             elif is_texts:
-                first, *others = block.split(b"</si>")
-                open_text_length += len(first)
-                self.longest_text = max(self.longest_text, open_text_length, *map(len, others), 0)
-                open_text_length = len(others[-1]) if others else open_text_length
+                text_end, *next_texts = block.split(b"</si>")
+                open_text_length += len(text_end)
+                self.longest_text = max(
+                    self.longest_text, open_text_length, *map(len, next_texts), 0
+                )
+                open_text_length = len(next_texts[-1]) if next_texts else open_text_length
         if cell_range.cell_count > _MAX_CELLS:
             raise InputError(
-                f"{self.path}: {name} says that it holds {cell_range.cell_count} cells; delete what stands "
+                f"{self.path}: {name} states that it has {cell_range.cell_count} cells; delete cells "
                 "far from the table, or export it as CSV",
                 code="too-large",
             )
 
 
 class _CellRange:
-    """The least rectangle that holds all cells seen."""
+    """The smallest rectangle of all cells so far."""
 
     def __init__(self) -> None:
         self.rows = (1 << 30, 0)
@@ -119,12 +123,12 @@ class _CellRange:
 
     @property
     def cell_count(self) -> int:
-        """Number of its cells, at least one a row."""
+        """Number of cells, at least one for each row."""
         rows, columns = (max(0, last - first + 1) for first, last in (self.rows, self.columns))
         return rows * max(1, columns)
 
     def include(self, text: bytes) -> None:
-        """Look at a piece of a sheet."""
+        """Extend the rectangle by the cells in a piece of a sheet."""
         rows = {int(row) for row in _ROW_TAG.findall(text)}
         columns = set()
         for letters, row in set(_CELL_TAG.findall(text)):
@@ -146,10 +150,10 @@ Rows = Sequence[Sequence[Any]]
 
 @opener("python_calamine")
 def open_excel(path: Path) -> ChannelFile:
-    """Look at a workbook: the first sheet that holds a table with a header.
+    """Open a workbook: the first sheet with a table, and further sheets with the same header.
 
-    Rows above the header are skipped; a row of units below it is understood, and so is a header
-    merged with the cell above. Cells of dates become seconds since the first.
+    Rows above the header are skipped. A row of units below the header and a header merged with the
+    cell above are supported. Dates become seconds since the first one.
     """
     _SizeGuard(path).check()
     from python_calamine import CalamineWorkbook
@@ -162,7 +166,7 @@ def open_excel(path: Path) -> ChannelFile:
             tables.append((name, rows, start))
     if not tables:
         raise InputError(
-            f"{path}: no sheet holds a header and {_MIN_DATA_ROWS} rows of numbers below it; put one "
+            f"{path}: no sheet contains a header and {_MIN_DATA_ROWS} rows of numbers below it; put one "
             "table on a sheet, or export it as CSV",
             code="no-table",
         )
@@ -178,22 +182,22 @@ def open_excel(path: Path) -> ChannelFile:
         else []
     )
     channels = _merge_columns(path, same_header_sheets)
-    breaks, first = [], 0
+    breaks, first_row = [], 0
     for sheet in same_header_sheets:
-        breaks += [(first + row, texts) for row, texts in sheet.breaks]
-        first += len(sheet.cells)
+        breaks += [(first_row + row, texts) for row, texts in sheet.breaks]
+        first_row += len(sheet.cells)
     return ChannelFile(
         path, assign_clocks_by_name(channels), read_samples_in_keys, tuple(notes), tuple(breaks)
     )
 
 
 def _is_value(cell: Any) -> bool:
-    """Whether a cell holds a number, a date, or a number that is stored as text."""
+    """Whether a cell contains a number, a date, or a number that is stored as text."""
     return isinstance(cell, _VALUE_TYPES) or (isinstance(cell, str) and is_number(cell))
 
 
 def _find_first_data_row(rows: Rows) -> int | None:
-    """Find the first of some rows with values in the same columns, below names for them all."""
+    """Return the index of the first row of values in constant columns, each with a name above."""
     for start in range(1, min(_MAX_HEADER_ROW, len(rows) - _MIN_DATA_ROWS + 1)):
         value_columns = [
             {column for column, cell in enumerate(row) if _is_value(cell)}
@@ -206,7 +210,7 @@ def _find_first_data_row(rows: Rows) -> int | None:
 
 
 def _find_name_above(rows: Rows, start: int, column: int) -> str:
-    """Text above a column of values; where a cell is merged it stands one row higher."""
+    """Return the text above a column of values; a merged cell is one row higher."""
     for row in range(start - 1, max(-1, start - 3), -1):
         cell = rows[row][column]
         if cell != "":
@@ -216,7 +220,7 @@ def _find_name_above(rows: Rows, start: int, column: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Sheet:
-    """The table of a sheet: names and units of its columns, and the rows that are samples."""
+    """The table of a sheet: names and units of its columns, and the rows of samples."""
 
     name: str
     header: tuple[tuple[str, str], ...]
@@ -226,7 +230,7 @@ class _Sheet:
 
     @classmethod
     def from_rows(cls, path: Path, name: str, rows: Rows, start: int) -> _Sheet:
-        """Understand the rows of a sheet whose data begin at one of them."""
+        """Interpret the rows of a sheet whose data begin at ``start``."""
         names, units = _find_header(rows, start)
         head = [" ".join(str(cell) for cell in row if cell != "") for row in rows[:start]]
         is_length = re.fullmatch(r"[\d.,]+ ?[^\W\d]+", name.strip()) is not None
@@ -243,7 +247,7 @@ class _Sheet:
                 refuse_factors(f"{path}: sheet '{name}', row {number} of the table", cell_texts)
             if is_text or (filled and isinstance(filled[0], str) and is_statistics_row(cell_texts)):
                 notes.append(
-                    f"sheet '{name}': '{' '.join(cell_texts)[:60]}' is no sample and is left out"
+                    f"sheet '{name}': '{' '.join(cell_texts)[:60]}' is not a sample and is left out"
                 )
             elif filled:
                 breaks += [(len(cells), ())] if is_after_break else []
@@ -260,7 +264,7 @@ def _find_header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
         [_find_name_above(rows, start - 1, column) for column in width] if start > 1 else names
     )
     is_unit = [find_unit(name.strip("[]() ")) is not None for name in names]
-    # A row of units has names above it; a row of names may have a title.
+    # A row of units has names above it; a row of names may have a title above it.
     if any(is_unit) and all(names_above[column] for column in width if is_unit[column]):
         units = [
             name.strip("[]() ") if unit else "" for name, unit in zip(names, is_unit, strict=True)
@@ -270,7 +274,7 @@ def _find_header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
 
 
 def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
-    """Put the same columns of several sheets below each other."""
+    """Join the columns of several sheets."""
     thousands = ThousandsCheck(None)
     for row in (row for sheet in sheets for row in sheet.cells):
         thousands.observe(1, [cell if isinstance(cell, str) else "" for cell in row])
@@ -289,8 +293,8 @@ def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
     return channels
 
 
-def _convert_cells(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
-    """Values of a column, and whether it is dates or times of a day."""
+def _convert_cells(place: str, cells: Sequence[Any]) -> tuple[Values, bool]:
+    """Return the values of a column, and whether they are dates or times of day."""
     if all(_is_value(cell) or cell == "" or is_invalid_mark(str(cell)) for cell in cells):
         cells = [
             parse_number(cell) if isinstance(cell, str) and is_number(cell) else cell
@@ -313,14 +317,14 @@ def _convert_cells(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     if isinstance(cells[0], str):
         return np.array([str(cell) for cell in cells]), False
     row = next(row_of for row_of, cell in enumerate(cells) if type(cell) is not type(cells[0]))
-    fault = f"'{str(cells[row])[:30]}' is no number" if cells[row] != "" else "is empty"
+    fault = f"'{str(cells[row])[:30]}' is not a number" if cells[row] != "" else "is empty"
     raise InputError(
-        f"{where}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
+        f"{place}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
     )
 
 
 def _to_seconds(cell: Any) -> float:
-    """Seconds of a time of a day; Excel counts in days."""
+    """Return a time of day, s; Excel counts in days."""
     if isinstance(cell, datetime.timedelta):
         return cell.total_seconds()
     if isinstance(cell, datetime.time):

@@ -1,4 +1,4 @@
-"""HDF5 files, by h5py: a dataset is a channel, a group a group."""
+"""Read and write HDF5 files with h5py: a dataset is a channel, and a group is a channel group."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_GROUP_DEPTH = 40
 
 @dataclass(frozen=True)
 class _SampleKey:
-    """Where the samples of a channel are: a dataset, and a field or column of it."""
+    """Location of the samples of a channel: a dataset, and a field or column of it."""
 
     name: str
     field: str | None = None
@@ -38,10 +38,10 @@ class _SampleKey:
 
 @opener("h5py")
 def open_hdf5(path: Path) -> ChannelFile:
-    """Look at an HDF5 file.
+    """Open an HDF5 file.
 
-    Clocks are dimension scales, or what is named a time beside channels of its length; units are
-    attributes ``unit`` or ``units``. A table of fields is a group.
+    A clock is a dimension scale, or a dataset named as a time among channels of equal length. Units
+    are attributes ``unit`` or ``units``. A table with fields is a group.
     """
     import h5py
 
@@ -71,16 +71,16 @@ def open_hdf5(path: Path) -> ChannelFile:
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
-    """Yield the datasets of a file once each, whatever its links."""
+    """Yield each dataset of a file once, even if several links refer to it."""
     import h5py
 
-    seen: set[Any] = set()
+    visited: set[Any] = set()
     waiting = [(group, 0)]
     while waiting:
         folder, depth = waiting.pop(0)
-        if depth > MAX_GROUP_DEPTH or len(seen) > MAX_CHANNELS:
+        if depth > MAX_GROUP_DEPTH or len(visited) > MAX_CHANNELS:
             raise InputError(
-                f"{path}: holds more than {MAX_CHANNELS} objects, or groups more than {MAX_GROUP_DEPTH} "
+                f"{path}: contains more than {MAX_CHANNELS} objects, or groups more than {MAX_GROUP_DEPTH} "
                 "deep; export the channels you need",
                 code="nested-too-deep",
             )
@@ -89,9 +89,9 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 continue
             member = folder[name]
             info = h5py.h5o.get_info(member.id)
-            if info.addr in seen:
+            if info.addr in visited:
                 continue
-            seen.add(info.addr)
+            visited.add(info.addr)
             if isinstance(member, h5py.Group):
                 waiting.append((member, depth + 1))
             elif isinstance(member, h5py.Dataset):
@@ -99,23 +99,23 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 yield member
 
 
-def is_link(path: Path, group: Any, name: str, shown: str) -> bool:
-    """Whether a member of a group is a link; what it leads to is found in its own place."""
+def is_link(path: Path, group: Any, name: str, shown_name: str) -> bool:
+    """Whether a member of a group is a link; its target is found in its own place."""
     import h5py
 
     link = group.get(name, getlink=True)
     if isinstance(link, h5py.ExternalLink):
         raise InputError(
-            f"{path}: '{shown}' is a link to the file '{link.filename}', which is not followed; copy "
+            f"{path}: '{shown_name}' is a link to the file '{link.filename}', which is not followed; copy "
             "its data into this file",
             code="external-link",
-            key=shown,
+            key=shown_name,
         )
     return isinstance(link, h5py.SoftLink)
 
 
 def check_dataset(path: Path, dataset: Any) -> None:
-    """Refuse a dataset whose samples are in another file, or are more than can be read."""
+    """Raise an error for a dataset with samples in another file, or with too many samples."""
     if dataset.external or dataset.is_virtual:
         raise InputError(
             f"{path}: '{dataset.name}' has its samples in other files, which are not followed; "
@@ -127,7 +127,7 @@ def check_dataset(path: Path, dataset: Any) -> None:
 
 
 def _dataset_channels(path: Path, dataset: Any) -> list[Channel]:
-    """Channels of a dataset: one, one a column, or one a field."""
+    """Return the channels of a dataset: one, one for each column, or one for each field."""
     group, _, name = dataset.name.strip("/").rpartition("/")
     shape, kind = dataset.shape, dataset.dtype
     if shape is None or not dataset.size:
@@ -174,7 +174,7 @@ def _read_unit(dataset: Any) -> str:
 
 
 def _first_axis_scale(dataset: Any) -> str | None:
-    """Name of the dataset that is the scale of the first axis."""
+    """Return the name of the dataset that is the scale of the first axis."""
     if "DIMENSION_LIST" not in dataset.attrs or len(dataset.dims[0]) != 1:
         return None
     scale = dataset.dims[0][0]
@@ -204,7 +204,7 @@ def _read_samples(dataset: Any, channel: Channel, count: int | None) -> Values:
 
 
 def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write an HDF5 file: clocks are dimension scales, units attributes."""
+    """Write an HDF5 file; clocks are dimension scales, and units are attributes."""
     import h5py
 
     notes = []
@@ -216,7 +216,7 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 base = name or "channels"
                 free_number = next(n for n in range(2, MAX_CHANNELS) if f"{base}_{n}" not in file)
                 notes.append(
-                    f"group '{name}' has several clocks: '{base}_{free_number}' holds the next"
+                    f"group '{name}' has several clocks: '{base}_{free_number}' contains the next"
                 )
                 group = file.create_group(f"{base}_{free_number}", track_order=True)
             scale = None

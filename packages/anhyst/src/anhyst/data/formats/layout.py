@@ -1,4 +1,4 @@
-"""How a text table is laid out: encoding, line ends, delimiter, and where its columns are."""
+"""Layout of a text table: encoding, line ends, delimiter, and position of its columns."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import parse_header
 
 _HEAD_BYTES = (1 << 16, 1 << 22)
-"""Bytes looked at for the header: few, and many where comments or columns are many."""
+"""Numbers of bytes in which the header is searched; the second is for long headers."""
 _MAX_SAMPLE_ROWS = 50
-"""Rows of data that are looked at for the kinds of their fields."""
+"""Number of data rows from which the kinds of the fields are determined."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the first lines of a text table say about the rest."""
+    """Layout of a text table, found from its first lines."""
 
     path: Path
     size: int
     encoding: str
     eol: bytes
     table: TextColumns
-    stamp_column: int | None  # index of a column of times of day, which become seconds
+    stamp_column: int | None  # index of a column of times of day, which are converted to seconds
     notes: tuple[str, ...]
-    offset: int  # byte at which the data start
-    content: bytes | None  # the file as recoded; None if its bytes are read as they are
+    offset: int  # byte position of the data
+    content: bytes | None  # recoded file; None if its bytes are used directly
 
     @property
     def source_name(self) -> str:
-        """The file."""
+        """Path of the file."""
         return str(self.path)
 
     @property
@@ -63,17 +63,17 @@ class Layout:
 
     @property
     def units(self) -> tuple[str, ...] | None:
-        """Units that are apart from the names, one a column."""
+        """Units that are separate from the names, one for each column."""
         units = tuple(column.unit for column in self.table.columns)
         return units if any(units) else None
 
     @property
     def first_line_number(self) -> int:
-        """Line at which the data start; the first is 1."""
+        """Line of the first data row; the first line of the file is 1."""
         return self.table.first_line + 1
 
     def split(self, text: str) -> list[str]:
-        """Split one line into its fields, quotes and surrounding blanks removed."""
+        """Split one line into its fields, without quotes and surrounding blanks."""
         return split_line(text, self.table.delimiter)
 
     def open(self) -> BinaryIO:
@@ -85,7 +85,7 @@ Kind = TypeVar("Kind", bound=Layout)
 
 
 def read_layout(path: PathLike, min_columns: int, kind: type[Kind]) -> Kind:
-    """Look at the beginning of a text table, which becomes a layout of some kind."""
+    """Return the layout of a text table as an instance of a subclass of `Layout`."""
     path = Path(path)
     for max_bytes in _HEAD_BYTES:
         head, size = read_head(path, max_bytes)
@@ -101,7 +101,7 @@ def read_layout(path: PathLike, min_columns: int, kind: type[Kind]) -> Kind:
         except HeadTooShortError:
             continue
     raise InputError(
-        f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB hold no row of data: no table",
+        f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB contain no data row, so there is no table",
         code="no-table",
     )
 
@@ -122,18 +122,18 @@ def _find_layout(
     eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
     is_complete = size <= len(head)
     lines = _split_head(head[bom_length:], eol, encoding, is_complete=is_complete)
-    notes, first = skip_comments(lines, 0)
-    if first == len(lines):
+    notes, first_line = skip_comments(lines, 0)
+    if first_line == len(lines):
         if not is_complete:
             raise HeadTooShortError
         raise InputError(
-            f"{path}: holds no table, only blank lines and comments; {HEADER_ADVICE}",
+            f"{path}: contains no table, only blank lines and comments; {HEADER_ADVICE}",
             code="no-table",
         )
     if table is None:
-        table = recognise_logger(path, lines, first)
+        table = recognise_logger(path, lines, first_line)
     if table is None:
-        table, remarks = find_header(path, lines, first, min_columns, is_last=is_last)
+        table, remarks = find_header(path, lines, first_line, min_columns, is_last=is_last)
         notes += remarks
     _, data_line = skip_comments(lines, table.first_line)
     if data_line >= len(lines):
@@ -160,7 +160,7 @@ def _find_layout(
 
 
 def _find_stamp_column(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:
-    """Find a column of times of day in a table without another time; its unit is then s."""
+    """Find a column of times of day in a table without another time; its unit becomes s."""
     rows = [row for row in rows if any(row)]
     is_time = [parse_header(column.name, column.unit).is_clock for column in table.columns]
     for index, column in enumerate(table.columns):
@@ -178,7 +178,7 @@ def _find_stamp_column(table: TextColumns, rows: list[list[str]]) -> tuple[TextC
 
 
 def _split_head(head: bytes, eol: bytes, encoding: str, *, is_complete: bool) -> Lines:
-    """Return the lines of the head with their byte offsets, without a last line that may be cut."""
+    """Return the lines of the head with their byte offsets, without an incomplete last line."""
     lines: Lines = []
     offset = 0
     for piece in head.split(eol):

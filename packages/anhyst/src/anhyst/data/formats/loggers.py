@@ -1,7 +1,7 @@
-"""Layouts of oscilloscopes and loggers whose names, units or times are not in a plain header.
+"""Recognise files of oscilloscopes and loggers without a simple header for names, units or times.
 
-Each recogniser looks at the first lines of a file and returns where its columns are, or nothing.
-A further layout is one more entry of `_RECOGNISERS`.
+Each recogniser examines the first lines of a file and returns its columns, or ``None``. To add a
+layout, add an entry to `_RECOGNISERS`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _TEKTRONIX_SETTINGS = re.compile(
     r"|horizontal (units|scale)|probe atten|proid)",
     re.IGNORECASE,
 )
-"""Settings that Tektronix and others write into the columns beside the data."""
+"""Settings that Tektronix and others write into columns next to the data."""
 
 
-def recognise_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
+def recognise_logger(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Return the columns of the first recogniser that accepts a file, from line ``first`` on."""
     for recognise in _RECOGNISERS:
-        table = recognise(path, lines, first)
+        table = recognise(path, lines, first_line)
         columns = table.columns if table else ()
         if any(column.position is not None and not column.is_counter for column in columns):
             return table
@@ -48,22 +48,22 @@ _RIGOL_STEP = re.compile(r"\s*tInc\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
 _CHANNEL_NAME = re.compile(r"(?:X\()?(CH\d+|MATH\d*|REF\d*)\)?\s*\(?(V|A|W)?\)?", re.IGNORECASE)
 
 
-def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Rigol: start and step of the time are in the header, as columns or as ``t0 =``."""
-    header = split_line(lines[first][0], ",")
-    below = split_line(lines[first + 1][0], ",") if first + 1 < len(lines) else []
+def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Recognise Rigol: the header has start and step of the time, as columns or ``t0 =``."""
+    header = split_line(lines[first_line][0], ",")
+    fields_below = split_line(lines[first_line + 1][0], ",") if first_line + 1 < len(lines) else []
     words = [_normalise(field) for field in header]
     timing: dict[str, str] = {}
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
         for name, pattern in (("start", _RIGOL_START), ("increment", _RIGOL_STEP)):
             if match := pattern.fullmatch(field):
                 timing[name] = match[1]
-            elif word == name and index < len(below):
-                timing[name] = below[index]
+            elif word == name and index < len(fields_below):
+                timing[name] = fields_below[index]
     if set(timing) != {"start", "increment"} or not all(map(is_number, timing.values())):
         return None
-    units = below if "start" in words else []
-    data = first + 1 + bool(units)
+    units = fields_below if "start" in words else []
+    data = first_line + 1 + bool(units)
     if data >= len(lines):
         return None
     row = split_line(lines[data][0], ",")
@@ -76,7 +76,7 @@ def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None
             continue
         if word.startswith("time"):
             if index < len(row) and not row[index]:
-                continue  # the header says the times
+                continue  # the header gives the times
             columns = []
         match = _CHANNEL_NAME.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
@@ -85,9 +85,9 @@ def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None
     return TextColumns(data, ",", len(row), tuple(columns), clock)
 
 
-def _recognise_keysight(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Keysight and Siglent: a row of channels over a row of units that begins with seconds."""
-    for index in range(first, min(first + 40, len(lines) - 2)):
+def _recognise_keysight(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Recognise Keysight and Siglent: channels above a row of units that begins with seconds."""
+    for index in range(first_line, min(first_line + 40, len(lines) - 2)):
         names = split_line(lines[index][0], ",")
         units = split_line(lines[index + 1][0], ",")
         is_named = _normalise(names[0]) in {"x-axis", "source", "time"}
@@ -105,23 +105,23 @@ def _recognise_keysight(path: Path, lines: Lines, first: int) -> TextColumns | N
     return None
 
 
-def _recognise_rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Rohde & Schwarz: ``in s,C1 in V,C2 in V``."""
-    names = split_line(lines[first][0], ",")
-    if names[0] != "in s" or first + 1 >= len(lines):
+def _recognise_rohde_schwarz(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Recognise Rohde & Schwarz: ``in s,C1 in V,C2 in V``."""
+    names = split_line(lines[first_line][0], ",")
+    if names[0] != "in s" or first_line + 1 >= len(lines):
         return None
     columns = [Column("t", "s", 0)]
     for position, name in enumerate(names[1:], start=1):
         text, _, unit = name.rpartition(" in ")
         columns += [Column(text or name, unit if text else "", position)] if name else []
-    return TextColumns(first + 1, ",", len(names), tuple(columns))
+    return TextColumns(first_line + 1, ",", len(names), tuple(columns))
 
 
-def _recognise_lecroy(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read LeCroy: its times are in s, and its header does not say so."""
-    if not lines[first][0].startswith("LECROY"):
+def _recognise_lecroy(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Recognise LeCroy, whose times are in s without a unit in the header."""
+    if not lines[first_line][0].startswith("LECROY"):
         return None
-    for index in range(first + 1, min(first + _MAX_SETTING_LINES, len(lines) - 1)):
+    for index in range(first_line + 1, min(first_line + _MAX_SETTING_LINES, len(lines) - 1)):
         names = split_line(lines[index][0], ",")
         if names[0] == "Time" and len(names) > 1:
             columns = [Column(name, "" if n else "s", n) for n, name in enumerate(names) if name]
@@ -134,32 +134,34 @@ _UNIT_KEYS = {"vunit", "vertical units", "unit", "units", "y_unit_label", "yunit
 _TIME_UNIT_KEYS = {"hunit", "horizontal units", "xunits"}
 _STEP_KEYS = {"hresolution", "sample interval", "xinc", "xincrement", "delta_x", "delta t"}
 _MAX_SETTING_LINES = 100
-"""Lines of settings above the data."""
+"""Maximum number of lines with settings above the data."""
 _START_KEYS = {"hoffset", "xorg", "xorigin", "x0"}
 
 
 def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
-    """Return the values of a setting, one a channel; empty if the file has no such setting."""
+    """Return the values of a setting, one for each channel; empty if the file does not have it."""
     found = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
     while found and not found[-1]:
         found = found[:-1]
     return found
 
 
-def _recognise_yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Yokogawa: names, units and the step of the time are rows of the settings above."""
-    rows = [split_line(text, ",") for text, _ in lines[first : first + _MAX_SETTING_LINES]]
+def _recognise_yokogawa(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Recognise Yokogawa: names, units and the time step are rows of settings above the data."""
+    rows = [
+        split_line(text, ",") for text, _ in lines[first_line : first_line + _MAX_SETTING_LINES]
+    ]
     names, steps = _find_setting(rows, _NAME_KEYS), _find_setting(rows, _STEP_KEYS)
     if not names or not steps or not all(map(is_number, steps)):
         return None
-    run = find_run(lines, first, ",", 1)
+    run = find_run(lines, first_line, ",", 1)
     while run and (key := split_line(lines[run.start][0], ",")[0]) and not is_number_or_mark(key):
         run = find_run(lines, run.start + 1, ",", 1)
     if run is None:
         return None
     if len({parse_number(step) for step in steps}) > 1:
         raise InputError(
-            f"{path}: its channels have different steps of time ({', '.join(steps)}); export them "
+            f"{path}: its channels have different time steps ({', '.join(steps)}); export them "
             "at one rate",
             code="different-steps",
         )
@@ -183,11 +185,11 @@ def _recognise_yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | N
     return TextColumns(run.start, ",", run.width, tuple(columns), clock)
 
 
-def _recognise_tektronix(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Tektronix TDS and its kin: settings in the first columns, time and values next to them."""
-    text = lines[first][0]
+def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
+    """Recognise Tektronix TDS and similar: settings in the first columns, then time and values."""
+    text = lines[first_line][0]
     delimiter = next((sign for sign in (";", "\t", ",") if sign in text), None)
-    rows = [split_line(text, delimiter) for text, _ in lines[first:] if text.strip()]
+    rows = [split_line(text, delimiter) for text, _ in lines[first_line:] if text.strip()]
     if delimiter is None or len(rows) < 8 or not _TEKTRONIX_SETTINGS.match(rows[0][0]):
         return None
     rows = [row for row in rows if len(row) == len(rows[0])]
@@ -223,7 +225,7 @@ def _recognise_tektronix(path: Path, lines: Lines, first: int) -> TextColumns | 
             )
         elif [row[block[0]] for row in rows] != clock:
             raise InputError(
-                f"{path}: settings stand beside the data, and the {len(blocks)} channels have "
+                f"{path}: settings are next to the data, and the {len(blocks)} channels have "
                 "different times; export them together, or each as a file",
                 code="different-times",
             )
@@ -236,7 +238,7 @@ def _recognise_tektronix(path: Path, lines: Lines, first: int) -> TextColumns | 
         block_start = block[-1] + 1
         while block_start < len(rows[0]) and not any(row[block_start] for row in head):
             block_start += 1
-    return TextColumns(first, delimiter, len(rows[0]), tuple(columns))
+    return TextColumns(first_line, delimiter, len(rows[0]), tuple(columns))
 
 
 _RECOGNISERS: tuple[Callable[[Path, Lines, int], TextColumns | None], ...] = (

@@ -1,4 +1,4 @@
-"""MAT files: version 5 by SciPy, its sizes checked first, version 7.3 by h5py."""
+"""Read and write MAT files: version 5 with SciPy after a check of sizes, 7.3 with h5py."""
 
 from __future__ import annotations
 
@@ -34,19 +34,24 @@ from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _HEADER_BYTES = 128
-_TYPE_MATRIX, _TYPE_COMPRESSED = 14, 15
-_CLASS_CELL, _CLASS_STRUCT, _CLASS_OBJECT, _CLASS_CHAR, _CLASS_OPAQUE = 1, 2, 3, 4, 17
+_TYPE_MATRIX = 14
+_TYPE_COMPRESSED = 15
+_CLASS_CELL = 1
+_CLASS_STRUCT = 2
+_CLASS_OBJECT = 3
+_CLASS_CHAR = 4
+_CLASS_OPAQUE = 17
 _NUMERIC_CLASSES = range(5, 16)
 _MAX_DEPTH = 40
 _MAX_PARTS = 500_000
-"""Each part becomes an object of Python."""
+"""Maximum number of parts of a file; each part becomes a Python object."""
 
 
 @dataclass
 class MatGuard:
-    """Walks through the parts of a MAT file without building any.
+    """Checks the structure and the sizes of a MAT file without creating any arrays.
 
-    ``objects`` are the variables that are objects of a class of MATLAB: name and class.
+    ``objects`` lists the variables that are objects of a MATLAB class: name and class.
     """
 
     path: Path
@@ -58,12 +63,12 @@ class MatGuard:
         """Check a whole file."""
         self._byte_order = "<" if content[126:128] == b"IM" else ">"
         expanded = 0
-        rest = memoryview(content)[_HEADER_BYTES:]
-        while len(rest) >= 8:
-            kind, size = struct.unpack_from(f"{self._byte_order}2I", rest)
-            if size > len(rest) - 8:
+        remaining = memoryview(content)[_HEADER_BYTES:]
+        while len(remaining) >= 8:
+            kind, size = struct.unpack_from(f"{self._byte_order}2I", remaining)
+            if size > len(remaining) - 8:
                 raise self._damage_error(f"is cut off after {len(content)} bytes")
-            body, rest = rest[8 : 8 + size], rest[8 + size :]
+            body, remaining = remaining[8 : 8 + size], remaining[8 + size :]
             if kind == _TYPE_COMPRESSED:
                 part = memoryview(self._expand(body, MAX_BYTES - expanded))
                 expanded += len(part)
@@ -71,7 +76,7 @@ class MatGuard:
                     raise self._damage_error("ends within a variable")
                 kind, size = struct.unpack_from(f"{self._byte_order}2I", part)
                 if size > len(part) - 8:
-                    raise self._damage_error("has a variable that is larger than what holds it")
+                    raise self._damage_error("has a variable that is larger than its container")
                 body = part[8 : 8 + size]
             if kind == _TYPE_MATRIX:
                 self._check_matrix(body, 0, is_variable=True)
@@ -91,23 +96,23 @@ class MatGuard:
         return content
 
     def _split_elements(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
-        """Yield the parts of a variable, one after the other: type and content."""
+        """Yield the type and content of each part of a variable."""
         offset = 0
         while offset < len(body):
             if len(body) - offset < 8:
                 raise self._damage_error("ends within a variable")
             kind, size = struct.unpack_from(f"{self._byte_order}2I", body, offset)
-            if kind >> 16:  # a small one, all in 8 bytes
+            if kind >> 16:  # small element of 8 bytes in total
                 kind, size, begin, step = kind & 0xFFFF, kind >> 16, offset + 4, 8
                 if size > 4:
                     raise self._damage_error("has a small part of more than 4 bytes")
             else:
                 begin, step = offset + 8, 8 + size + (-size % 8)
             if begin + size > len(body):
-                raise self._damage_error("has a part that is larger than what holds it")
+                raise self._damage_error("has a part that is larger than its container")
             self._parts += 1
             if self._parts > _MAX_PARTS:
-                raise self._damage_error(f"holds more than {_MAX_PARTS} parts")
+                raise self._damage_error(f"contains more than {_MAX_PARTS} parts")
             yield kind, body[begin : begin + size]
             offset += step
 
@@ -131,20 +136,20 @@ class MatGuard:
         if any(side < 0 for side in shape):
             raise self._damage_error("has a variable of negative size")
         count = math.prod(shape)
-        self._next_part(parts)  # the name
+        self._next_part(parts)  # name
         if kind in {_CLASS_CELL, _CLASS_STRUCT, _CLASS_OBJECT}:
             self._check_members(parts, kind, count, depth)
         elif kind == _CLASS_CHAR:
             if count > len(body):
-                raise self._damage_error("has a text that is longer than what is there")
+                raise self._damage_error("has a text that is longer than its content")
         elif kind in _NUMERIC_CLASSES and kind != 5 and count > len(body):
-            raise self._damage_error("has an array that is larger than what is there")
+            raise self._damage_error("has an array that is larger than its content")
 
     def _check_members(
         self, parts: Iterator[tuple[int, memoryview]], kind: int, count: int, depth: int
     ) -> None:
         if kind == _CLASS_OBJECT:
-            self._next_part(parts)  # the name of the class
+            self._next_part(parts)  # name of the class
         fields = 1
         if kind != _CLASS_CELL:
             (width,) = self._read_integers(parts, "i") or (0,)
@@ -153,14 +158,14 @@ class MatGuard:
                 raise self._damage_error("has a structure without names of fields")
             fields = len(names) // width if width > 0 else 0
             if count > _MAX_PARTS:
-                raise self._damage_error(f"holds more than {_MAX_PARTS} parts")
+                raise self._damage_error(f"contains more than {_MAX_PARTS} parts")
         present = 0
         for number, content in parts:
             present += 1
             if number == _TYPE_MATRIX:
                 self._check_matrix(content, depth + 1)
         if present < count * fields:
-            raise self._damage_error("has a structure with fewer parts than it says")
+            raise self._damage_error("has a structure with fewer parts than it states")
 
     def _read_integers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
         content = self._next_part(parts)
@@ -180,7 +185,7 @@ class MatGuard:
 
 @opener()
 def open_mat(path: Path) -> ChannelFile:
-    """Look at a MAT file of version 5 or 7.3."""
+    """Open a MAT file of version 5 or 7.3."""
     with path.open("rb") as stream:
         head = stream.read(520)
     if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
@@ -190,7 +195,7 @@ def open_mat(path: Path) -> ChannelFile:
         tree, objects = _read_v5(path)
     else:
         raise InputError(
-            f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
+            f"{path}: is not a MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
             code="not-a-mat-file",
         )
     channels = assign_clocks_by_name(find_channels(tree))
@@ -212,21 +217,21 @@ def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
     guard = MatGuard(path)
     guard.check(content)
     variables = loadmat(io.BytesIO(content), simplify_cells=True, mat_dtype=True)
-    hidden = {"None", "__function_workspace__", "__header__", "__version__", "__globals__"}
+    hidden_names = {"None", "__function_workspace__", "__header__", "__version__", "__globals__"}
     return {
-        name: _to_tree(value) for name, value in variables.items() if name not in hidden
+        name: _to_tree(value) for name, value in variables.items() if name not in hidden_names
     }, guard.objects
 
 
 def _to_tree(value: Any) -> Any:
-    """Turn what SciPy made of a variable into trees, texts and arrays."""
+    """Convert a variable from SciPy to trees, texts and arrays."""
     if isinstance(value, Mapping):
         return {str(name): _to_tree(node) for name, node in value.items()}
     if isinstance(value, str):
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
         members = [_to_tree(item) for item in (value if isinstance(value, list) else value.ravel())]
-        if any(isinstance(member, str) for member in members):  # an empty one is an empty array
+        if any(isinstance(member, str) for member in members):  # empty texts are arrays
             members = [
                 "" if isinstance(member, ArrayInMemory) and member.values.size == 0 else member
                 for member in members

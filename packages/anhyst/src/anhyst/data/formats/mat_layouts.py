@@ -1,4 +1,4 @@
-"""How recordings stand in MAT files: plain arrays, structures of Simulink and ControlDesk, HDF5."""
+"""Find channels in MAT files: arrays, structures of Simulink and ControlDesk, and HDF5."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from anhyst.data.formats.hdf5 import MAX_GROUP_DEPTH, check_dataset, is_link
 from anhyst.support.errors import InputError
 
 MatTree = Mapping[str, Any]
-"""Variables and fields by name: further trees, lists of them, texts, and `MatArray`."""
+"""Variables or fields by name: trees, lists of trees, texts and `MatArray`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArrayInMemory:
-    """An array that has been read."""
+    """An array that is in memory."""
 
     values: Values
 
@@ -30,7 +30,7 @@ class ArrayInMemory:
 
     @property
     def is_text(self) -> bool:
-        """Whether it holds texts."""
+        """Whether it contains texts."""
         return self.values.dtype.kind == "U"
 
     def read(self) -> Values:
@@ -40,7 +40,7 @@ class ArrayInMemory:
 
 @dataclass(frozen=True, eq=False)
 class ArrayInFile:
-    """An array of numbers in HDF5 that is read when it is asked for."""
+    """A numeric array in an HDF5 file that is read on request."""
 
     path: Path
     name: str
@@ -48,7 +48,7 @@ class ArrayInFile:
     is_text: ClassVar[bool] = False
 
     def read(self) -> Values:
-        """Return its values in MATLAB's order of axes."""
+        """Return its values in the order of axes of MATLAB."""
         import h5py
 
         with h5py.File(self.path, "r") as file:
@@ -63,7 +63,7 @@ MatArray = ArrayInMemory | ArrayInFile
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of an array: samples along an axis of its squeezed shape."""
+    """A column of an array: the samples along one axis of its squeezed shape."""
 
     array: MatArray
     axis: int
@@ -71,22 +71,22 @@ class _Column:
 
 
 def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
-    """Read channels; an array that holds several is read once."""
+    """Read channels; an array with several channels is read once."""
     read: dict[int, Values] = {}
     arrays = []
     for channel in channels:
         column: _Column = channel.key
-        whole = read.get(id(column.array))
-        if whole is None:
-            whole = read[id(column.array)] = np.squeeze(column.array.read())
-        if whole.ndim > 1:
-            whole = np.moveaxis(whole, column.axis, 0).reshape(channel.length, -1)[:, column.index]
-        arrays.append(np.ascontiguousarray(whole.reshape(channel.length)[:count]))
+        array = read.get(id(column.array))
+        if array is None:
+            array = read[id(column.array)] = np.squeeze(column.array.read())
+        if array.ndim > 1:
+            array = np.moveaxis(array, column.axis, 0).reshape(channel.length, -1)[:, column.index]
+        arrays.append(np.ascontiguousarray(array.reshape(channel.length)[:count]))
     return arrays
 
 
 def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
-    """Find the channels of a file or of a group in it, whatever their layout."""
+    """Return the channels of a file or a group in any layout."""
     channels: list[Channel] = []
     for name, node in tree.items():
         path = f"{group}/{name}" if group else name
@@ -110,14 +110,18 @@ def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list
         return channels
     if "signals" in node:
         return _simulink_channels(name, node, path)
-    by_case = {key.lower(): key for key in node}
-    if "time" in by_case and "data" in by_case and _is_array(node[by_case["data"]]):
-        return _time_series_channels(name, node, by_case, group)
+    key_by_lower_case = {key.lower(): key for key in node}
+    if (
+        "time" in key_by_lower_case
+        and "data" in key_by_lower_case
+        and _is_array(node[key_by_lower_case["data"]])
+    ):
+        return _time_series_channels(name, node, key_by_lower_case, group)
     return find_channels(node, path)
 
 
 def _control_desk_channels(node: MatTree) -> list[Channel]:
-    """X holds times, Y channels; which belongs to which by index or name of the raster."""
+    """Return the channels in Y; an index or the name of the raster gives the clock in X."""
     clocks, rasters = [], {}
     for axis in _as_structures(node["X"]):
         times: Any = axis.get("Data")
@@ -153,7 +157,7 @@ def _control_desk_channels(node: MatTree) -> list[Channel]:
 
 
 def _simulink_channels(name: str, node: MatTree, path: str) -> list[Channel]:
-    """Structure with time: a field time (s; empty without), an array of signals."""
+    """Return the channels of a structure with time: ``time`` (s, may be empty) and ``signals``."""
     times: Any = node.get("time")
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
@@ -181,30 +185,33 @@ def _simulink_channels(name: str, node: MatTree, path: str) -> list[Channel]:
 
 
 def _time_series_channels(
-    name: str, node: MatTree, by_case: Mapping[str, str], group: str
+    name: str, node: MatTree, key_by_lower_case: Mapping[str, str], group: str
 ) -> list[Channel]:
-    """Time and Data, as a timeseries has them; units in DataInfo and TimeInfo, or in Units."""
+    """Return the channels of a structure with Time and Data, such as a saved timeseries.
+
+    Units are in DataInfo and TimeInfo, or in Units.
+    """
 
     def unit(key: str) -> str:
-        info = node.get(by_case.get(key, ""))
+        info = node.get(key_by_lower_case.get(key, ""))
         text = info.get("Units", info.get("units")) if isinstance(info, Mapping) else info
         return _as_text(text)
 
-    times = node[by_case["time"]]
+    times = node[key_by_lower_case["time"]]
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
         stated = unit("timeinfo")
         (clock,) = _array_channels("time", times, group, seconds.get(stated, stated))
-    title = _as_text(node.get(by_case.get("name", ""))) or name
+    title = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
-    return _array_channels(title, node[by_case["data"]], group, units, clock)
+    return _array_channels(title, node[key_by_lower_case["data"]], group, units, clock)
 
 
 def _array_channels(
     name: str, array: MatArray, group: str = "", unit: str = "", clock: Channel | None = None
 ) -> list[Channel]:
-    """Channels of an array: one, or one a column; samples run along the clock or the longest axis."""
+    """Return the channels of an array; samples are along the clock's axis or the longest axis."""
     shape = [side for side in array.shape if side != 1]
     count = int(np.prod(array.shape))
     if count == 0 or len(shape) > 3:
@@ -255,7 +262,7 @@ _NUMERIC_CLASSES = {
 
 
 class _TreeBuilder:
-    """Builds the tree of a file, within bounds."""
+    """Builds the tree of an HDF5 file within limits of depth and size."""
 
     def __init__(self, path: Path, file: Any) -> None:
         self.path = path
@@ -264,7 +271,7 @@ class _TreeBuilder:
         self._count = 0
 
     def group(self, group: Any, depth: int = 0) -> dict[str, Any]:
-        """Return the members of a group; what belongs to MATLAB itself is left out."""
+        """Return the members of a group without MATLAB's internal ones."""
         return {
             name: self.node(name, group[name], depth + 1)
             for name in group
@@ -273,13 +280,13 @@ class _TreeBuilder:
         }
 
     def node(self, name: str, item: Any, depth: int) -> Any:
-        """Turn a dataset or a group into trees, texts and arrays."""
+        """Convert a dataset or a group to trees, texts and arrays."""
         import h5py
 
         self._count += 1
         if depth > MAX_GROUP_DEPTH or self._count > 10 * MAX_CHANNELS:
             raise InputError(
-                f"{self.path}: is nested without end; export the channels you need",
+                f"{self.path}: is nested too deeply; export the channels you need",
                 code="nested-too-deep",
             )
         if isinstance(item, h5py.Group):
@@ -329,7 +336,7 @@ class _TreeBuilder:
 
 
 def _is_structure_array_field(item: Any) -> bool:
-    """Whether a field is that of an array of structures; one that is a cell says so."""
+    """Whether a dataset is a field of a structure array; a cell array has ``MATLAB_class``."""
     import h5py
 
     is_reference = isinstance(item, h5py.Dataset) and h5py.check_ref_dtype(item.dtype) is not None
@@ -337,7 +344,7 @@ def _is_structure_array_field(item: Any) -> bool:
 
 
 def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
-    """Turn fields, each a list of members, into a list of structures."""
+    """Convert fields, each a list of members, to a list of structures."""
     lists = [
         field if isinstance(field, list) else [str(x) for x in field.values]
         for field in fields.values()
@@ -346,14 +353,14 @@ def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _decode_utf16(item: Any) -> Any:
-    """Texts are codes of UTF-16: one text a row of MATLAB's, which is a column here."""
+    """Return the texts of UTF-16 codes: each row of a MATLAB array is a column here."""
     codes = np.atleast_2d(np.asarray(item[()], dtype=np.uint16))
     rows = [row.tobytes().decode("utf-16-le", "replace") for row in np.ascontiguousarray(codes.T)]
     return rows[0] if len(rows) == 1 else ArrayInMemory(np.array(rows))
 
 
 def read_tree(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
-    """Return the variables of a file, and those that are objects of a class of MATLAB."""
+    """Return the variables of a file, and those that are objects of a MATLAB class."""
     import h5py
 
     with h5py.File(path, "r") as file:

@@ -1,4 +1,4 @@
-"""Recordings in MDF 4 and in the older MDF 2 and 3 (ASAM), by the package asammdf."""
+"""Read and write MDF 4 recordings with asammdf, and read MDF 2 and 3 (ASAM)."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _MASTER_TYPES = (2, 3)
-"""Types of a channel that is the clock of its group: stored, and computed."""
+"""Types of a channel that is the clock of its group: stored and computed."""
 _SYNC_TIME = 1
 _TEXT_TYPES = (6, 7, 8, 9)
 _TEXT_CONVERSIONS = (7, 8, 9, 10)
-"""Types of a conversion that turns raw numbers into texts."""
+"""Types of a conversion from raw numbers to texts."""
 
 
 @opener("asammdf")
 def open_mdf(path: Path) -> ChannelFile:
-    """Look at an MDF file: each group of channels runs on a clock of its own."""
+    """Open an MDF file; each group of channels has its own clock."""
     with path.open("rb") as stream:
         head = stream.read(16)
     if not head.startswith((b"MDF     ", b"UnFinMF ")):
         raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
-    with _open(path) as file:
+    with _open_as_mdf4(path) as file:
         return ChannelFile(path, tuple(_find_channels(path, file)), _read)
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[Any]:
+def _open_as_mdf4(path: Path) -> Iterator[Any]:
     """Open a file as MDF 4; asammdf converts older versions in a temporary file."""
     from asammdf import MDF
 
@@ -67,7 +67,7 @@ def _find_channels(path: Path, file: Any) -> list[Channel]:
         stored_bytes = sum(int(block.original_size or 0) for block in group.get_data_blocks())
         if bytes_per_sample and count * bytes_per_sample > max(stored_bytes, size):
             raise InputError(
-                f"{path}: group '{name or group_index + 1}' says that it holds {count} samples, more "
+                f"{path}: group '{name or group_index + 1}' states that it has {count} samples, more "
                 "than are there; the file is damaged, record or export it again",
                 code="damaged-file",
             )
@@ -90,7 +90,7 @@ def _find_channels(path: Path, file: Any) -> list[Channel]:
 
 def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     values = []
-    with _open(path) as file:
+    with _open_as_mdf4(path) as file:
         for channel in channels:
             group, index = channel.key
             signal = file.get(
@@ -115,7 +115,7 @@ def _signal_values(signal: Any, channel: Channel) -> Values:
 
 
 def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write an MDF 4.10 file, a group of channels for each group and clock."""
+    """Write an MDF 4.10 file with one channel group for each group and clock."""
     from asammdf import MDF, Signal, Source
 
     notes = []
@@ -129,8 +129,8 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 count = len(part[0].values)
                 if times is None:
                     notes.append(
-                        f"{', '.join(signal.name for signal in part)}: without times, which MDF needs: "
-                        "the number of the sample stands for them"
+                        f"{', '.join(signal.name for signal in part)}: without times, which MDF requires: "
+                        "the sample number is used"
                     )
                 stamps = np.arange(float(count)) if times is None else times.values
                 signals = []

@@ -1,4 +1,4 @@
-"""Rows and numbers of a text table that look like samples: statistics, factors, thousands."""
+"""Find rows and numbers of a text table that are not samples: statistics, factors, thousands."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _WORD_STARTS = {
     for word in f"{_STATISTIC_WORDS}|{_FACTOR_WORDS}".split("|")
     if word[:2].isascii()
 }
-"""First two letters of the words, which are quick to look for."""
+"""First two letters of the words, for a fast search."""
 _MAX_ASCII = 127
 _MIN_ASCII_SHARE = 0.8
 _GROUPED_NUMBER = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
@@ -53,10 +53,10 @@ _NOT_GROUPED = re.compile(rb"(?<!\d)0[.,]|[.,]\d{0,2}(?!\d)|[.,]\d{4}")
 
 
 def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
-    """Whether a piece of a file has lines that begin with a word for statistics or factors."""
+    """Whether a part of a file has lines that begin with a word for statistics or factors."""
     if not chunk.translate(None, _NUMBER_BYTES):
         return False
-    # Few lines begin with the letters of such a word; the pattern is slow on many lines.
+    # Few lines begin with these letters, and the pattern is slow on many lines.
     data = np.frombuffer(b"\n" + chunk.replace(b'"', b"").lower() + b"\n\n", np.uint8)
     ends = np.flatnonzero(data[:-2] == ord("\n"))
     pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
@@ -70,19 +70,19 @@ def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class TextRow:
-    """A line of a text table: a sample, or a remark between samples."""
+    """A line of a text table: a sample, or a comment between samples."""
 
     line: int
     fields: list[str]
     is_sample: bool = True
     remark: str = ""  # empty for a blank line
-    word: str = ""  # for statistics or a label, with which the line begins
+    word: str = ""  # first field of the line if it is a word for statistics
 
 
 def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> Iterator[TextRow]:
-    """Separate the samples from headers, statistics and remarks between them.
+    """Separate samples from headers, statistics and comments between them.
 
-    A word for statistics in consecutive rows is the label of these samples.
+    If a word for statistics begins several consecutive rows, it is the label of these samples.
     """
     waiting: list[TextRow] = []  # from a row of statistics to the next row
     previous_word = ""
@@ -92,9 +92,9 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
             waiting.append(row)
             continue
         if waiting:
-            first, *others = waiting
-            yield first if row.word == first.word else _mark_as_statistics(first)
-            yield from others
+            waiting_row, *later_rows = waiting
+            yield waiting_row if row.word == waiting_row.word else _mark_as_statistics(waiting_row)
+            yield from later_rows
             waiting = []
         if row.word and row.word != previous_word:
             waiting, previous_word = [row], row.word
@@ -107,7 +107,9 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
 
 
 def _mark_as_statistics(row: TextRow) -> TextRow:
-    remark = f"line {row.line} is left out, because it holds statistics: '{' '.join(row.fields)}'"
+    remark = (
+        f"line {row.line} is left out, because it contains statistics: '{' '.join(row.fields)}'"
+    )
     return replace(row, is_sample=False, remark=remark)
 
 
@@ -143,36 +145,39 @@ def _classify_row(text: str, layout: Layout, line: int) -> TextRow:
 
 
 def _is_written_text(text: str) -> bool:
-    """Whether a line is a text that somebody wrote, and not bytes of a damaged file."""
+    """Whether a line is readable text, and not bytes of a damaged file."""
     count = sum(sign.isascii() for sign in text)
     return text.replace("\t", " ").isprintable() and count >= _MIN_ASCII_SHARE * len(text)
 
 
 def is_statistics_row(filled: Sequence[str]) -> bool:
-    """Whether the first filled field says that a row is a mean, an extreme or the like."""
+    """Whether the first non-empty field of a row is a word such as mean or maximum."""
     return len(filled[0]) < _MAX_WORD_LENGTH and _STATISTICS.fullmatch(filled[0]) is not None
 
 
 def _is_header(fields: Sequence[str], layout: Layout) -> bool:
-    """Whether a row repeats the names of the columns, or their units."""
-    own = [
+    """Whether a row repeats the names or the units of the columns."""
+    field_columns = [
         (" ".join(fields[column.position].split()), column)
         for column in layout.table.columns
         if column.position is not None and column.position < len(fields)
     ]
-    is_units = any(column.unit for _, column in own) and all(
-        normalise_unit(field) == column.unit or field == column.unit for field, column in own
+    is_units = any(column.unit for _, column in field_columns) and all(
+        normalise_unit(field) == column.unit or field == column.unit
+        for field, column in field_columns
     )
-    return is_units or all(field == column.name for field, column in own)
+    return is_units or all(field == column.name for field, column in field_columns)
 
 
 def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> None:
-    """Refuse another header between the samples: what is below it has other columns or units."""
+    """Raise an error for a different header between the samples, because columns change there."""
     if len(fields) < 2 or _is_header(fields, layout):
         return
     headers = [parse_header(field) for field in fields if field]
-    known = [header for header in headers if header.quantity and header.unit]
-    has_names = len(known) > 1 and len(known) == len({header.text for header in known})
+    known_headers = [header for header in headers if header.quantity and header.unit]
+    has_names = len(known_headers) > 1 and len(known_headers) == len(
+        {header.text for header in known_headers}
+    )
     if has_names or (layout.units and all(find_unit(normalise_unit(field)) for field in fields)):
         raise InputError(
             f"{layout.path}: a second header in line {line} ('{', '.join(fields)[:60]}') differs "
@@ -181,22 +186,22 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
         )
 
 
-def refuse_factors(where: str, filled: Sequence[str]) -> None:
-    """Refuse a row that holds the factors of the columns."""
+def refuse_factors(place: str, filled: Sequence[str]) -> None:
+    """Raise an error for a row with factors of the columns."""
     is_marked = len(filled) > 1 and all(FACTOR_FIELD.fullmatch(field) for field in filled)
     if is_marked or (_FACTORS.fullmatch(filled[0]) and len(filled) > 1 and is_number(filled[1])):
         raise InputError(
-            f"{where}: '{filled[0]}' begins a row of factors or offsets, which are not applied; apply "
+            f"{place}: '{filled[0]}' begins a row of factors or offsets, which are not applied; apply "
             'them to the numbers, or remove the line and state each factor: --scale "COLUMN=FACTOR"',
             code="factor-row",
         )
 
 
 class ThousandsCheck:
-    """Finds numbers such as 1,234 whose sign separates thousands, or may do so.
+    """Finds numbers such as 1,234 whose sign is or can be a separator of thousands.
 
-    The sign separates thousands if it is not the decimal sign of the other numbers. It may do so if
-    its column has whole numbers of three digits and no other decimals.
+    It is a separator if the other numbers have another decimal sign. It can be one if its column
+    has integers of three digits and no other decimals.
     """
 
     def __init__(self, delimiter: str | None) -> None:
@@ -206,16 +211,16 @@ class ThousandsCheck:
         self.whole_columns: set[int] = set()
         self.grouped_numbers: dict[
             tuple[int, str], tuple[int, str]
-        ] = {}  # first of a column and sign
+        ] = {}  # first line and field by column and sign
 
     def may_occur(self, chunk: bytes) -> bool:
-        """Whether a piece of the file needs a look at each field."""
+        """Whether each field of a part of the file must be checked."""
         if self.delimiter == ",":
             return _QUOTED_GROUPED.search(chunk) is not None
         return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
 
     def observe(self, line: int, fields: Sequence[str]) -> None:
-        """Look at the fields of one row."""
+        """Record the fields of one row."""
         for column, field in enumerate(fields):
             if (match := _GROUPED_NUMBER.fullmatch(field)) and (
                 self.delimiter != "," or match["sign"] == ","
@@ -228,7 +233,7 @@ class ThousandsCheck:
                 self.whole_columns.add(column)
 
     def refuse_doubtful(self, path: object, columns: Sequence[int]) -> None:
-        """Refuse the first such number in some columns."""
+        """Raise an error for the first such number in some columns."""
         for (column, sign), (line, field) in self.grouped_numbers.items():
             is_other = bool(self.decimal_signs) and sign not in self.decimal_signs
             is_doubtful = column in self.whole_columns and column not in self.decimal_columns

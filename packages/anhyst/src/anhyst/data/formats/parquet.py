@@ -1,4 +1,4 @@
-"""Parquet files, by pyarrow: one table, units in the metadata of its columns."""
+"""Read and write Parquet files with pyarrow: one table, with units in the column metadata."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _GROUP_KEY = b"group"
 
 @opener("pyarrow")
 def open_parquet(path: Path) -> ChannelFile:
-    """Look at a Parquet file."""
+    """Open a Parquet file."""
     from pyarrow import parquet
 
     with parquet.ParquetFile(path) as file:
@@ -80,12 +80,13 @@ def _column_values(column: Any, channel: Channel) -> Values:
     if channel.is_text:
         return np.array(["" if text is None else text for text in column.to_pylist()], dtype=str)
     values: Values = column.to_numpy()
-    # What is missing has no number; Arrow gives objects for decimals and for logicals with gaps.
+    # Missing values become NaN. Arrow returns objects for decimals, and for logicals with missing
+    # values.
     return values.astype(np.float64) if values.dtype == object else values
 
 
 def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write a Parquet file of one section."""
+    """Write a Parquet file with one clock."""
     import pyarrow
     from pyarrow import parquet
 

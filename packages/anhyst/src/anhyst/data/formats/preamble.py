@@ -1,4 +1,4 @@
-"""Lines above the data of a text file: comments, names of columns, units, and where the data begin."""
+"""Interpret the lines above the data of a text file: comments, column names and units."""
 
 from __future__ import annotations
 
@@ -15,48 +15,48 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
 Lines = list[tuple[str, int]]
-"""Lines of the beginning of a file with the byte at which each starts."""
+"""Lines at the beginning of a file, and the byte position of each."""
 _DELIMITERS = (";", "\t", ",", None)
 _MIN_RUN_ROWS = 8
-"""Rows of numbers from which on a run of them is the data; of shorter ones the longest is."""
+"""Minimum length of a numeric run that is the data; otherwise the longest run is used."""
 FACTOR_FIELD = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
-"""A field of a row of factors, such as *0.001."""
+"""Field of a row of factors, such as *0.001."""
 _COMMENT_SIGNS = "#% ;/"
-"""Signs with which comments begin, and the blanks after them."""
+"""Signs that begin a comment, and blanks after them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a text file: its name, its unit, and the field of a line that holds it."""
+    """A column of a text file: its name, its unit, and the position of its field in a line."""
 
     name: str
     unit: str
-    position: int | None  # None: the time, which the clock of the header gives
+    position: int | None  # None: the time, computed from the clock in the header
     is_counter: bool = False  # whether the field counts the steps of that clock
 
 
 @dataclass(frozen=True, slots=True)
 class TextColumns:
-    """Where the columns of a text file are."""
+    """The columns of a text file."""
 
-    first_line: int  # index of the first line of data
-    delimiter: str | None  # between fields; None stands for blanks of any number
-    width: int  # fields of a line
+    first_line: int  # index of the first data line
+    delimiter: str | None  # delimiter of fields; None for any number of blanks
+    width: int  # number of fields in a line
     columns: tuple[Column, ...]
-    clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
-    notes: tuple[str, ...] = ()  # what is left out
-    is_joined: bool = False  # whether sections were joined, so that blank lines say nothing
+    clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and time step
+    notes: tuple[str, ...] = ()  # notes about omitted parts
+    is_joined: bool = False  # whether sections were joined, so that blank lines have no meaning
 
 
 def normalise_unit(text: str) -> str:
     """Return the symbol of a unit that may be in brackets or a full word."""
-    plain = text.strip(" \"[]()'")
-    unit = find_unit(plain)
-    return unit.symbol if unit else plain
+    text_inside = text.strip(" \"[]()'")
+    unit = find_unit(text_inside)
+    return unit.symbol if unit else text_inside
 
 
 def is_comment(text: str) -> bool:
-    """Whether a line is a comment; a semicolon is a comment sign only if no other one follows."""
+    """Whether a line is a comment; a semicolon is a comment sign only if it is the only one."""
     text = text.lstrip()
     if text.startswith(("#", "%", "//")):
         return True
@@ -64,17 +64,17 @@ def is_comment(text: str) -> bool:
 
 
 def split_line(text: str, delimiter: str | None) -> list[str]:
-    """Split one line of text at a delimiter (``None``: at blanks) with CSV quoting."""
+    """Split one line at a delimiter (``None``: at blanks) with CSV quoting."""
     if delimiter is None:
         return text.replace('"', "").split()
     if '"' in text:
-        with contextlib.suppress(csv.Error):  # rubbish that is no CSV either
+        with contextlib.suppress(csv.Error):  # invalid CSV
             return [field.strip() for field in next(csv.reader([text], delimiter=delimiter))]
     return [field.strip() for field in text.split(delimiter)]
 
 
 def skip_comments(lines: Lines, start: int) -> tuple[list[str], int]:
-    """Return the comments from a line on, and the index of the first line that is none."""
+    """Return the comments from a line on, and the index of the first line that is not a comment."""
     notes = []
     for index in range(start, len(lines)):
         text = lines[index][0].strip()
@@ -86,40 +86,44 @@ def skip_comments(lines: Lines, start: int) -> tuple[list[str], int]:
 
 
 def is_header(lines: Lines, index: int, min_columns: int) -> bool:
-    """Whether a line names what is measured, so that nothing need be looked for below it."""
+    """Whether a line names a known quantity, so that no header is searched below it."""
     delimiter = detect_delimiter(lines[index][0])
     fields = _split_names(lines[index][0], delimiter)
     if fields is None or len(fields) < min_columns:
         return False
-    _, below = skip_comments(lines, index + 1)
-    units = parse_unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
+    _, line_below = skip_comments(lines, index + 1)
+    units = (
+        parse_unit_row(lines[line_below][0], delimiter, fields) if line_below < len(lines) else None
+    )
     headers = map(parse_header, fields, units or [None] * len(fields))
     return any(header.is_known and header.problem is None for header in headers)
 
 
 class HeadTooShortError(Exception):
-    """The data begin behind what has been read of the file."""
+    """The data begin after the part of the file that was read."""
 
 
 def find_header(
-    path: Path, lines: Lines, first: int, min_columns: int, *, is_last: bool
+    path: Path, lines: Lines, first_line: int, min_columns: int, *, is_last: bool
 ) -> tuple[TextColumns, list[str]]:
-    """Find the columns of a table with a row of names, and the remarks above its data."""
+    """Return the columns of a table with a row of names, and the comments above its data."""
     remarks: list[str] = []
-    delimiter, row = detect_delimiter(lines[first][0]), first
-    if not is_header(lines, first, min_columns):
-        row, delimiter = _find_names_above_run(path, lines, first, min_columns, is_last=is_last)
+    delimiter, row = detect_delimiter(lines[first_line][0]), first_line
+    if not is_header(lines, first_line, min_columns):
+        row, delimiter = _find_names_above_run(
+            path, lines, first_line, min_columns, is_last=is_last
+        )
         remarks = [
-            text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first:row] if text.strip()
+            text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first_line:row] if text.strip()
         ]
     names, data = split_header_line(lines[row][0], delimiter), row + 1
     if all(is_number(name) for name in names if name):
         names, data = read_header_comment(path, lines, row, names), row
     names = drop_empty_tail(names)
-    below = skip_comments(lines, data)[1]
-    if delimiter is None and row < data <= below < len(lines):
-        wide_names = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
-        is_wide = min_columns <= len(wide_names) == len(lines[below][0].split())
+    line_below = skip_comments(lines, data)[1]
+    if delimiter is None and row < data <= line_below < len(lines):
+        wide_names = re.split(r"\s{2,}", lines[row][0].strip())  # names that contain single blanks
+        is_wide = min_columns <= len(wide_names) == len(lines[line_below][0].split())
         names = wide_names if is_wide else names
     if len(names) < min_columns:
         raise InputError(
@@ -129,18 +133,18 @@ def find_header(
         )
     comments, data, units = _read_rows_below_names(lines, data, delimiter, names)
     if units is None:
-        units = _find_units_above(lines[first:row], delimiter, names)
+        units = _find_units_above(lines[first_line:row], delimiter, names)
     rows = [
         split_line(text, delimiter)
         for text, _ in lines[data : data + _MIN_RUN_ROWS]
         if text.strip()
     ]
     if [row[0] for row in rows[:3] if len(row) == len(names) + 1 and row[-1]] == ["1", "2", "3"]:
-        names, units = ["row", *names], ("", *units) if units else None  # as R writes it
+        names, units = ["row", *names], ("", *units) if units else None  # row numbers of R
     columns = tuple(
         Column(" ".join(name.split()), unit, position)
         for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
-        # A blank column separates others, as oscilloscopes do.
+        # Oscilloscopes separate channels by blank columns.
         if name or any(position < len(fields) and fields[position] for fields in rows)
     )
     return TextColumns(data, delimiter, len(names), columns), remarks + comments
@@ -149,9 +153,9 @@ def find_header(
 def _read_rows_below_names(
     lines: Lines, row: int, delimiter: str | None, names: list[str]
 ) -> tuple[list[str], int, tuple[str, ...] | None]:
-    """Return comments below the names, the index of the first row of data, and the unit row.
+    """Return comments below the names, the index of the first data row, and the unit row.
 
-    Loggers put rates and channels between names and data: rows without any number.
+    Loggers write rates and channels between names and data, in rows without any number.
     """
     comments, data = skip_comments(lines, row)
     units = None
@@ -169,45 +173,45 @@ def _read_rows_below_names(
             return remarks, begin, units
         remarks += [] if found else [lines[begin][0].strip()]
         units = units or found
-        more, begin = skip_comments(lines, begin + 1)
-        remarks += more
+        more_comments, begin = skip_comments(lines, begin + 1)
+        remarks += more_comments
         if found:
             comments, data = list(remarks), begin
     return comments, data, units
 
 
 def _find_names_above_run(
-    path: Path, lines: Lines, first: int, min_columns: int, *, is_last: bool
+    path: Path, lines: Lines, first_line: int, min_columns: int, *, is_last: bool
 ) -> tuple[int, str | None]:
-    """Find the row of names above the first long run of numbers, and the delimiter."""
-    runs = [(find_run(lines, first, sign, min_columns), sign) for sign in _DELIMITERS]
+    """Return the row of names above the first long run of numbers, and the delimiter."""
+    runs = [(find_run(lines, first_line, sign, min_columns), sign) for sign in _DELIMITERS]
     found_runs = [(run, sign) for run, sign in runs if run is not None]
     if not found_runs and not is_last:
         raise HeadTooShortError
-    if not found_runs or any(run.start == first for run, _ in found_runs):
-        return first, detect_delimiter(lines[first][0])
+    if not found_runs or any(run.start == first_line for run, _ in found_runs):
+        return first_line, detect_delimiter(lines[first_line][0])
     for run, sign in found_runs:
-        row = _find_names_row(lines, first, run, sign)
+        row = _find_names_row(lines, first_line, run, sign)
         if row is not None:
             return row, sign
     run, _ = max(found_runs, key=lambda run: run[0].width)
-    above = _find_text_above(lines, first, run.start) or first
+    above = _find_text_above(lines, first_line, run.start) or first_line
     raise InputError(
-        f"{path}: line {above + 1}: '{shorten(lines[above][0].strip())}' stands where the header of "
-        f"the {run.width} columns of numbers below it should be; name them there, such as "
+        f"{path}: line {above + 1}: '{shorten(lines[above][0].strip())}' is in the place of the header of "
+        f"the {run.width} numeric columns below it; name them there, such as "
         "'I_A,F_N,gap_m'",
         code="header-not-named",
     )
 
 
 _MAX_ROWS_ABOVE = 12
-"""Rows above the data among which the names are: loggers put channels and rates below them."""
+"""Number of rows above the data that can contain the names, above channels and rates."""
 
 
-def _find_names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) -> int | None:
+def _find_names_row(lines: Lines, first_line: int, run: NumberRun, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
-    best, best_count = None, -2
-    above = _find_text_above(lines, first, run.start)
+    best_line, best_count = None, -2
+    above = _find_text_above(lines, first_line, run.start)
     for _ in range(_MAX_ROWS_ABOVE):
         names = None if above is None else _split_names(lines[above][0], sign)
         if above is None or names is None:
@@ -216,13 +220,13 @@ def _find_names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) 
             is_units = parse_unit_row(lines[above][0], sign, names) is not None
             count = -1 if is_units else _count_names(names)
             if count > best_count:
-                best, best_count = above, count
-        above = _find_text_above(lines, first, above)
-    return best
+                best_line, best_count = above, count
+        above = _find_text_above(lines, first_line, above)
+    return best_line
 
 
 def _count_names(names: list[str]) -> int:
-    """Count the fields that name a quantity or have a unit in brackets; settings are not names."""
+    """Return the number of fields with a known quantity or a unit in brackets; -1 for settings."""
     given = [name for name in names if name]
     if (len(given) > 1 and len(set(given)) == 1) or any("=" in name for name in given):
         return -1
@@ -234,7 +238,7 @@ def _count_names(names: list[str]) -> int:
 def _find_units_above(
     lines: Lines, delimiter: str | None, names: list[str]
 ) -> tuple[str, ...] | None:
-    """Return the units above a header: a row of them, or the vertical units of Tektronix."""
+    """Return the units above a header: a row of units, or the vertical units of Tektronix."""
     rows = [split_line(text, delimiter) for text, _ in lines if text.strip()]
     last = drop_empty_tail(rows[-1]) if rows else []
     if len(last) == len(names) and all(find_unit(unit.strip("[]()")) for unit in last if unit):
@@ -243,25 +247,28 @@ def _find_units_above(
     values, times = found.get("vertical units"), found.get("horizontal units")
     if values is None:
         return None
-    first = times[1] if times and len(times) > 1 else "s"
-    return (first.lower(), *values[1 : len(names)])
+    time_unit = times[1] if times and len(times) > 1 else "s"
+    return (time_unit.lower(), *values[1 : len(names)])
 
 
 def _split_names(text: str, delimiter: str | None) -> list[str] | None:
-    """Fields of a line that may be a header: none of them is a number."""
+    """Return the fields of a line that can be a header; ``None`` if one is a number."""
     fields = drop_empty_tail(split_header_line(text, delimiter))
     return None if any(is_number(field) for field in fields) else fields
 
 
-def _find_text_above(lines: Lines, first: int, start: int) -> int | None:
+def _find_text_above(lines: Lines, first_line: int, start: int) -> int | None:
     """Return the index of the last line above another that is neither blank nor a comment."""
-    above = range(start - 1, first - 1, -1)
+    above = range(start - 1, first_line - 1, -1)
     return next((n for n in above if lines[n][0].strip() and not is_comment(lines[n][0])), None)
 
 
 @dataclass(slots=True)
 class NumberRun:
-    """Rows of as many fields, the same ones numbers; ``used`` counts columns to the last filled one."""
+    """Consecutive rows with equal width and the same numeric columns.
+
+    ``used_columns`` counts the columns up to the last non-empty one.
+    """
 
     start: int
     width: int
@@ -270,15 +277,17 @@ class NumberRun:
     rows: int = 0
 
 
-def find_run(lines: Lines, first: int, delimiter: str | None, min_columns: int) -> NumberRun | None:
-    """Find the first run of at least `_RUN` rows, else the longest of three or more."""
-    run, best = NumberRun(first, 0, set()), None
-    for line in range(first, len(lines)):
+def find_run(
+    lines: Lines, first_line: int, delimiter: str | None, min_columns: int
+) -> NumberRun | None:
+    """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more."""
+    run, best_run = NumberRun(first_line, 0, set()), None
+    for line in range(first_line, len(lines)):
         text = lines[line][0]
         if not text.strip() or is_comment(text):
             continue
         fields = split_line(text, delimiter)
-        # Behind a word, a date is a setting.
+        # A date after a word is a setting.
         stamps = [TIME_STAMP.fullmatch(field) is not None for field in fields]
         is_row = bool(fields) and (stamps[0] or is_number_or_mark(fields[0]))
         numbers = {
@@ -298,24 +307,24 @@ def find_run(lines: Lines, first: int, delimiter: str | None, min_columns: int) 
             run = NumberRun(line, 0, set())
         elif run.rows >= _MIN_RUN_ROWS:
             return run
-        elif run.rows >= 3 and (best is None or run.rows > best.rows):
-            best = run
-    return best
+        elif run.rows >= 3 and (best_run is None or run.rows > best_run.rows):
+            best_run = run
+    return best_run
 
 
 def _is_table(numbers: set[int], columns: int, min_columns: int) -> bool:
-    """Whether this number of numeric columns makes a table rather than a list of settings."""
+    """Whether the number of numeric columns indicates a table rather than a list of settings."""
     return len(numbers) >= min_columns and 2 * len(numbers) > columns
 
 
 def detect_delimiter(line: str) -> str | None:
-    """Return the delimiter of a line; ``None`` stands for blanks."""
+    """Return the delimiter of a line; ``None`` for blanks."""
     outside = re.sub(r'"[^"]*"', "", line)
     return next((sign for sign in (";", "\t", ",") if sign in outside), None)
 
 
 def split_header_line(line: str, delimiter: str | None) -> list[str]:
-    """Fields of a header line; between blanks, a unit in brackets belongs to its name."""
+    """Return the fields of a header line; after a blank, a unit in brackets belongs to its name."""
     fields: list[str] = []
     for field in split_line(line, delimiter):
         if delimiter is None and fields and field.startswith(("[", "(")):
@@ -333,24 +342,26 @@ def drop_empty_tail(fields: list[str]) -> list[str]:
     return kept
 
 
-def read_header_comment(path: Path, lines: Lines, first: int, row: list[str]) -> list[str]:
-    """Take the names from the last comment before the data, as NumPy and COMSOL write them."""
-    comments = [text for text, _ in lines[:first] if is_comment(text)]
+def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str]) -> list[str]:
+    """Return the names in the last comment before the data, as NumPy and COMSOL write them."""
+    comments = [text for text, _ in lines[:first_line] if is_comment(text)]
     if comments:
         text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
-        whole = comments[-1].strip()  # a counter of rows may be called '#'
-        choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole)]
+        whole_comment = comments[-1].strip()  # a row number may be called '#'
+        choices = [
+            split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)
+        ]
         for fields in (*choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(
-        f"{path}: line {first + 1}: numbers where the header should be; {HEADER_ADVICE}",
+        f"{path}: line {first_line + 1}: numbers instead of a header; {HEADER_ADVICE}",
         code="no-header",
     )
 
 
 def parse_unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, ...] | None:
-    """Read a row that holds units only, or nothing if it is a row of data."""
+    """Return the units if a row contains only units; ``None`` otherwise."""
     fields = split_line(line, delimiter)
     if len(fields) < len(header) or any(is_number(field) for field in fields):
         return None
@@ -359,5 +370,5 @@ def parse_unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple
 
 
 def shorten(text: str) -> str:
-    """Return the beginning of a text, fit for a message."""
+    """Return the beginning of a text for a message."""
     return text if len(text) <= 40 else text[:37] + "..."

@@ -1,7 +1,8 @@
-"""Text files that hold several tables or whose times are not written: LabVIEW and aixACCT.
+"""Convert text files with several tables, or without times, to one table: LabVIEW and aixACCT.
 
-Such a file is rewritten in memory as one table of the same lines: what is no row of data becomes
-blank, and a row gets its time and the label of its table. Messages therefore name the right line.
+The file is rewritten in memory as one table with the same line numbers, so that messages name the
+correct line. Lines that are not data become blank. Each row gets its time and the label of its
+table.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _END_OF_HEADER = "***end_of_header***"
 def join_sections(
     path: Path, head: bytes, content: bytes | None
 ) -> tuple[bytes | None, TextColumns | None]:
-    """Return a file as one table, and where its columns are; other files as they are."""
+    """Return a file as one table, and its columns; other files are unchanged."""
     start = (content[: len(head)] if content is not None else head).removeprefix(b"\xef\xbb\xbf")
     is_labview = _LABVIEW_START.match(start) is not None
     is_aixacct = re.search(rb"^\s*\[?Table\s+\d+\]?\s*:?\s*$", start, re.M | re.I) is not None
@@ -40,8 +41,8 @@ def join_sections(
         return content, None
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"{path}: is larger than {MAX_BYTES >> 30} GiB; cut it", code="too-large")
-    whole = path.read_bytes() if content is None else content
-    lines = re.split(r"\r?\n", whole.decode(detect_encoding(whole), "replace"))
+    file_content = path.read_bytes() if content is None else content
+    lines = re.split(r"\r?\n", file_content.decode(detect_encoding(file_content), "replace"))
     sections, other_tables = (
         (_find_labview_segments(path, lines), []) if is_labview else _find_tables(path, lines)
     )
@@ -54,7 +55,7 @@ def join_sections(
 
 @dataclass
 class _Section:
-    """One table: its label, the columns, and its rows by line."""
+    """One table: its label, its columns, and its rows by line."""
 
     label: str
     columns: list[Column]
@@ -66,7 +67,7 @@ class _Section:
 def _merge_sections(
     sections: list[_Section], count: int, notes: list[str]
 ) -> tuple[list[str], TextColumns]:
-    """Put the rows of all tables into their lines; a column ``loop`` tells several tables apart."""
+    """Put the rows of all tables into their lines; a column ``loop`` separates several tables."""
     text = [""] * count
     columns = sections[0].columns
     width = len(columns)
@@ -76,17 +77,17 @@ def _merge_sections(
         tail = [section.label] if len(sections) > 1 else []
         for line, fields in section.rows.items():
             text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
-    first = min(min(section.rows) for section in sections)
+    first_line = min(min(section.rows) for section in sections)
     table = TextColumns(
-        first, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True
+        first_line, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True
     )
     return text, table
 
 
 def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section]]:
-    """Find the tables of aixACCT that have the usual columns, and the others.
+    """Return the aixACCT tables with the most frequent columns, and the others.
 
-    Each is a line such as ``Table 1``, settings, names with units, and rows of numbers.
+    A table has a line such as ``Table 1``, settings, names with units, and numeric rows.
     """
     found: list[_Section] = []
     label = ""
@@ -106,8 +107,12 @@ def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Se
     if not found:
         return [], []
     names = [tuple(column.name for column in section.columns) for section in found]
-    usual, _ = Counter(names).most_common(1)[0]
-    sections = [section for section, own in zip(found, names, strict=True) if own == usual]
+    usual_names, _ = Counter(names).most_common(1)[0]
+    sections = [
+        section
+        for section, section_names in zip(found, names, strict=True)
+        if section_names == usual_names
+    ]
     if len({section.label for section in sections}) < len(sections):
         for number, section in enumerate(sections, start=1):
             section.label = str(number)
@@ -115,7 +120,7 @@ def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Se
 
 
 def _check_field_count(path: Path, number: int, fields: list[str], count: int) -> list[str]:
-    """Return the fields of a row, and refuse more or fewer than there are names."""
+    """Return the fields of a row; raise an error unless there are ``count`` fields."""
     if len(fields) != count:
         raise InputError(
             f"{path}: line {number + 1}: has {len(fields)} fields where the header names {count} "
@@ -126,7 +131,7 @@ def _check_field_count(path: Path, number: int, fields: list[str], count: int) -
 
 
 def _find_labview_segments(path: Path, lines: list[str]) -> list[_Section]:
-    """Find the segments of a LabVIEW measurement file."""
+    """Return the segments of a LabVIEW measurement file."""
     head: dict[str, str] = {}
     begin = len(lines)
     for number, text in enumerate(lines):
@@ -153,7 +158,7 @@ class _SegmentReader:
         self.expects_names = False
 
     def feed(self, number: int, text: str) -> None:
-        """Take one line."""
+        """Process one line."""
         fields = split_line(text, self.sign)
         key = fields[0].lower()
         if not any(fields):
@@ -172,7 +177,7 @@ class _SegmentReader:
             self._add_row(number, fields)
 
     def finish(self) -> list[_Section]:
-        """Return the segments; those that continue one another in time are one."""
+        """Return the segments; segments that continue in time are joined."""
         found = [section for section in self.segments if section.rows]
         if not found:
             raise InputError(
@@ -204,7 +209,7 @@ class _SegmentReader:
         step = 2 if self.kind == "multi" else 1
         channels = names[1::step]
         units = self.settings.get("y_unit_label", [])
-        if len(units) > len(channels):  # a field for the times of each channel
+        if len(units) > len(channels):  # one field for the times of each channel
             units = units[::step]
         units = [*units, *[""] * len(channels)][: len(channels)]
         columns = [Column("t", "s", 0)]
@@ -219,7 +224,7 @@ class _SegmentReader:
         )
 
     def _shared_setting(self, key: str) -> float:
-        """Return a setting that all channels must share; 0 if there is none."""
+        """Return a setting that must be equal for all channels; 0 if it is missing."""
         values = [text.replace(",", ".") for text in self.settings.get(key, []) if text]
         numbers = {float(text) for text in values if is_number(text)}
         if len(numbers) > 1 and self.kind == "no":
@@ -243,7 +248,7 @@ class _SegmentReader:
                     f"({', '.join(times)}); export them with one clock, or with X_Columns = One",
                     code="different-times",
                 )
-        elif self.kind == "no" and fields[0]:  # without the blank field of the times
+        elif self.kind == "no" and fields[0]:  # without the blank field for the time
             times, values = [""], _check_field_count(self.path, number, fields, count)
         else:
             times, values = fields[:1], fields[1 : 1 + count]
@@ -251,12 +256,12 @@ class _SegmentReader:
         section.rows[number] = [*times[:1], *values]
 
     def _segment_times(self, section: _Section) -> list[float]:
-        """Return the first and last time of a segment, and write its times where there are none."""
+        """Return the first and last time of a segment; missing times are added to its rows."""
         start, step = section.start - self.segments[0].start, section.step
         if self.kind == "no":
             if step <= 0.0:
                 raise InputError(
-                    f"{self.path}: says no Delta_X, so that its samples have no time; export it with "
+                    f"{self.path}: does not state Delta_X, so its samples have no time; export it with "
                     "X_Columns = One",
                     code="no-time-step",
                 )

@@ -1,4 +1,4 @@
-"""TDMS files of LabVIEW, by the package nptdms."""
+"""Read and write TDMS files of LabVIEW with nptdms."""
 
 from __future__ import annotations
 
@@ -20,20 +20,22 @@ from anhyst.data.formats.channels import (
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
-_STEP_PROPERTY, _START_PROPERTY = "wf_increment", "wf_start_time"
+_STEP_PROPERTY = "wf_increment"
+_START_PROPERTY = "wf_start_time"
 _MIN_START_TIME = np.datetime64("1910-01-01")
-"""LabVIEW writes its epoch of 1904 where no start time is known."""
+"""Earliest valid start time; LabVIEW writes its epoch of 1904 if the start time is unknown."""
 _UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _DEFAULT_GROUP = "channels"
 
 
 @opener("nptdms")
 def open_tdms(path: Path) -> ChannelFile:
-    """Look at a TDMS file.
+    """Open a TDMS file.
 
-    Clocks are waveform properties (``wf_start_time``, ``wf_start_offset``, ``wf_increment``), or a
-    channel that is named as a time among channels of its length; units are ``unit_string``. Times
-    count from the earliest ``wf_start_time``; a channel without one starts there.
+    A clock is a waveform with the properties ``wf_start_time``, ``wf_start_offset`` and
+    ``wf_increment``, or a channel named as a time among channels of equal length. Units are
+    ``unit_string``. Times count from the earliest ``wf_start_time``; a channel without one starts
+    there.
     """
     from nptdms import TdmsFile
 
@@ -61,7 +63,7 @@ def open_tdms(path: Path) -> ChannelFile:
 
 
 def _start_time(item: Any) -> Any:
-    """Return the absolute time at which a waveform starts, if it is stated."""
+    """Return the absolute start time of a waveform, or ``None`` if it is not stated."""
     start = item.properties.get(_START_PROPERTY)
     if item.properties.get(_STEP_PROPERTY) is None or not isinstance(start, np.datetime64):
         return None
@@ -76,7 +78,7 @@ def _make_channel(
     bytes_per_sample = {"b": 1, "O": 1, "M": width // 2}.get(item.dtype.kind, width)
     if count * bytes_per_sample > size:
         raise InputError(
-            f"{path}: channel '{group}/{item.name}' says that it holds {count} samples, more than "
+            f"{path}: channel '{group}/{item.name}' states that it has {count} samples, more than "
             "the file; it is damaged, record or export it again",
             code="damaged-file",
         )
@@ -111,15 +113,15 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
 
 
 def _read_samples(file: Any, channel: Channel, count: int | None) -> Values:
-    first, second = channel.key
-    if not isinstance(first, str):
-        return np.asarray(first + second * np.arange(channel.length)[:count])
-    values = file[first][second].read_data(length=count)
+    key, key_detail = channel.key
+    if not isinstance(key, str):
+        return np.asarray(key + key_detail * np.arange(channel.length)[:count])
+    values = file[key][key_detail].read_data(length=count)
     return np.asarray(values, dtype=str) if channel.is_text else np.asarray(values)
 
 
 def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write a TDMS file; the times of a group are a channel of it."""
+    """Write a TDMS file; the times of a group are one of its channels."""
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
     notes = []
@@ -133,7 +135,7 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                         n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used
                     )
                     notes.append(
-                        f"group '{name}' has several clocks: '{name}_{free_number}' holds the next"
+                        f"group '{name}' has several clocks: '{name}_{free_number}' contains the next"
                     )
                     name = f"{name}_{free_number}"
                 used.add(name)

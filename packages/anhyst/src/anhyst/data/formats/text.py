@@ -1,8 +1,8 @@
-"""Text tables, CSV and its kin: fast and in bounded memory when all is well, exact about what is not.
+"""Read and write text tables such as CSV, with limited memory.
 
-A file is read in chunks. The fast path cuts the wanted fields out of the bytes with NumPy and
-converts them in one call. Whatever it does not understand (comments between rows, quotes, blank
-lines, a fault) goes line by line through the slow path, which either copes or names the line.
+A file is read in chunks. The fast path extracts the requested fields from the bytes with NumPy and
+converts them in one call. If it finds comments between rows, quotes, blank lines or a fault, the
+slow path reads the chunk line by line. It either handles them or raises an error with the line.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class TextTable(Layout):
     __slots__ = ()
 
     def find(self, name: str) -> int | None:
-        """Return the index of a column by its header; blanks count once."""
-        plain = " ".join(name.split())
-        return self.header.index(plain) if plain in self.header else None
+        """Return the index of a column by its header; several blanks count as one."""
+        plain_name = " ".join(name.split())
+        return self.header.index(plain_name) if plain_name in self.header else None
 
     def first_rows(self, count: int) -> list[list[str]]:
-        """Return the fields of the first rows of data."""
+        """Return the fields of the first data rows."""
         with self.open() as file:
             file.seek(self.offset)
             lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
@@ -83,38 +83,38 @@ class TextTable(Layout):
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read the wanted columns; the others are not even parsed."""
+        """Read the requested columns; the others are not parsed."""
         columns = self.table.columns
         fields = {
             n: column.position for n, column in enumerate(columns) if column.position is not None
         }
         stamps = {self.stamp_column} & {*numbers}
-        wanted = [n for n in numbers if n in fields and n not in stamps]
-        labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
-        if not wanted and not labels:
-            labels = [next(iter(fields))]  # the rows are counted
+        number_columns = [n for n in numbers if n in fields and n not in stamps]
+        text_columns = [n for n in {*texts, *stamps} if n in fields and n is not None]
+        if not number_columns and not text_columns:
+            text_columns = [next(iter(fields))]  # needed to count the rows
         reader = _ColumnReader(
-            self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels)
+            self, tuple(fields[n] for n in number_columns), tuple(fields[n] for n in text_columns)
         )
         digest = hashlib.sha256()
-        done = self.offset
+        bytes_done = self.offset
         with self.open() as file:
             digest.update(file.read(self.offset))
             for chunk in _read_chunks(file, self):
                 digest.update(chunk)
-                done += len(chunk)
+                bytes_done += len(chunk)
                 reader.feed(chunk)
                 if progress is not None:
-                    progress(done, self.size)
+                    progress(bytes_done, self.size)
         sha256 = digest.hexdigest() if self.content is None else file_sha256(self.path)
         found = reader.finish()
-        values = {n: reader.number_columns[fields[n]] for n in wanted}
-        words = {n: found[fields[n]] for n in labels}
+        values = {n: reader.number_columns[fields[n]] for n in number_columns}
+        words = {n: found[fields[n]] for n in text_columns}
         values |= {n: seconds_since_first(words[n]) for n in stamps if n is not None}
         start, step = self.table.clock
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
-        values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
+        values |= {n: start + step * values[n] for n in number_columns if columns[n].is_counter}
         words |= {
             n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields
         }
@@ -123,7 +123,7 @@ class TextTable(Layout):
         return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
 
     def locate_row(self, row: int) -> str:
-        """Return the line of a row, both counted from the beginning of the file, rows from 0."""
+        """Return the file and line of a data row; rows count from 0, lines from 1."""
         with self.open() as file:
             file.seek(self.offset)
             rows = classify_rows(split_lines(file, self), self)
@@ -132,34 +132,34 @@ class TextTable(Layout):
 
 
 def open_text(path: Path, min_columns: int) -> TextTable:
-    """Open a text table of at least ``least`` columns."""
+    """Open a text table with at least ``min_columns`` columns."""
     return read_layout(path, min_columns, TextTable)
 
 
 def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write sections of one length as CSV, units in the headers."""
+    """Write channel groups of equal length as CSV, with units in the headers."""
     columns: dict[str, Column] = {}
     notes = []
     for section in sections:
         for signal in [*([section.clock] if section.clock else []), *section.series]:
             header, values = join_header(signal.name, signal.unit), signal.values
-            while header in columns:  # 'I' in A beside 'I_A' without a unit
+            while header in columns:  # 'I' in A and 'I_A' without a unit
                 header += "#"
             if values.dtype.kind == "U":
                 columns[header] = Texts.from_rows(values.tolist())
             else:
                 columns[header] = numbers = np.asarray(values, dtype=np.float64)
                 if values.dtype.kind in "iu" and not np.array_equal(numbers, values):
-                    notes.append(f"'{signal.name}' holds counts beyond 2^53, which are rounded")
+                    notes.append(f"'{signal.name}' contains integers above 2^53, which are rounded")
     groups = [section.group for section in sections if section.group]
     if groups:
-        notes.append(f"CSV holds no groups: {', '.join(dict.fromkeys(groups))} left out")
+        notes.append(f"CSV cannot store groups: {', '.join(dict.fromkeys(groups))} left out")
     write_csv(path, columns)
     return tuple(notes)
 
 
 def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
-    """Write columns of equal length as CSV, numbers to full precision, whole or not at all."""
+    """Write columns of equal length as CSV with full precision; no partial file is left."""
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1:
         raise ValueError(f"columns of different lengths: {sorted(lengths)}")
@@ -178,7 +178,7 @@ def _format_rows(column: Column, start: int, stop: int) -> list[str]:
         return [quoted[code] for code in column.codes[start:stop].tolist()]
     if column.dtype == np.bool_:
         return [("0", "1")[value] for value in column[start:stop].tolist()]
-    # Integral values are written without ".0": tables of counts and labels stay as they were.
+    # Integers are written without ".0", so that counts and labels stay unchanged.
     return [repr(value).removesuffix(".0") for value in column[start:stop].tolist()]
 
 
@@ -190,46 +190,50 @@ def _quote_field(text: str) -> str:
 
 Labels = NDArray[np.bytes_] | list[str]
 Piece = tuple[FloatArray, list[Labels], int]
-"""Numbers of shape (rows, columns), one list of texts a text column, and the count of lines."""
+"""Numbers of shape (rows, columns), a list of texts for each text column, number of lines."""
 
 _THOUSANDS_NUMBER = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
 _MINUTES_AND_SECONDS = re.compile(r"\d+:\d+([.,]\d+)?")
 _CHUNK_BYTES = 1 << 22
 _MAX_SHOWN_LENGTH = 30
 _MAX_ODD_ROWS = 20
-"""Rows of statistics and the like that may precede the first samples."""
+"""Maximum number of rows with statistics and the like before the first samples."""
 
 
 def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
-    """Yield pieces of about 4 MiB that end with a line."""
-    rest = b""
+    """Yield pieces of about 4 MiB that end with a complete line."""
+    remainder = b""
     while block := file.read(_CHUNK_BYTES):
         cut = block.rfind(layout.eol) + 1
         if cut:
-            yield rest + block[:cut]
-            rest = block[cut:]
+            yield remainder + block[:cut]
+            remainder = block[cut:]
         elif len(block) == _CHUNK_BYTES:
             raise InputError(
-                f"{layout.path}: holds a line of more than 4 MiB: no text table",
+                f"{layout.path}: contains a line of more than 4 MiB: it is not a text table",
                 code="line-too-long",
             )
         else:
-            rest += block
-    if rest:
-        yield rest
+            remainder += block
+    if remainder:
+        yield remainder
 
 
 def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
-    """Yield the lines from the file's present position, without their ends."""
+    """Yield the lines from the current position of a file, without their ends."""
     for chunk in _read_chunks(file, layout):
         for line in chunk.removesuffix(layout.eol).split(layout.eol):
             yield line.decode(layout.encoding, "replace").rstrip("\r")
 
 
 def shorten_field(field: str) -> str:
-    """Return a field of a file in a form fit for one line of a message."""
-    plain = "".join(sign if sign.isprintable() else "?" for sign in field)
-    return plain if len(plain) <= _MAX_SHOWN_LENGTH else plain[: _MAX_SHOWN_LENGTH - 3] + "..."
+    """Return a field of a file in printable and short form, for a message."""
+    printable = "".join(sign if sign.isprintable() else "?" for sign in field)
+    return (
+        printable
+        if len(printable) <= _MAX_SHOWN_LENGTH
+        else printable[: _MAX_SHOWN_LENGTH - 3] + "..."
+    )
 
 
 class _ColumnReader:
@@ -249,13 +253,13 @@ class _ColumnReader:
         self.notes: list[str] = []
         self.pending_remarks: list[
             str
-        ] = []  # remarks since the last row; empty texts for blank lines
+        ] = []  # comments since the last row; empty texts for blank lines
         self.breaks: list[tuple[int, tuple[str, ...]]] = []
         self.thousands = ThousandsCheck(layout.table.delimiter)
         self.bytes_read = 0
 
     def feed(self, chunk: bytes) -> None:
-        """Take a chunk of whole lines."""
+        """Process a chunk of complete lines."""
         self.bytes_read += len(chunk)
         layout = self.layout
         if self.thousands.may_occur(chunk):
@@ -273,7 +277,7 @@ class _ColumnReader:
         self.line += lines
 
     def finish(self) -> dict[int, Texts]:
-        """Trim the columns of numbers, and return those of text."""
+        """Trim the numeric columns, and return the text columns."""
         if self.rows == 0:
             raise InputError(
                 f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
@@ -290,25 +294,28 @@ class _ColumnReader:
         for position, index in enumerate(self.numbers):
             column = self.number_columns[index]
             if needed > column.size:
-                # The rows still to come are about as long as those seen: one growth is the rule.
+                # The remaining rows are about as long as the previous ones, so the columns usually
+                # grow once.
                 expected = needed / self.bytes_read * (self.layout.size - self.layout.offset)
                 column.resize(max(needed, math.ceil(expected * 1.01)), refcheck=False)
             column[self.rows : needed] = values[:, position]
         self.rows = needed
 
     def _encode_texts(self, index: int, texts: Labels) -> NDArray[np.int32]:
-        known = self.text_codes[index]
+        code_by_text = self.text_codes[index]
         if isinstance(texts, list):
-            return np.array([known.setdefault(text, len(known)) for text in texts], np.int32)
-        values, first, inverse = np.unique(texts, return_index=True, return_inverse=True)
+            return np.array(
+                [code_by_text.setdefault(text, len(code_by_text)) for text in texts], np.int32
+            )
+        values, first_rows, inverse = np.unique(texts, return_index=True, return_inverse=True)
         codes = np.empty(values.size, np.int32)
-        for at in np.argsort(first):  # in order of appearance
+        for at in np.argsort(first_rows):  # in order of appearance
             text = values[at].decode(self.layout.encoding, "replace").strip()
-            codes[at] = known.setdefault(text, len(known))
+            codes[at] = code_by_text.setdefault(text, len(code_by_text))
         return codes[inverse.reshape(-1)]
 
     def _convert_fast(self, chunk: bytes) -> Piece | None:
-        """Convert a chunk without a Python loop over its rows, or give up with ``None``."""
+        """Convert a chunk without a loop over its rows; ``None`` if it needs the slow path."""
         layout = self.layout
         if layout.eol == b"\r" or b"#" in chunk or b"%" in chunk or b'""' in chunk:
             return None
@@ -343,7 +350,7 @@ class _ColumnReader:
         return table, labels, starts.shape[0]
 
     def _convert_fast_blanks(self, chunk: bytes) -> Piece | None:
-        """Convert a chunk whose columns are all numbers between blanks."""
+        """Convert a chunk of numbers separated by blanks; ``None`` if it needs the slow path."""
         if self.texts:
             return None
         data = np.frombuffer(chunk, np.uint8)
@@ -360,7 +367,7 @@ class _ColumnReader:
         return values.reshape(ends.size, width)[:, list(self.numbers)], [], ends.size
 
     def _convert_by_line(self, chunk: bytes) -> Piece:
-        """Read a chunk line by line and name the line that is at fault."""
+        """Convert a chunk line by line, and name the line of a fault."""
         layout = self.layout
         lines = chunk.removesuffix(layout.eol).split(layout.eol)
         texts = (line.decode(layout.encoding, "replace").rstrip("\r") for line in lines)
@@ -409,7 +416,7 @@ class _ColumnReader:
     def _parse_number(self, field: str, index: int, number: int) -> float:
         comma = "." not in field
         key = self.names[index]
-        where = f"{self.layout.path}: line {number}, column '{key}'"
+        place = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
@@ -417,15 +424,15 @@ class _ColumnReader:
         except ValueError:
             if is_invalid_mark(field):
                 return math.nan
-            text = f"{where}: '{shorten_field(field)}' is not a number; correct or remove the line"
+            text = f"{place}: '{shorten_field(field)}' is not a number; correct or remove the line"
             if _THOUSANDS_NUMBER.fullmatch(field):
                 text = (
-                    f"{where}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
+                    f"{place}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
                     "without it"
                 )
             elif _MINUTES_AND_SECONDS.fullmatch(field):
                 text = (
-                    f"{where}: '{shorten_field(field)}' is a time without hours; export the times in s, "
+                    f"{place}: '{shorten_field(field)}' is a time without hours; export the times in s, "
                     f'or leave them out: --columns "{key}="'
                 )
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
@@ -435,7 +442,7 @@ class _ColumnReader:
 def _find_fields(
     data: NDArray[np.uint8], delimiter: int, width: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Where each field starts and stops, or ``None`` if not every row has ``width`` fields."""
+    """Return where each field starts and stops; ``None`` unless every row has ``width`` fields."""
     ends = np.flatnonzero(data == 10)
     delimiters = np.flatnonzero(data == delimiter)
     if delimiters.size != ends.size * (width - 1):
@@ -451,7 +458,7 @@ def _find_fields(
 def _cut_texts(
     data: NDArray[np.uint8], starts: NDArray[np.intp], stops: NDArray[np.intp]
 ) -> NDArray[np.bytes_]:
-    """Cut one column of text out, as fixed-width byte strings."""
+    """Return one text column as fixed-width byte strings."""
     length = stops - starts
     width = max(1, int(length.max()))
     byte = starts[:, None] + np.arange(width)
@@ -461,9 +468,9 @@ def _cut_texts(
 
 
 def _convert_numbers(text: bytes, sep: str, count: int) -> FloatArray | None:
-    """Convert separated numbers at once; ``None`` if one is missing, odd or no measured value."""
+    """Convert separated numbers in one call; ``None`` if one is missing, invalid or a mark."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer raises
+        warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer NumPy raises
         try:
             values: FloatArray = np.fromstring(text, np.float64, sep=sep)
         except ValueError:
