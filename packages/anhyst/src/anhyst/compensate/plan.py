@@ -15,7 +15,7 @@ from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, Tab
 from anhyst.compensate.builder import BlockBuilder
 from anhyst.compensate.circuit import flux_gain, flux_shift
 from anhyst.compensate.force_controller import Io
-from anhyst.compensate.search import BlockSearch, SearchResult
+from anhyst.compensate.search import BlockSearch, BlockSearchResult
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
 from anhyst.model.actuator import Model, find_compile_obstacle
@@ -163,7 +163,7 @@ class Plan:
     block: Block  # parameter block
     static_block: Block  # block without eddy-current lag; the same block if the model has none
     start_up: StartUp  # the start-up sequence
-    search_result: SearchResult  # errors of all tested table sizes
+    search_result: BlockSearchResult  # errors of all tested table sizes
     reference_output: float  # 100 % of all relative figures; see :func:`reference_output`
     allowance: float  # largest deviation due to formats and tables, in units of the output
 

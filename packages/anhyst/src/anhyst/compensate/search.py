@@ -74,7 +74,7 @@ ITERATION_RANGE = range(2, 12)
 
 
 @dataclass(frozen=True)
-class SearchResult:
+class BlockSearchResult:
     """Result of the search."""
 
     sizes: TableSizes  # selected sizes
@@ -114,7 +114,7 @@ class BlockSearch:
             (k for k in knees if full_scale * 4.0 ** -(k + 1) <= MAX_KNEE_SHARE * self.allowance), 8
         )
 
-    def run(self) -> SearchResult:
+    def run(self) -> BlockSearchResult:
         """Run the search."""
         axes = {"gap_segments": self._gap_axis()}
         for name, values in TABLE_SIZES[self.kind].items():
@@ -133,7 +133,7 @@ class BlockSearch:
         best_error, sizes = best_candidate
         if self.kind != "cells":  # play cells are solved in closed form
             sizes = replace(sizes, iterations=self._select_iterations(sizes))
-        return SearchResult(sizes, best_error, axes)
+        return BlockSearchResult(sizes, best_error, axes)
 
     def _select_iterations(self, sizes: TableSizes) -> int:
         """Return one more than the smallest number of iterations that is as good as many."""

@@ -137,7 +137,7 @@ class Verification(Result):
     def tables(self) -> list[TerminalTable]:
         """Return the results as tables for people."""
         results = ((result,) for result in self.results)
-        rows = [_make_table("bit for bit the results as on the host", _EQUALITY_COLUMNS, results)]
+        rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, results)]
         costs = [(result, cost) for result in self.results for cost in result.costs]
         sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
         missing = [(tool, tool.target in self.not_run) for tool in self.missing]

@@ -322,14 +322,14 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
     known_targets = (*TARGETS, *WHOLE_TARGETS)
     if not targets:
         raise wrong_key(
-            "--on", f"no target; known_targets are {', '.join(known_targets)}", code="no-target"
+            "--on", f"no target; known are {', '.join(known_targets)}", code="no-target"
         )
     for name in targets:
         if reason := WHOLE_TARGETS.explain_unusable(name):
             raise InputError(f"--on: {name}: {reason}", code="not-installed", key="--on")
         if name not in known_targets:
             hint = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == "cortex-m3-qemu")
-            text = f"unknown target {name}; known_targets are {', '.join(known_targets)}{hint}"
+            text = f"unknown target {name}; known are {', '.join(known_targets)}{hint}"
             raise wrong_key("--on", text, code="unknown-target")
         if bundle.stage and name not in FLOAT_TARGETS:
             text = f"{name} is not for the controller of a stage; give {', '.join(FLOAT_TARGETS)}"
