@@ -9,8 +9,8 @@
 /* 0 for kernels that accept no negative flux arm */
 static int32_t least_flux_arm;
 
-/* Different words for each table, so that the replacement of over_gap() knows the range of its
-   entries. */
+/* Different words for each table, so that the replacement of interpolate_over_gap() knows the range
+   of its entries. */
 enum { GAIN = 101, OFFSET, BIAS, FLUX_ARM, FIELD_ARM, LAG_ARM };
 
 static void any_head(int16_t *words)
@@ -58,7 +58,7 @@ static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 
 /* ---- contracts ---- */
 
 #ifdef LEAVES_BY_CONTRACT
-static int16_t over_gap(gap_position position, int16_t first)
+static int16_t interpolate_over_gap(gap_position position, int16_t first)
 {
   if (first == GAIN || first == FIELD_ARM) {
     return (int16_t)any_within(1, ANHYST_Q15_MAX);
@@ -135,7 +135,7 @@ static void prove_over_gap(void)
   SHOW(segment >= 0 && segment < segments);
   const int32_t change = (int32_t)words[first + segment + 1] - words[first + segment];
   ASSUME(change >= -ANHYST_Q15_MAX && change <= ANHYST_Q15_MAX);
-  (void)over_gap(position, first);
+  (void)interpolate_over_gap(position, first);
 }
 
 int main(void)

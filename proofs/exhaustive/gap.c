@@ -14,7 +14,7 @@ int main(void)
     const int32_t high = change < 0 ? 0 : change;
     for (int32_t part = 0; part <= 0x7FFF; part++) {
       const gap_position position = {words, part};
-      const int32_t found = over_gap(position, 0);
+      const int32_t found = interpolate_over_gap(position, 0);
       wrong += found < low || found > high;
     }
   }

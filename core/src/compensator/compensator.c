@@ -34,7 +34,7 @@ static gap_position locate_gap(const int16_t *words, int32_t gap)
 
 /* Returns the interpolated entry of a table, rounded; `first` is the word of the block that
    contains the table's index. */
-static int16_t over_gap(gap_position position, int16_t first)
+static int16_t interpolate_over_gap(gap_position position, int16_t first)
 {
   const int16_t *entry_below = position.words + first;
   return (int16_t)(entry_below[0] +
@@ -96,7 +96,7 @@ static int32_t output_to_flux(const int16_t *words, int32_t above_offset, gap_po
   const int32_t part = words[ANHYST_WORD_POWER] == 2
                            ? root(above_offset > 0 ? above_offset : 0, words[ANHYST_WORD_ROOT_KNEE])
                            : above_offset >> 1;
-  return anhyst_scale(part, over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
+  return anhyst_scale(part, interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
 }
 
 static int32_t flux_limit(const int16_t *words)
@@ -121,7 +121,7 @@ static int32_t flux_to_output(const int16_t *words, int32_t flux, gap_position p
   const int32_t flux_size = anhyst_abs_q31(flux) >> (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
   int32_t part = 0;
   if (flux_size > 0) {
-    part = anhyst_quotient(flux_size, over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
+    part = anhyst_quotient(flux_size, interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
   }
   if (words[ANHYST_WORD_POWER] == 2) {
     return square(anhyst_clamp(part, 0, ANHYST_Q30_ONE - 1), words[ANHYST_WORD_ROOT_KNEE]);

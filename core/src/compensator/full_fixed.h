@@ -94,7 +94,7 @@ static inline slope slope_of(table curve, number rise)
 }
 
 /* Limits a slope to 0..ANHYST_SLOPE_MAX. */
-static inline slope rising(slope a) { return anhyst_sat_u15(a); }
+static inline slope limit_slope(slope a) { return anhyst_sat_u15(a); }
 
 /* Returns step*slope for a step of at most MAX_EXTRAPOLATION. */
 static inline number along_slope(number step, slope a)
@@ -199,7 +199,7 @@ static inline number multiply_by_share(number a, number share)
    weight. */
 static inline entry lead_of(number a) { return anhyst_sat_q15((0x2000 + a) >> 14); }
 static inline number lead_part(number part, entry lead) { return anhyst_scale(part, lead) * 4; }
-static inline number bounded(number a) { return anhyst_sat_q28(a); }
+static inline number saturate_target(number a) { return anhyst_sat_q28(a); }
 
 static inline number current_limit(const entry *words, int16_t word)
 {

@@ -82,7 +82,7 @@ enum { PREDICT, CORRECT, COMMIT };
 
 /* All code below works in the direction of travel: the law is odd, and signs are removed once. */
 
-static inline double positive(double value) { return value > 0.0 ? value : 0.0; }
+static inline double limit_to_positive(double value) { return value > 0.0 ? value : 0.0; }
 
 /* Irreversible magnetisation at the end of a step, and the inverse slope of the equation there. */
 typedef struct {
@@ -136,17 +136,17 @@ static inline void evaluate_step(block *restrict b, double drive, int purpose, i
     const double y0 = sign * b->y[i], m0 = sign * b->anhysteretic[i];
     double slope;
     const double m1 = langevin(x1, &slope);
-    const double ahead = positive(m1 - y0);
+    const double ahead = limit_to_positive(m1 - y0);
     const double s = distance * b->kappa_inverse[i];
     const double stiffness = 1.0 + b->reversible[i] * slope;
     step_end end;
     if (purpose == PREDICT) {
-      end = estimate_end(y0, positive(m0 - y0), ahead, s, stiffness, pinned);
+      end = estimate_end(y0, limit_to_positive(m0 - y0), ahead, s, stiffness, pinned);
     } else {
       end.y = linear_step(y0, m0, m1, ahead, s);
       end.newton_gain = b->newton_gain[i];
       if (purpose == CORRECT) {
-        end.newton_gain = 1.0 / (stiffness + pinned * positive(m1 - end.y));
+        end.newton_gain = 1.0 / (stiffness + pinned * limit_to_positive(m1 - end.y));
       }
     }
     const double m = end.y + c * (m1 - end.y);
@@ -157,7 +157,7 @@ static inline void evaluate_step(block *restrict b, double drive, int purpose, i
       b->anhysteretic[i] = sign * m1;
       b->m[i] = sign * m;
     } else {
-      b->distance[i] = positive(distance - (x1 + omega * m - sign * r) * end.newton_gain);
+      b->distance[i] = limit_to_positive(distance - (x1 + omega * m - sign * r) * end.newton_gain);
     }
   }
 }

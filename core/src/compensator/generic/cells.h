@@ -94,7 +94,7 @@ static number join_field(const cell_path *path, int cell, number low)
 }
 
 /* Returns whether a cell came to rest on a path in this direction. */
-static int rested_in_this_direction(const cell_path *path, int cell)
+static int has_rested_in_direction(const cell_path *path, int cell)
 {
   const uint32_t risen = (uint32_t)path->risen ^ (uint32_t)(int32_t)path->mirror;
   return ((risen >> ((unsigned)cell & 31U)) & 1U) != 0U;
@@ -108,7 +108,7 @@ static void find_reversal_group(cell_path *path, int last)
   const number x = rest_field(path, cell);
   do {
     cell++;
-  } while (cell <= last && !rested_in_this_direction(path, cell) && rest_field(path, cell) == x);
+  } while (cell <= last && !has_rested_in_direction(path, cell) && rest_field(path, cell) == x);
   path->reversal = locate(path, path->rows, mirrored(x, -1));
   path->x = x;
   path->prior_active = cell;
@@ -118,7 +118,7 @@ static void find_reversal_group(cell_path *path, int last)
    to the sum of the cells at rest. */
 static number resting_magnetisation(cell_path *path, spot position, int last)
 {
-  if (rested_in_this_direction(path, path->active)) {
+  if (has_rested_in_direction(path, path->active)) {
     return cell_magnetisation(path, position);
   }
   if (path->active >= path->prior_active) {

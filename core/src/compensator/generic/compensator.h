@@ -57,11 +57,11 @@ static arms_type arms_at(const compensator *c, gap_position position)
 {
   const entry *words = c->words;
   arms_type arms;
-  arms.bias = bias_of(over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
-  arms.flux_arm = over_gap(position, words[ANHYST_WORD_GAP_FLUX_ARM]);
-  arms.field_arm = over_gap(position, words[ANHYST_WORD_GAP_FIELD_ARM]);
+  arms.bias = bias_of(interpolate_over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
+  arms.flux_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FLUX_ARM]);
+  arms.field_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FIELD_ARM]);
   if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
-    const entry lag = over_gap(position, words[ANHYST_WORD_GAP_LAG_ARM]);
+    const entry lag = interpolate_over_gap(position, words[ANHYST_WORD_GAP_LAG_ARM]);
     arms.flux_arm = add_arms(arms.flux_arm, lag);
     arms.bias = limit_bias(arms.bias - product(c->flux_applied, lag));
   }
@@ -70,7 +70,7 @@ static arms_type arms_at(const compensator *c, gap_position position)
 
 static number offset_at(const entry *words, gap_position position)
 {
-  return word_to_signal(over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
+  return word_to_signal(interpolate_over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
 }
 
 /* Returns the flux for the demand at this gap; at least 0 if the output is proportional to its

@@ -48,7 +48,7 @@ static gap_position locate_gap(const entry *words, number fraction)
   return found;
 }
 
-static number over_gap(gap_position position, entry first)
+static number interpolate_over_gap(gap_position position, entry first)
 {
   const entry *entry_below = position.words + (int32_t)first;
   return entry_below[0] + (entry_below[1] - entry_below[0]) * position.part;
@@ -102,7 +102,7 @@ static number output_to_flux(const entry *words, number above_offset, gap_positi
     part = root(above_offset > (number)0 ? above_offset : (number)0,
                 (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
   }
-  return part * over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
+  return part * interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
 }
 
 static number flux_limit(const entry *words) { return words[ANHYST_WORD_FLUX_LIMIT]; }
@@ -116,7 +116,7 @@ static number to_inner_flux(const entry *words, number flux)
 
 static number flux_to_output(const entry *words, number flux, gap_position position)
 {
-  const number part = flux / over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
+  const number part = flux / interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
   if (words[ANHYST_WORD_POWER] == (entry)1) {
     return part;
   }

@@ -96,7 +96,7 @@ static inline number current_at(const compensator *c, number x, number m)
 static inline equation current_equation(const compensator *c, number target)
 {
   const equation eq = {air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms), c->arms.flux_arm,
-                       bounded(target)};
+                       saturate_target(target)};
   return eq;
 }
 
@@ -136,7 +136,7 @@ static inline equation equation_for_residual(const compensator *c, const path_po
                                              number residual)
 {
   equation eq = current_equation(c, 0);
-  eq.target = bounded(left_side(&eq, point->x, point->m) + residual);
+  eq.target = saturate_target(left_side(&eq, point->x, point->m) + residual);
   return eq;
 }
 
@@ -153,8 +153,8 @@ static int solve_from_last_step(compensator *c, number target)
   point.y = mirrored(to_inner(end->memory.full.y), mirror);
   point.p = path.p;
   point.m = limit_to_unit(mirrored(end->of.full.m, mirror));
-  point.y_slope = rising(end->of.full.y_slope);
-  point.m_slope = rising(end->of.full.m_slope);
+  point.y_slope = limit_slope(end->of.full.y_slope);
+  point.m_slope = limit_slope(end->of.full.m_slope);
   const equation eq = current_equation(c, 0);
   const number residual = mirrored(target, mirror) - current_at(c, point.x, point.m);
   const number next = point.x + step_against(-residual, left_side_slope(&eq, point.m_slope));

@@ -132,7 +132,8 @@ static inline number irreversible_m(const branch_path *path, number p, slope *y_
   const number here = branch_value(path, p, &rise);
   const number decayed = decayed_share_after(path->decay, travel);
   const number y = limit_from_below(here + path->offset + lead_part(decayed, path->lead), path->y);
-  *y_slope = rising(slope_of(path->curve, rise) + irreversible_slope(here - y, path->steepness));
+  *y_slope =
+      limit_slope(slope_of(path->curve, rise) + irreversible_slope(here - y, path->steepness));
   return y;
 }
 
@@ -160,7 +161,7 @@ static inline void find_start_slopes(const branch_path *path, number x_rise, pat
   if (path->p >= path->departure && path->x - path->p >= path->play - PLAY_SLACK) {
     number rise;
     const number anhysteretic_m = interpolate_odd(path->curve, path->p, &rise);
-    point->y_slope = rising(irreversible_slope(anhysteretic_m - path->y, path->steepness));
+    point->y_slope = limit_slope(irreversible_slope(anhysteretic_m - path->y, path->steepness));
   }
   point->m_slope = mixed_slope(point->y_slope, slope_of(path->curve, x_rise), path->reversible);
 }

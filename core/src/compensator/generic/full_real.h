@@ -76,7 +76,7 @@ static inline number interpolate(table t, number u, number *rise)
 }
 
 static inline slope slope_of(table curve, number rise) { return rise * curve.segments; }
-static inline slope rising(slope a) { return clamp(a, (slope)0, MAX_SLOPE); }
+static inline slope limit_slope(slope a) { return clamp(a, (slope)0, MAX_SLOPE); }
 static inline number along_slope(number step, slope a) { return step * a; }
 
 static inline number slope_of_sum(entry air, entry iron, slope m_slope)
@@ -153,7 +153,7 @@ static inline number kappa_of(entry steepness) { return UNIT / steepness; }
 static inline number multiply_by_share(number a, number share) { return a * share; }
 static inline number lead_of(number a) { return a; }
 static inline number lead_part(number part, number lead) { return part * lead; }
-static inline number bounded(number a) { return a; }
+static inline number saturate_target(number a) { return a; }
 static inline number current_limit(const entry *words, int16_t word) { return words[word]; }
 
 #endif
