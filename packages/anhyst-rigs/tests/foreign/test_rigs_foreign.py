@@ -16,7 +16,7 @@ from anhyst_rigs.rig.from_loops import FittedPlant, complete_rig, fit_magnet
 from anhyst_rigs.rig.magnet_table import MagnetTable
 from tests.cli.command import Result, contents, quick, refused, unwrapped
 from tests.foreign.magnets import MAGNETS
-from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
+from tests.foreign.rigs import OPTIONS_FROM_LOOPS, write_bearing, write_force_control
 from tests.refusals import says
 from tests.repository import ROOT
 
@@ -154,7 +154,7 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
             'files = "loops.csv"', "files = 3", "wrong-kind: rig.toml:8: loops.files", id="number"
         ),
         pytest.param(
-            FROM_LOOPS,
+            OPTIONS_FROM_LOOPS,
             'iron = "from loop"',
             "missing: rig.toml:9: magnet[1]; from loops",
             id="another word",

@@ -280,13 +280,13 @@ def aixacct(tables: int = 1) -> Export:
 
 def labview_segments(pause: float = 0.0) -> Export:
     """LabVIEW: a record in two parts, or two records with a pause between them."""
-    text, half = labview_no().text, N // 2
+    text, half_count = labview_no().text, N // 2
     lines = text.split("\n")
     begin, data = lines.index("Channels\t2"), len(lines) - 1 - N
     zero = lines[next(n for n, line in enumerate(lines) if line.startswith("X0"))]
-    later = f"{START + half * STEP + pause:.6e}".replace(".", ",")
+    later = f"{START + half_count * STEP + pause:.6e}".replace(".", ",")
     block = [f"X0\t{later}\t{later}" if line == zero else line for line in lines[begin:data]]
-    parts = [*lines[: data + half], "", *block, *lines[data + half :]]
+    parts = [*lines[: data + half_count], "", *block, *lines[data + half_count :]]
     return Export("parts.lvm", "\n".join(parts), {})
 
 

@@ -40,12 +40,12 @@ def structs(rows: Sequence[Mapping[str, Any]]) -> Array:
     return table
 
 
-def control_desk(path: Path, *, slow: float = 100.0, begin: float = 0.0) -> Path:
+def control_desk(path: Path, *, slow_raster: float = 100.0, begin: float = 0.0) -> Path:
     """Write an export of ControlDesk: rows of samples, two rasters, paths of the model."""
     from scipy.io import savemat
 
     times, current, force = loop()
-    slowly = begin + np.arange(int(2.0 * slow)) / slow
+    slowly = begin + np.arange(int(2.0 * slow_raster)) / slow_raster
     channels = [
         ("Coil/Current", "Model Root/Coil/Current", "A", current, 1, "HostService"),
         ("Load cell", "Model Root/Load cell", "N", force, 1, "HostService"),

@@ -22,10 +22,10 @@ SAMPLES = 400
 def play(drive: FloatArray, half_width: float) -> FloatArray:
     """Return a play operator, the simplest hysteresis."""
     answer = np.empty_like(drive)
-    held = 0.0
+    state = 0.0
     for place, value in enumerate(drive.tolist()):
-        held = min(max(held, value - half_width), value + half_width)
-        answer[place] = held
+        state = min(max(state, value - half_width), value + half_width)
+        answer[place] = state
     return answer
 
 
@@ -61,8 +61,8 @@ def test_default_steps_do_not_touch_values_of_short_records() -> None:
 
 def test_repeated_samples_go() -> None:
     field, flux, time = iron()
-    twice = [np.repeat(values, 2) for values in (field, flux, time)]
-    cleaned = clean(record(*twice), ["dedupe"])
+    repeated = [np.repeat(values, 2) for values in (field, flux, time)]
+    cleaned = clean(record(*repeated), ["dedupe"])
     assert np.array_equal(cleaned.loops[0].output, flux)
     assert cleaned.repairs == (f"dedupe: {field.size} repeated samples dropped",)
 
@@ -124,8 +124,8 @@ def test_unipolar_loops_have_no_centre() -> None:
 def test_delay_between_channels_is_found_in_noise(delay: float) -> None:
     field, flux, _ = iron(6.0)
     rows = np.arange(field.size)
-    late = np.interp(rows - delay, rows, flux)[10:-10]
-    noisy = late + np.random.default_rng(3).normal(0.0, 1e-4, late.size)
+    delayed = np.interp(rows - delay, rows, flux)[10:-10]
+    noisy = delayed + np.random.default_rng(3).normal(0.0, 1e-4, delayed.size)
     found = estimate_delay(record(field[10:-10], noisy).loops[0])
     assert found == pytest.approx(delay, abs=0.25)
     cleaned = clean(record(field[10:-10], noisy), ["skew"]).loops[0]
@@ -168,8 +168,8 @@ def test_wobbling_gap_is_settled_to_its_median() -> None:
     settled = clean(loops, ["steady"])
     assert len(settled.schedule_values) == 1
     assert settled.schedule_values[0] == pytest.approx(3e-4, abs=2e-7)
-    far = replace(loop, schedule=gap * np.linspace(1.0, 1.5, gap.size))
-    assert clean(loops.with_loops([far]), ["steady"]).schedule_values == ()
+    unsteady = replace(loop, schedule=gap * np.linspace(1.0, 1.5, gap.size))
+    assert clean(loops.with_loops([unsteady]), ["steady"]).schedule_values == ()
 
 
 def test_thinning_keeps_reversals_and_the_path() -> None:
@@ -193,14 +193,14 @@ def test_thinning_averages_noise_away() -> None:
     noisy = flux + np.random.default_rng(6).normal(0.0, 0.01, flux.size)
     loop = thin_loops(record(field, noisy, time), 500).loops[0]
     assert loop.time is not None
-    left = loop.output - np.interp(loop.time, time, flux)
-    assert np.sqrt(np.mean(left**2)) < 0.003
+    residual = loop.output - np.interp(loop.time, time, flux)
+    assert np.sqrt(np.mean(residual**2)) < 0.003
 
 
 def test_steps_run_in_the_order_given_and_are_all_named() -> None:
     field, flux, time = iron()
     spoiled = flux.copy()
     spoiled[60] += 0.3
-    twice = [np.repeat(values, 2) for values in (field, spoiled, time)]
-    cleaned = clean(record(*twice), ["dedupe", "spikes"])
+    repeated = [np.repeat(values, 2) for values in (field, spoiled, time)]
+    cleaned = clean(record(*repeated), ["dedupe", "spikes"])
     assert [repair.split(":")[0] for repair in cleaned.repairs] == ["dedupe", "spikes"]

@@ -152,8 +152,8 @@ def test_a_workbook_that_would_fill_the_memory_is_refused(
 ) -> None:
     pytest.importorskip("python_calamine")
     rows: list[list[object]] = [["t_s", "I_A"], [0.0, 1.0], [1.0, 2.0], [2.0, 3.0]]
-    far = '<row r="1048576"><c r="XFD1048576"><v>1</v></c></row>'
-    path = workbook(tmp_path / "run.xlsx", rows, cells=far)
+    far_cells = '<row r="1048576"><c r="XFD1048576"><v>1</v></c></row>'
+    path = workbook(tmp_path / "run.xlsx", rows, cells=far_cells)
     with refused("too-large: 17179869184"):
         list_channels(path)
     monkeypatch.setattr(excel, "_MAX_EXPANDED_BYTES", 1 << 16)
@@ -170,7 +170,9 @@ def test_times_that_are_none_are_named(tmp_path: Path) -> None:
     WRITERS[".mat"](path, [ChannelGroup("", clock, series)])
     with refused("not-finite: run.mat; sample 8"):
         read_loops(path)
-    slow = ChannelGroup("b", Series("t", "s", TIMES[::5]), (Series("gap", "mm", CURRENT[::5]),))
-    WRITERS[".mat"](path, [ChannelGroup("a", clock, series), slow])
+    slow_channel = ChannelGroup(
+        "b", Series("t", "s", TIMES[::5]), (Series("gap", "mm", CURRENT[::5]),)
+    )
+    WRITERS[".mat"](path, [ChannelGroup("a", clock, series), slow_channel])
     with refused("time-not-rising t: sample 8"):
         read_loops(path)

@@ -21,8 +21,8 @@ def drive_of(kind: str, time: FloatArray, hz: float, rng: np.random.Generator) -
     """Return an input of unit amplitude that excites frequencies around one."""
     span, step = float(time[-1]), float(time[1])
     if kind == "chirp":
-        low, high = 0.05 * hz, 2.5 * hz
-        return np.sin(2.0 * np.pi * (low * time + (high - low) * time**2 / (2.0 * span)))
+        lowest, high = 0.05 * hz, 2.5 * hz
+        return np.sin(2.0 * np.pi * (lowest * time + (high - lowest) * time**2 / (2.0 * span)))
     if kind == "random":
         kept = np.exp(-2.0 * np.pi * 2.0 * hz * step)
         drive = np.asarray(lfilter([1.0 - kept], [1.0, -kept], rng.standard_normal(time.size)))

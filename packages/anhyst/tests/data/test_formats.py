@@ -79,13 +79,13 @@ def test_an_object_of_matlab_is_named_with_the_way_to_export_it(tmp_path: Path) 
 
 def test_clocks_that_do_not_fit_are_refused_and_said(tmp_path: Path) -> None:
     mapping = {"Coil/Current": "I_A", "Load cell": "F_N", "Gap": "gap_mm"}
-    apart = recordings.control_desk(tmp_path / "apart.mat", begin=5.0)
+    separate = recordings.control_desk(tmp_path / "apart.mat", begin=5.0)
     with refused("no-common-time Model Root/Gap/Gap: 1.999 s"):
-        read_loops(apart, columns=mapping)
+        read_loops(separate, columns=mapping)
     table = opened(recordings.control_desk(tmp_path / "run.mat"))
     assert table.header == ("t", "Coil/Current", "Load cell", "Gap")
     assert table.find("Model Root/Load cell/Load cell") == 2
-    without_gap = read_loops(apart, columns={**mapping, "Gap": ""}, history="settled")
+    without_gap = read_loops(separate, columns={**mapping, "Gap": ""}, history="settled")
     assert without_gap.loops[0].input.size == 2000
 
 
@@ -95,26 +95,28 @@ def write(path: Path, *parts: ChannelGroup) -> Path:
 
 
 def test_a_pause_is_not_interpolated_across(tmp_path: Path) -> None:
-    slow = np.concatenate((np.arange(0.0, 0.5, 0.01), np.arange(1.5, 2.0, 0.01)))
+    slow_channel = np.concatenate((np.arange(0.0, 0.5, 0.01), np.arange(1.5, 2.0, 0.01)))
     path = write(
         tmp_path / "run.mat",
         ChannelGroup("a", Series("t", "s", TIMES), (Series("I", "A", CURRENT),)),
-        ChannelGroup("b", Series("t", "s", slow), (Series("F", "N", np.cos(slow)),)),
+        ChannelGroup(
+            "b", Series("t", "s", slow_channel), (Series("F", "N", np.cos(slow_channel)),)
+        ),
     )
     with refused("gap-in-channel b/F: 0.49; 1.5 s; 101"):
         read_loops(path)
 
 
 def test_linear_interpolation_is_exact_where_the_signal_is_straight(tmp_path: Path) -> None:
-    fine, coarse = np.arange(0.0, 1.0, 0.001), np.arange(-0.05, 1.05, 0.01)
+    fine_times, coarse = np.arange(0.0, 1.0, 0.001), np.arange(-0.05, 1.05, 0.01)
     path = write(
         tmp_path / "run.mat",
-        ChannelGroup("a", Series("t", "ms", 1e3 * fine), (Series("I", "A", fine**2),)),
+        ChannelGroup("a", Series("t", "ms", 1e3 * fine_times), (Series("I", "A", fine_times**2),)),
         ChannelGroup("b", Series("t", "s", coarse), (Series("F", "N", 3.0 * coarse - 1.0),)),
     )
     (measured,) = read_loops(path, history="settled").loops
     assert measured.input.size == 1000
-    assert measured.output == pytest.approx(3.0 * fine - 1.0, abs=1e-12)
+    assert measured.output == pytest.approx(3.0 * fine_times - 1.0, abs=1e-12)
 
 
 def test_a_unit_that_contradicts_the_name_is_refused_naming_both(tmp_path: Path) -> None:
@@ -137,15 +139,15 @@ EVERY = [suffix for suffix in WRITERS if suffix != ".hdf5"]
 @pytest.mark.parametrize("suffix", EVERY)
 def test_what_is_written_is_read_back_bit_for_bit(suffix: str, tmp_path: Path) -> None:
     needs(suffix)
-    odd = FORCE.copy()
-    odd[:4] = -0.0, 5e-324, 1.7e308, 1.0 / 3.0
+    special = FORCE.copy()
+    special[:4] = -0.0, 5e-324, 1.7e308, 1.0 / 3.0
     texts = np.array([f"phase {n // 500}, ä" for n in range(TIMES.size)])
     section = ChannelGroup(
         "" if suffix == ".csv" else "bench",
         Series("t", "s", TIMES),
         (
             Series("I", "A", CURRENT),
-            Series("spindle torque", "Nm", odd),
+            Series("spindle torque", "Nm", special),
             Series("H", "A/m", CURRENT.astype(np.float32)),
             Series("count", "", np.arange(TIMES.size, dtype=np.int32) - 7),
             Series("phase", "", texts),
@@ -174,10 +176,12 @@ def _converted(source: Path, out: Path) -> list[ChannelGroup]:
 
 @pytest.mark.slow
 def test_groups_and_clocks_survive_every_format_that_has_them(tmp_path: Path) -> None:
-    slow = np.arange(0.0, 2.0, 0.1)
+    slow_channel = np.arange(0.0, 2.0, 0.1)
     parts = (
         ChannelGroup("bench", Series("t", "s", TIMES), (Series("I", "A", CURRENT),)),
-        ChannelGroup("oven", Series("t", "s", slow), (Series("T", "degC", 20.0 + slow),)),
+        ChannelGroup(
+            "oven", Series("t", "s", slow_channel), (Series("T", "degC", 20.0 + slow_channel),)
+        ),
     )
     path = write(tmp_path / "run.mat", *parts)
     expected = read_back(path)
@@ -320,17 +324,17 @@ def test_invalid_samples_of_mdf_are_counted_and_not_called_damage(tmp_path: Path
 
 def test_labview_waveforms_that_start_apart_are_on_one_clock(tmp_path: Path) -> None:
     nptdms = pytest.importorskip("nptdms")
-    start, late = np.datetime64("2026-11-28T10:00:00.000000"), 40
+    start, late_channel = np.datetime64("2026-11-28T10:00:00.000000"), 40
     properties = {"wf_increment": TIMES[1] - TIMES[0], "wf_start_offset": 0.0}
-    delay = np.timedelta64(round(1e6 * late * properties["wf_increment"]), "us")
+    delay = np.timedelta64(round(1e6 * late_channel * properties["wf_increment"]), "us")
     objects = [
         nptdms.ChannelObject("daq", name, values, {"unit_string": unit, **properties, "wf_start_time": begin})
         for name, unit, values, begin in (
-            ("I", "A", CURRENT, start), ("F", "N", FORCE[late:], start + delay))
+            ("I", "A", CURRENT, start), ("F", "N", FORCE[late_channel:], start + delay))
     ]  # fmt: skip
     with nptdms.TdmsWriter(tmp_path / "run.tdms") as writer:
         writer.write_segment(objects)
     (measured,) = read_loops(tmp_path / "run.tdms", history="settled").loops
     assert np.allclose(measured.input, CURRENT[-measured.n :], atol=1e-6)
     assert np.allclose(measured.output, FORCE[-measured.n :], atol=1e-6)
-    assert measured.n >= TIMES.size - late - 1
+    assert measured.n >= TIMES.size - late_channel - 1

@@ -26,10 +26,10 @@ def magnet(
     """Return a settled force-current loop of a magnet: a square law over a play operator."""
     angle = np.linspace(0.0, 6.0 * np.pi, 1500)
     current = 2.0 * np.sin(angle) if bipolar else 1.0 - np.cos(angle)
-    held, flux = 0.0, np.empty_like(current)
+    state, flux = 0.0, np.empty_like(current)
     for place, value in enumerate(current.tolist()):
-        held = min(max(held, value - width), value + width)
-        flux[place] = 0.5 * (held + value)
+        state = min(max(state, value - width), value + width)
+        flux[place] = 0.5 * (state + value)
     force = (3e-3 / gap) * flux**2 + noise * np.random.default_rng(1).normal(size=flux.size)
     start = 500  # the first cycle is a transient
     schedule = np.full(1000, gap)
@@ -125,14 +125,14 @@ def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(
     seed: int, offset: float
 ) -> None:
     """In a small loop, remanence, offset and noise can exceed the effect of the current."""
-    whole = magnet(noise=0.1)
-    small = 0.1 * np.abs(np.sin(np.linspace(0.0, 4.0 * np.pi, 80)))
-    force = 10.0 * (0.5 * small + 0.08) ** 2
+    whole_loop = magnet(noise=0.1)
+    small_loop = 0.1 * np.abs(np.sin(np.linspace(0.0, 4.0 * np.pi, 80)))
+    force = 10.0 * (0.5 * small_loop + 0.08) ** 2
     force += 0.1 * np.random.default_rng(seed).normal(size=80) + offset
-    assert whole.schedule is not None
-    inner = Loop("2", small, force, whole.schedule[:80], None, whole.history)
-    both = loopset(replace(whole, output=whole.output + offset), inner)
-    assert not any("swapped" in text for text in inspect(both).warnings)
+    assert whole_loop.schedule is not None
+    minor_loop = Loop("2", small_loop, force, whole_loop.schedule[:80], None, whole_loop.history)
+    measured = loopset(replace(whole_loop, output=whole_loop.output + offset), minor_loop)
+    assert not any("swapped" in text for text in inspect(measured).warnings)
 
 
 def test_saturated_and_tared_magnets_are_not_taken_for_swapped() -> None:
@@ -156,9 +156,9 @@ def test_biased_magnet_follows_the_sign_of_its_current() -> None:
 def test_flux_that_falls_with_its_field_is_refused() -> None:
     loop = magnet(bipolar=True)
     flux = -np.tanh(loop.input)
-    wrong = Loops((Loop("1", loop.input, flux),), QUANTITIES["field"], QUANTITIES["flux_density"])
+    falling = Loops((Loop("1", loop.input, flux),), QUANTITIES["field"], QUANTITIES["flux_density"])
     with refused("flux-falls loop '1'"):
-        inspect(wrong)
+        inspect(falling)
 
 
 def test_loop_that_would_win_energy_is_warned_of() -> None:
@@ -171,18 +171,18 @@ def test_loop_that_would_win_energy_is_warned_of() -> None:
 def test_noise_of_a_loop_without_width_wins_no_energy(seed: int) -> None:
     loop = magnet(width=0.0)
     noise = 1.0 * np.random.default_rng(seed).normal(size=67)
-    few = Loop(
+    short_record = Loop(
         "1", loop.input[::15], loop.output[::15] + noise, np.full(67, 3e-4), None, loop.history
     )
-    found = inspect(loopset(few))
+    found = inspect(loopset(short_record))
     assert not any("the wrong direction" in text for text in found.warnings)
 
 
 def test_offset_of_a_small_loop_to_both_sides_wins_no_energy() -> None:
     current = 0.2 * np.sin(np.linspace(np.pi, 3.0 * np.pi, 400))
     force = 100.0 * current**2
-    small = Loop("2", current + -0.01, force, np.full(400, 3e-4), None, History("settled"))
-    found = inspect(loopset(magnet(bipolar=True), small))
+    small_loop = Loop("2", current + -0.01, force, np.full(400, 3e-4), None, History("settled"))
+    found = inspect(loopset(magnet(bipolar=True), small_loop))
     assert not any("the wrong direction" in text for text in found.warnings)
 
 

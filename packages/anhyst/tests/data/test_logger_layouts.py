@@ -59,9 +59,9 @@ def test_tables_and_segments_of_one_file_are_loops(tmp_path: Path) -> None:
     for number, loop in enumerate(loops.loops, start=1):
         assert np.allclose(loop.input, number * CURRENT, atol=1e-5)
         assert np.allclose(loop.output, FORCE, atol=1e-5)
-    apart = read_loops(write(tmp_path, labview_segments(pause=5.0)), history="settled")
-    assert [loop.n for loop in apart.loops] == [150, 150]
-    assert np.allclose(np.concatenate([loop.input for loop in apart.loops]), CURRENT, atol=1e-5)
+    separate = read_loops(write(tmp_path, labview_segments(pause=5.0)), history="settled")
+    assert [loop.n for loop in separate.loops] == [150, 150]
+    assert np.allclose(np.concatenate([loop.input for loop in separate.loops]), CURRENT, atol=1e-5)
 
 
 @pytest.mark.parametrize(

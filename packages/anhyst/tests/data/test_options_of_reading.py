@@ -17,9 +17,9 @@ from tests.refusals import refused
 PHASE = np.linspace(0.0, 6.0 * np.pi, 600)
 
 
-def cycles(low: float = 0.0, high: float = 2.0) -> FloatArray:
+def cycles(lowest: float = 0.0, high: float = 2.0) -> FloatArray:
     """Return three cycles of a current, A."""
-    return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(PHASE)
+    return 0.5 * (lowest + high) - 0.5 * (high - lowest) * np.cos(PHASE)
 
 
 def force_of(current: FloatArray, gap: float, play: float = 0.1) -> FloatArray:
@@ -56,10 +56,10 @@ def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
     assert "'CH2 (mV)': its sign is reversed" in notes
     texts = {name.removeprefix("read_"): str(v) for name, v in options.as_settings().items()}
     assert ReadOptions.from_text(**texts) == options
-    again = read_loops(
+    read_again = read_loops(
         path, columns=options.columns, scale={"CH1 (V)": 10, "force": 50}, flip=["force"]
     )
-    assert np.array_equal(again.loops[0].output, loops.loops[0].output)
+    assert np.array_equal(read_again.loops[0].output, loops.loops[0].output)
     sidecar = path.with_suffix(".toml")
     sidecar.write_text(
         'flip = "F"\n[columns]\n"CH1 (V)" = "I_A"\n"CH2 (mV)" = "F_N"\n[scale]\nI = 10\nF = 50\n'
@@ -232,8 +232,8 @@ def test_cases_that_are_questions_propose_input_and_output(cases: Path) -> None:
     with refused("not-finite Channel A: line 194; 21 of 1200; --drop invalid"):
         read_loops(path, columns=channels, scale=scale)
     assert read_loops(path, columns=channels, scale=scale, drop="invalid").loops[0].n == 1179
-    marked = read_loops(
+    with_marks = read_loops(
         cases / "invalid_samples.mf4", columns={"I": "I_A", "F": "F_N"}, drop="invalid"
     )
-    assert marked.loops[0].n == 1175
-    assert "25 of 1200 samples left out" in marked.notes[0]
+    assert with_marks.loops[0].n == 1175
+    assert "25 of 1200 samples left out" in with_marks.notes[0]

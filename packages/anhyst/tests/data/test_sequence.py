@@ -26,15 +26,15 @@ def loops(
     found: list[Loop] = []
     before: list[float] = []
     rng = np.random.default_rng(3)
-    for low, high in ENDS:
-        drive = np.concatenate([np.linspace(low, high, 80), np.linspace(high, low, 80)[1:]])
+    for lowest, high in ENDS:
+        drive = np.concatenate([np.linspace(lowest, high, 80), np.linspace(high, lowest, 80)[1:]])
         past = History("settled", tuple(before)) if remembered else SETTLED
         force = model.predict(drive, history=past).output
         force = force + NOISE * np.ptp(force) * rng.standard_normal(force.size)
         time = np.array([clock + 0.01 * place for place in range(drive.size)])
         at = None if gap is None else np.full(drive.size, gap)
         found.append(Loop(f"to {high:g}", drive, force, at, time))
-        before += [low, high, low]
+        before += [lowest, high, lowest]
         clock = float(time[-1]) + 5.0
     return found
 
@@ -47,11 +47,13 @@ def test_a_loop_on_the_branch_of_a_larger_one_goes_on_from_it() -> None:
 
 
 def test_what_was_run_at_another_gap_was_before_too() -> None:
-    near = loops(remembered=True, gap=3e-4)
-    far = loops(remembered=True, gap=4e-4, clock=100.0)
-    alone, together = (add_earlier_loops([*near, *far], across_gaps=over) for over in (False, True))
-    assert [one.history for one in alone[3:]] == [one.history for one in alone[:3]]
-    assert [one.history for one in together[:3]] == [one.history for one in alone[:3]]
+    near_gap = loops(remembered=True, gap=3e-4)
+    far_gap = loops(remembered=True, gap=4e-4, clock=100.0)
+    separate, together = (
+        add_earlier_loops([*near_gap, *far_gap], across_gaps=over) for over in (False, True)
+    )
+    assert [one.history for one in separate[3:]] == [one.history for one in separate[:3]]
+    assert [one.history for one in together[:3]] == [one.history for one in separate[:3]]
     first, second = (one.history for one in together[3:5])
     assert first.turning_points == (0.0, 3.0, 0.0, 0.0, 1.2, 0.0, 0.8, 1.8, 0.8)
     assert first.schedule == (3e-4,) * 9

@@ -66,7 +66,7 @@ def test_unit_is_read_wherever_the_header_shows_it(
 
 
 @pytest.mark.parametrize(
-    ("header", "said"),
+    ("header", "message"),
     [
         ("I_kA [A];F [N]", ('"I_kA [A]=I_kA"', '"I_kA [A]=I_A"')),
         ("I [A];Haltekraft (kN) [N]", ('"Haltekraft (kN) [N]=F_kN"', '[N]=F_N"')),
@@ -91,11 +91,13 @@ def test_unit_is_read_wherever_the_header_shows_it(
         ("current;force;gap", ("none either", '"current=I_A,force=F_N,gap=gap_mm"')),
     ],
 )
-def test_doubtful_header_is_a_question(tmp_path: Path, header: str, said: tuple[str, ...]) -> None:
+def test_doubtful_header_is_a_question(
+    tmp_path: Path, header: str, message: tuple[str, ...]
+) -> None:
     path = table(tmp_path / "a.csv", header)
     with pytest.raises(InputError) as caught:
         read_loops(path)
-    assert [text for text in said if text not in in_commands(caught.value)] == []
+    assert [text for text in message if text not in in_commands(caught.value)] == []
     option = re.search(r"--columns (\"[^\"]*\"|'[^']*')", in_commands(caught.value))
     if option is None or "in place of" in in_commands(caught.value):
         return

@@ -142,18 +142,18 @@ def check(loops: Loops, gaps_mm: Sequence[float], said: str) -> None:
 
 @pytest.mark.parametrize("name", READ)
 def test_layout_is_read_right_and_says_what_is_left_out(name: str, tmp_path: Path) -> None:
-    content, gaps_mm, options, said = READ[name]
+    content, gaps_mm, options, note = READ[name]
     path = tmp_path / "record.csv"
     path.write_text(content)
-    check(read_loops(path, **options), gaps_mm, said)
+    check(read_loops(path, **options), gaps_mm, note)
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_layout_is_refused_with_its_reason(name: str, tmp_path: Path) -> None:
-    content, options, what = REFUSED[name]
+    content, options, reason = REFUSED[name]
     path = tmp_path / "record.csv"
     path.write_text(content)
-    with refused(what):
+    with refused(reason):
         read_loops(path, **options)
 
 
@@ -185,8 +185,8 @@ BOOKS: dict[str, tuple[dict[str, Any], list[float], str]] = {
 
 @pytest.mark.parametrize("name", BOOKS)
 def test_workbook_is_read_right(name: str, tmp_path: Path) -> None:
-    sheets, gaps_mm, said = BOOKS[name]
-    check(read_loops(book(tmp_path / "a.xlsx", sheets)), gaps_mm, said)
+    sheets, gaps_mm, note = BOOKS[name]
+    check(read_loops(book(tmp_path / "a.xlsx", sheets)), gaps_mm, note)
 
 
 def test_workbook_with_loops_of_unknown_gaps_is_refused(tmp_path: Path) -> None:

@@ -36,9 +36,9 @@ def test_butterfly_is_refused_and_one_arm_of_it_is_read(seed: int, names: tuple[
     drive = cycles(seed, int(rng.choice([200, 900])))
     output = (drive + play(drive, rng.uniform(0.05, 0.4))) ** 2
     output += rng.choice([0.0, 0.01, 0.03]) * np.ptp(output) * rng.standard_normal(drive.size)
-    both = record(1e3 * drive, 1e-6 * output, names)
+    bipolar = record(1e3 * drive, 1e-6 * output, names)
     with refused(f"output-even {names[1]}"):
-        inspect(both)
+        inspect(bipolar)
     if names[0] == "voltage":
         one = np.abs(drive) + 0.2
         inspect(record(1e3 * one, 1e-6 * (one + play(one, 0.1)) ** 2, names))
@@ -94,8 +94,8 @@ def test_centred_force_has_no_bias() -> None:
 
 def test_output_that_turns_back_along_a_branch_gives_no_verdict() -> None:
     phase = np.linspace(0.0, 4.0 * np.pi, 900)
-    late = record(np.sin(phase), np.sin(phase - 1.3), ("voltage", "displacement"))
-    verdict = inspect(late).verdict
+    delayed = record(np.sin(phase), np.sin(phase - 1.3), ("voltage", "displacement"))
+    verdict = inspect(delayed).verdict
     assert verdict.level == "unknown"
     assert "falls and rises again" in verdict.sentences[-1]
     early = record(np.sin(phase), np.sin(phase - 0.2), ("voltage", "displacement"))

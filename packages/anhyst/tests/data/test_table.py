@@ -220,11 +220,13 @@ def long_table(folder: Path, rows: int, *, fault: int | None = None) -> Path:
 @pytest.mark.slow
 def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
     path = long_table(tmp_path, 200_000)
-    seen: list[tuple[float, float]] = []
-    table = read_columns(path, {"tag": ""}, progress=lambda done, size: seen.append((done, size)))
+    progress_calls: list[tuple[float, float]] = []
+    table = read_columns(
+        path, {"tag": ""}, progress=lambda done, size: progress_calls.append((done, size))
+    )
     size = path.stat().st_size
-    assert len(seen) >= 2
-    assert seen[-1] == (size, size)
+    assert len(progress_calls) >= 2
+    assert progress_calls[-1] == (size, size)
     k = np.arange(200_000)
     np.testing.assert_allclose(table.require("current", "I_A"), k / 7, atol=5e-8)
     np.testing.assert_allclose(table.require("force", "F_N"), -k / 3, rtol=5e-7)
@@ -243,10 +245,10 @@ def test_fault_far_into_a_long_file_is_found(tmp_path: Path) -> None:
 def test_slow_and_fast_way_read_the_same(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     rows = [",".join(f"{v:.17g}" for v in row) for row in rng.normal(size=(300, 3))]
-    plain = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "fast.csv")
+    fast_text = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "fast.csv")
     rows.insert(100, "# a comment sends this chunk the slow way")
-    slow = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "slow.csv")
-    one, two = read_columns(plain), read_columns(slow)
+    slow_text = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "slow.csv")
+    one, two = read_columns(fast_text), read_columns(slow_text)
     for name in ("current", "force", "displacement"):
         assert np.array_equal(one.require(name, ""), two.require(name, ""))
 

@@ -32,8 +32,8 @@ def triangles(rate_Hz: float, period_s: float, delay_s: float, seed: int) -> Loo
     drive = size * (2.0 * np.abs(2.0 * ((phase - 0.25) % 1.0) - 1.0) - 1.0)
     flux = sum(np.tanh(play(drive, width) / 0.8) for width in (0.02, 0.05, 0.08)) / 3.0
     inside = time[(time >= 0.0) & (time < 4.0 * period_s)]
-    late = np.interp(inside - delay_s, time, np.asarray(flux) + 0.1 * drive)
-    noisy = late + np.random.default_rng(seed).normal(0.0, 1e-3, late.size)
+    delay = np.interp(inside - delay_s, time, np.asarray(flux) + 0.1 * drive)
+    noisy = delay + np.random.default_rng(seed).normal(0.0, 1e-3, delay.size)
     return Loop("1", np.interp(inside, time, drive), noisy, None, inside, History("settled"))
 
 
@@ -98,11 +98,11 @@ def test_aliased_ripple_is_removed() -> None:
 
 def test_minor_loops_staircases_and_dither_that_fades_are_no_ripple() -> None:
     time = np.arange(8000) / 1000.0
-    slow = 1.0 - np.cos(2.0 * np.pi * time / 4.0)
+    slow_drive = 1.0 - np.cos(2.0 * np.pi * time / 4.0)
     drives: list[FloatArray] = [
-        slow + 0.1 * np.sin(2.0 * np.pi * 5.0 * time),  # ten minor loops for each branch
-        np.floor(slow * 100.0) / 100.0,
-        slow + 0.2 * np.exp(-time) * np.sin(2.0 * np.pi * 100.0 * time),
+        slow_drive + 0.1 * np.sin(2.0 * np.pi * 5.0 * time),  # ten minor loops for each branch
+        np.floor(slow_drive * 100.0) / 100.0,
+        slow_drive + 0.2 * np.exp(-time) * np.sin(2.0 * np.pi * 100.0 * time),
     ]
     for drive in drives:
         loop = Loop("1", drive, play(drive, 0.1), None, time, History("settled"))
@@ -163,10 +163,12 @@ def test_reversals_of_minor_loops_are_no_rest() -> None:
 
 def test_record_is_cut_at_a_missing_stretch() -> None:
     loops = forces(0.0, 0.0)
-    whole = loops.loops[0]
-    assert whole.time is not None
-    keep = (whole.time < 2.5) | (whole.time > 3.1)
-    holed = Loop("1", whole.input[keep], whole.output[keep], None, whole.time[keep])
+    whole_loop = loops.loops[0]
+    assert whole_loop.time is not None
+    is_kept = (whole_loop.time < 2.5) | (whole_loop.time > 3.1)
+    holed = Loop(
+        "1", whole_loop.input[is_kept], whole_loop.output[is_kept], None, whole_loop.time[is_kept]
+    )
     (hole,) = find_holes(holed.time)
     assert hole.time_s == pytest.approx(2.5, abs=1e-3)
     assert hole.duration_s == pytest.approx(0.6, abs=2e-3)

@@ -132,8 +132,8 @@ def measure(variation: Variation) -> tuple[dict[str, Array], Truth]:
         parts.append((current, force, np.full(current.size, gap_mm * 1e-3)))
     current, force, gap = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     if variation.trouble.name == "delay":
-        late = round(variation.delay_cycles * SAMPLES_PER_CYCLE)
-        force = np.r_[np.full(late, force[0]), force][: force.size]
+        delayed = round(variation.delay_cycles * SAMPLES_PER_CYCLE)
+        force = np.r_[np.full(delayed, force[0]), force][: force.size]
     time = 12.5 + np.arange(current.size) / variation.sampling_rate
     if variation.trouble.name == "hole":
         time[current.size // 2 + 40 :] += 150.0 / variation.sampling_rate

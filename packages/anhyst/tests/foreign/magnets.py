@@ -113,12 +113,12 @@ class ForeignMagnet:
 
     def _records(self) -> Iterator[tuple[int, float, FloatArray, FloatArray]]:
         for gap in self.gaps:
-            for number, (low, high) in enumerate(self.ranges, start=1):
+            for number, (lowest, high) in enumerate(self.ranges, start=1):
                 iron = self.make_iron()
                 if self.demagnetised:
-                    drive = self.sweep_between(low, high, low, high, low)
+                    drive = self.sweep_between(lowest, high, lowest, high, lowest)
                 else:
-                    cycle = self.sweep_between(low, high, low)[:-1]
+                    cycle = self.sweep_between(lowest, high, lowest)[:-1]
                     self.force(np.tile(cycle, 3), gap, iron)
                     turn = round(0.3 * number * cycle.size)
                     self.force(cycle[:turn], gap, iron)

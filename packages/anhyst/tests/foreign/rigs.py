@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.foreign.magnets import ForeignMagnet
 
-FROM_LOOPS = 'iron = "from loops"'
+OPTIONS_FROM_LOOPS = 'iron = "from loops"'
 
 
 def reach(magnet: ForeignMagnet, gap: float) -> float:
@@ -16,7 +16,7 @@ def reach(magnet: ForeignMagnet, gap: float) -> float:
     return float(magnet.force(np.linspace(0.0, magnet.top, 20), gap)[-1])
 
 
-def write_bearing(magnet: ForeignMagnet, folder: Path, keys: str = FROM_LOOPS) -> Path:
+def write_bearing(magnet: ForeignMagnet, folder: Path, keys: str = OPTIONS_FROM_LOOPS) -> Path:
     """Write loops, rig and controller of a bearing that one magnet carries; return the rig file.
 
     Parameters
@@ -27,9 +27,9 @@ def write_bearing(magnet: ForeignMagnet, folder: Path, keys: str = FROM_LOOPS) -
         What stands in ``[[magnet]]`` beside its name and its gap, and behind it.
     """
     magnet.write_loops(folder / "loops.csv")
-    low, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
-    step, middle, load = high - low, 0.5 * (low + high), 0.4 * reach(magnet, high)
-    mass, largest = load / 30.0, reach(magnet, low)
+    smallest_gap, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
+    step, middle, load = high - smallest_gap, 0.5 * (smallest_gap + high), 0.4 * reach(magnet, high)
+    mass, largest = load / 30.0, reach(magnet, smallest_gap)
     rig = folder / "rig.toml"
     rig.write_text(f"""\
 format = "anhyst-rig"
@@ -51,12 +51,12 @@ current_high_A = {top}
 dac_bits = 16
 [[body]]
 mass_kg = {mass:.5g}
-stop_low_m = {low + 0.05 * step:.6g}
+stop_low_m = {smallest_gap + 0.05 * step:.6g}
 stop_high_m = {high - 0.05 * step:.6g}
 [[sensor]]
 of = "gap"
 kind = "encoder"
-low_m = {0.5 * low:.6g}
+low_m = {0.5 * smallest_gap:.6g}
 high_m = {1.5 * high:.6g}
 [[sensor]]
 of = "current"
@@ -80,7 +80,7 @@ velocity_bandwidth_Hz = 200.0
 [control]
 kind = "levitation"
 [measurement]
-gaps_m = [{low}, {high}]
+gaps_m = [{smallest_gap}, {high}]
 current_max_A = {top}
 sweep_A_per_s = {top}
 sample_s = 0.01
@@ -109,7 +109,7 @@ force_low_N = 0.0
 force_high_N = {2.0 * load:.5g}
 current_low_A = 0.0
 current_high_A = {top}
-gap_low_m = {low:.6g}
+gap_low_m = {smallest_gap:.6g}
 gap_high_m = {high:.6g}
 step_m = 20e-6
 [compensation]
@@ -132,8 +132,8 @@ hold_ticks = 2000
 def write_force_control(magnet: ForeignMagnet, folder: Path) -> Path:
     """Write loops and rig of an open-loop force control; return the rig file."""
     magnet.write_loops(folder / "loops.csv")
-    low, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
-    largest = reach(magnet, low)
+    smallest_gap, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
+    largest = reach(magnet, smallest_gap)
     rig = folder / "rig.toml"
     rig.write_text(f"""\
 format = "anhyst-rig"
@@ -145,7 +145,7 @@ rate_Hz = 1000.0
 files = "loops.csv"
 [[magnet]]
 name = "magnet"
-{FROM_LOOPS}
+{OPTIONS_FROM_LOOPS}
 [[amplifier]]
 current_high_A = {top}
 dac_bits = 14
@@ -163,7 +163,7 @@ kind = "lvdt"
 low_m = 0.0
 high_m = {1.5 * high:.6g}
 adc_bits = 14
-noise_m = {1e-4 * low:.3g}
+noise_m = {1e-4 * smallest_gap:.3g}
 bandwidth_Hz = 50.0
 [[sensor]]
 of = "force"
@@ -175,10 +175,10 @@ bandwidth_Hz = 500.0
 [control]
 kind = "force"
 force_max_N = {0.9 * reach(magnet, high):.5g}
-end_m = {low}
+end_m = {smallest_gap}
 [[case]]
 kind = "held"
-gaps_m = [{0.5 * (low + high):.6g}]
+gaps_m = [{0.5 * (smallest_gap + high):.6g}]
 [[case]]
 kind = "force"
 name = "wide"
@@ -188,7 +188,7 @@ period_s = 0.5
 cycles = 1
 [[case]]
 kind = "moving"
-low_m = {low}
+low_m = {smallest_gap}
 high_m = {high}
 period_s = 0.4
 """)

@@ -44,8 +44,8 @@ def stack(drive: FloatArray) -> FloatArray:
 def path(points: list[float]) -> FloatArray:
     """Return linear ramps between points, kV."""
     pieces = [
-        np.linspace(one, two, max(2, int(abs(two - one) / 0.01)), endpoint=False)
-        for one, two in pairwise(points)
+        np.linspace(ramp, two, max(2, int(abs(two - ramp) / 0.01)), endpoint=False)
+        for ramp, two in pairwise(points)
     ]
     return np.concatenate(pieces)
 
@@ -70,9 +70,9 @@ def written(place: Path, name: str, sign: float = 1.0) -> Path:
 def identify_stack(folder: Path) -> None:
     loops = written(folder, "loops")
     options = ("--history", "conditioned:0", "--out", "stack.toml", "--json")
-    done = quick("identify", loops, *options, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    (folder / "said.json").write_text(done.stdout, encoding="utf-8")
+    completed = quick("identify", loops, *options, cwd=folder)
+    assert completed.returncode == 0, completed.stderr
+    (folder / "said.json").write_text(completed.stdout, encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -87,48 +87,48 @@ def test_a_foreign_stack_is_identified_and_an_unseen_path_predicted(
 ) -> None:
     model, message = identified
     assert message["law"] == "play-cells"
-    unseen = written(place, "unseen")
-    done = quick("predict", model, unseen, "--history", "conditioned:0", "--out", "p.csv",
+    withheld_path = written(place, "unseen")
+    completed = quick("predict", model, withheld_path, "--history", "conditioned:0", "--out", "p.csv",
                  "--json", cwd=place)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["deviation"]["rms"] < 0.012 * STROKE
+    assert completed.returncode == 0, completed.stderr
+    assert json.loads(completed.stdout)["deviation"]["rms"] < 0.012 * STROKE
 
 
 def test_the_voltage_it_asks_for_is_the_one_that_was_applied(
     place: Path, identified: tuple[Path, Any]
 ) -> None:
     model, _ = identified
-    done = quick("invert", model, written(place, "unseen"), "--history", "conditioned:0",
+    completed = quick("invert", model, written(place, "unseen"), "--history", "conditioned:0",
                  "--out", "u.csv", "--json", cwd=place)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    message = json.loads(done.stdout)
+    assert completed.returncode == 0, completed.stderr
+    message = json.loads(completed.stdout)
     assert (message["column"], message["unit"]) == ("u_V", "V")
     assert message["deviation"]["rms"] < 0.02 * 1200.0
 
 
 def test_whether_it_is_worth_it_is_said_in_micrometres(place: Path) -> None:
-    done = quick("inspect", written(place, "loops"), cwd=place)
-    assert done.returncode == 0, done.stderr
-    assert "µm high" in unwrapped(done.stdout)
-    assert "x µm" in done.stdout
+    completed = quick("inspect", written(place, "loops"), cwd=place)
+    assert completed.returncode == 0, completed.stderr
+    assert "µm high" in unwrapped(completed.stdout)
+    assert "x µm" in completed.stdout
 
 
 def test_its_inverse_is_compiled_to_a_tenth_of_a_per_cent_of_the_stroke(
     place: Path, identified: tuple[Path, Any]
 ) -> None:
     model, _ = identified
-    done = quick("compile", model, "--rate", "5000", "--out", "c", "--json", cwd=place)
-    assert done.returncode == 0, done.stderr
-    accuracy = json.loads(done.stdout)["accuracy"]
+    completed = quick("compile", model, "--rate", "5000", "--out", "c", "--json", cwd=place)
+    assert completed.returncode == 0, completed.stderr
+    accuracy = json.loads(completed.stdout)["accuracy"]
     assert accuracy["largest_output"] == pytest.approx(np.ptp(read_model(model).valid.output))  # type: ignore[union-attr]
     assert accuracy["worst_percent"] <= 0.1
 
 
 def test_one_that_falls_as_the_voltage_rises_is_told_to_flip_a_column(place: Path) -> None:
     loops = written(place, "loops-falling", -1.0)
-    done = quick("identify", loops, "--history", "conditioned:0", "--out", "f.toml", cwd=place)
-    assert done.returncode == 2
-    assert says(done.stderr, "output-falls: displacement; voltage")
+    completed = quick("identify", loops, "--history", "conditioned:0", "--out", "f.toml", cwd=place)
+    assert completed.returncode == 2
+    assert says(completed.stderr, "output-falls: displacement; voltage")
 
 
 @pytest.mark.slow
@@ -140,11 +140,11 @@ def test_strain_of_what_a_field_magnetises_is_even(place: Path) -> None:
     ]
     loops = place / "rod.csv"
     loops.write_text("\n".join(["H_kA_per_m,eps_ppm", *rows[160:]]) + "\n", encoding="utf-8")
-    done = quick(
+    completed = quick(
         "identify", loops, "--history", "settled", "--out", "rod.toml", "--json", cwd=place
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     model = read_model(place / "rod.toml")
     assert (model.output.name, model.power) == ("magnetostriction", 2)
-    fit = json.loads(done.stdout)["fit"]
+    fit = json.loads(completed.stdout)["fit"]
     assert fit["mean_abs"] < 0.02 * fit["largest_output"]

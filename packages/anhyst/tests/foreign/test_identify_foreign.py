@@ -58,12 +58,12 @@ def missed(model: Model, magnet: ForeignMagnet) -> list[float]:
     history = "demagnetised" if magnet.demagnetised else "settled"
     errors = []
     for gap in magnet.unseen:
-        off = []
+        gap_errors = []
         for _, _, current, force in replace(magnet, gaps=(gap,))._records():
             read = current + magnet.sensors.current_offset
             output = model.predict(read, gap, history=history).output
-            off.append(np.abs(output - force - magnet.sensors.force_offset))
-        errors.append(float(np.mean(np.concatenate(off))) / model.fit.largest_output)
+            gap_errors.append(np.abs(output - force - magnet.sensors.force_offset))
+        errors.append(float(np.mean(np.concatenate(gap_errors))) / model.fit.largest_output)
     return errors
 
 
@@ -87,8 +87,8 @@ def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> N
     assert np.all(np.abs(model.parameters["in_0"]) < 1e-3)
     assert not np.any(model.parameters["out_0"])
     for gap in model.nodes:
-        rest = model.predict([0.0], gap, history="demagnetised").output
-        assert abs(rest[0]) < 1e-4 * reported["fit"]["largest_output"]
+        others = model.predict([0.0], gap, history="demagnetised").output
+        assert abs(others[0]) < 1e-4 * reported["fit"]["largest_output"]
 
 
 @pytest.mark.slow
@@ -96,8 +96,8 @@ def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any
     model, reported = hard
     true = MAGNETS["hard"].sensors.current_offset
     assert model.parameters["in_0"] == pytest.approx(true, abs=3e-3)
-    unsure = reported["uncertainty"]
-    std = dict(zip(unsure["names"], unsure["std"], strict=True))["input offset (A)"]
+    uncertain = reported["uncertainty"]
+    std = dict(zip(uncertain["names"], uncertain["std"], strict=True))["input offset (A)"]
     assert 1e-4 < std < 5e-3
     assert abs(model.parameters["in_0"] - true) < 4.0 * std  # type: ignore[operator]
 
@@ -180,11 +180,13 @@ def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Mo
 @pytest.mark.slow
 def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     loops = MAGNETS["soft"].write_loops(place / "again.csv")
-    done = quick("identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place)
-    assert "offsets of input and output: none, because the loops do not require any" in unwrapped(
-        done.stdout
+    completed = quick(
+        "identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place
     )
-    assert "expected between the measured values" in unwrapped(done.stdout)
+    assert "offsets of input and output: none, because the loops do not require any" in unwrapped(
+        completed.stdout
+    )
+    assert "expected between the measured values" in unwrapped(completed.stdout)
 
 
 @pytest.mark.slow
@@ -201,7 +203,7 @@ def test_a_gauge_whose_zero_is_anywhere_is_no_obstacle(place: Path, measurements
     loops = measurements / "piezo_flexure" / "model_run.csv"
     out = place / "piezo.toml"
     options = ("--columns", "V_in=u_V,y_um=x_um", "--clean", "skew", "--out", out, "--json")
-    done = quick("identify", loops, *options, cwd=place)
-    assert done.returncode == 0, done.stderr
-    fit = json.loads(done.stdout)["fit"]
+    completed = quick("identify", loops, *options, cwd=place)
+    assert completed.returncode == 0, completed.stderr
+    fit = json.loads(completed.stdout)["fit"]
     assert fit["mean_abs"] < 0.01 * fit["largest_output"]

@@ -15,7 +15,7 @@ from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
 from tests.foreign.magnets import MAGNETS
 
-WHOLE = {"u": 0.25, "hard": 0.6, "soft": 1.0}
+MAX_RELATIVE_ERROR = {"u": 0.25, "hard": 0.6, "soft": 1.0}
 """Error over the whole loop relative to the single-valued map; ``soft`` has almost no loop."""
 
 
@@ -42,5 +42,5 @@ def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(
         )
 
     without, play = left("single-valued"), left("play")
-    assert rms(play.major) <= WHOLE[name] * rms(without.major)
+    assert rms(play.major) <= MAX_RELATIVE_ERROR[name] * rms(without.major)
     assert rms(play.small) <= 1.05 * rms(without.small)

@@ -51,8 +51,8 @@ def records(
             current, force = record(name, gap, ends(top), before(top))
             read = force + largest * noise * random.normal(size=force.size)
             read += largest * drift * np.linspace(0.0, 1.0, force.size)
-            seen = current + 0.05 * noise * magnet.top * random.normal(size=force.size)
-            found.append((f"{top:g} A", gap, seen, read))
+            measured = current + 0.05 * noise * magnet.top * random.normal(size=force.size)
+            found.append((f"{top:g} A", gap, measured, read))
     return found
 
 
@@ -323,15 +323,15 @@ def test_the_advised_mapping_of_a_drive_works_when_pasted(tmp_path: Path) -> Non
     complaint = refused(*run, cwd=tmp_path)
     advice = pasted(complaint)
     assert advice == ["--columns", "Strom=I_A"]
-    more = pasted(refused(*run, *advice, cwd=tmp_path))
-    assert more == ["--columns", "Strom=I_A,Spalt=gap_mm"]
-    assert quick(*run, *more, cwd=tmp_path).returncode == 0
+    extra_options = pasted(refused(*run, *advice, cwd=tmp_path))
+    assert extra_options == ["--columns", "Strom=I_A,Spalt=gap_mm"]
+    assert quick(*run, *extra_options, cwd=tmp_path).returncode == 0
 
 
 def delayed(values: FloatArray, samples: float) -> FloatArray:
     rows = np.arange(values.size)
-    late: FloatArray = np.interp(rows - samples, rows, values)
-    return late
+    delay: FloatArray = np.interp(rows - samples, rows, values)
+    return delay
 
 
 @pytest.mark.slow
@@ -455,7 +455,7 @@ def test_files_of_mixed_units_join(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     folder.mkdir()
     (folder / "a.csv").write_text(logged("I_A;F_N;gap_mm"))
-    other = logged("I_mA;F_kN;gap_m", factor=0.5).replace(";0.2\n", ";3e-4\n")
-    (folder / "b.csv").write_text(other)
+    other_file = logged("I_mA;F_kN;gap_m", factor=0.5).replace(";0.2\n", ";3e-4\n")
+    (folder / "b.csv").write_text(other_file)
     high = [loop["output_high_N"] for loop in inspected(folder)["loops"]]
     assert high[1] == pytest.approx(500.0 * high[0], rel=1e-6)
