@@ -199,7 +199,7 @@ class Curve:
         with np.errstate(over="ignore"):  # a parameter that is not finite is rejected by name
             straight += slopes[0] * np.minimum(query - low, 0.0)
             straight += slopes[-1] * np.maximum(query - high, 0.0)
-        result = self._from_straight(straight)
+        result = self._from_linear(straight)
         # The logarithm and its inverse lose the last digit, but the value at a node is known.
         segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
         return np.where(self.nodes[segment] == query, self.values[segment], result)
@@ -207,7 +207,7 @@ class Curve:
     @cached_property
     def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
         """Interpolant in the linear coordinate, and its slopes at the nodes."""
-        heights = self._to_straight(self.values)
+        heights = self._to_linear(self.values)
         if self.nodes.size == 2:
             slope = float(np.diff(heights)[0] / np.diff(self.nodes)[0])
             return (lambda x: heights[0] + slope * (x - self.nodes[0])), np.full(2, slope)
@@ -216,14 +216,14 @@ class Curve:
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
         """Return the values at the nodes in the linear coordinate, and the slopes there."""
-        return self._to_straight(self.values), self._interpolant[1]
+        return self._to_linear(self.values), self._interpolant[1]
 
-    def _to_straight(self, values: FloatArray) -> FloatArray:
+    def _to_linear(self, values: FloatArray) -> FloatArray:
         if self.coordinate == "log":
             return log(values)
         return 1.0 / values if self.coordinate == "reciprocal" else values
 
-    def _from_straight(self, straight: FloatArray) -> FloatArray:
+    def _from_linear(self, straight: FloatArray) -> FloatArray:
         if self.coordinate == "plain":
             return straight
         is_log = self.coordinate == "log"
