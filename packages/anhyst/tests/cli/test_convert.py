@@ -29,7 +29,7 @@ def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
     ):
         lines = [f" {line} " for line in listed.splitlines()]
         assert any(all(f" {cell} " in line for cell in cells) for line in lines)
-    assert "'Coil/Current' as current, 'Load cell' as force" in listed
+    assert "'Coil/Current' as current, 'Load cell' as force" in " ".join(listed.split())
     assert main(["inspect", str(source), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["input"], found["output"], found["schedule"]) == ("I_A", "F_N", "gap_m")
@@ -39,7 +39,7 @@ def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
     message = capsys.readouterr()
     assert unwrapped(message.out).endswith("run.csv: 3 channels, 1991 samples\n")
     assert "interpolated linearly" in message.err
-    assert "CSV holds no groups" in message.err
+    assert "CSV cannot store groups" in message.err
     mapping = "Coil/Current_A=I_A,Load cell [N]=F_N"
     assert main(["inspect", str(table), "--columns", mapping, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["loops"] == found["loops"]

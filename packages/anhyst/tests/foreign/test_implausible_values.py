@@ -63,7 +63,7 @@ def test_milliamperes_for_amperes_warn_with_the_likely_unit(known: Model) -> Non
 def test_micrometres_and_metres_for_millimetres_are_reported_apart(known: Model) -> None:
     with pytest.warns(ImplausibleWarning, match="given in um"):
         known.predict([0.0, 1.0], 450.0)
-    with pytest.warns(ImplausibleWarning, match="less than the smallest gap .*taken for mm"):
+    with pytest.warns(ImplausibleWarning, match="less than the smallest gap .*instead of mm"):
         known.predict([0.0, 1.0], 0.45e-6)
 
 
@@ -77,7 +77,7 @@ def test_values_a_little_outside_are_flagged_but_no_warning(known: Model) -> Non
     [
         ("I_A,gap_m\n0,0.3\n1,0.3\n2,0.3\n", "given in mm?"),
         ("I_A,gap_mm\n0,0.4\n1000,0.4\n2000,0.4\n", "given in mA?"),
-        ("I_A,gap_mm\n0,0.0003\n1,0.0003\n2,0.0003\n", "metres taken for mm?"),
+        ("I_A,gap_mm\n0,0.0003\n1,0.0003\n2,0.0003\n", "metres instead of mm?"),
     ],
 )
 def test_a_drive_in_the_wrong_unit_warns_in_one_line(
