@@ -1,5 +1,4 @@
 """Test that firmware builds for every board, and that the emulated one takes 1000 commands/s."""
-"""
 
 from __future__ import annotations
 

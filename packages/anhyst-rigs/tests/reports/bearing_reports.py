@@ -21,7 +21,7 @@ from anhyst_rigs.rig.recording import COLUMNS, Recording
 from anhyst_rigs.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst_rigs.study.bearing.linear import Margins
 from anhyst_rigs.study.bearing.responses import StepCell, group_by_step
-from anhyst_rigs.study.benefit import STEP_METRICS, Benefit, MethodComparison, IronFigures, MapCell
+from anhyst_rigs.study.benefit import STEP_METRICS, Benefit, IronFigures, MapCell, MethodComparison
 from anhyst_rigs.study.engine.table import Interval, MeanRatio
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS
 from tests.repository import ROOT

@@ -21,9 +21,9 @@ from anhyst_rigs.study.bearing.operating import find_operating_point
 from anhyst_rigs.study.benefit import (
     BASELINES,
     Benefit,
-    MethodComparison,
     IronFigures,
     MapCell,
+    MethodComparison,
     make_map_cell,
     map_bearing_benefit,
     map_plant_benefit,
@@ -189,7 +189,9 @@ def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> N
 def test_what_is_lost_does_not_count_as_a_baseline() -> None:
     lost = MethodComparison(None, None, None)
     assert lost.outcome == "no gain"
-    certain = MethodComparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
+    certain = MethodComparison(
+        "single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2)
+    )
     assert certain.outcome == "gain"
     assert MethodComparison("single-valued", None, None).outcome == "loss"
 

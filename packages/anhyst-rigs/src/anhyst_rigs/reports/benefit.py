@@ -46,8 +46,8 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_bearing_controll
 from anhyst_rigs.study.benefit import (
     AnyRig,
     Benefit,
-    MethodComparison,
     MapCell,
+    MethodComparison,
     map_bearing_benefit,
     map_plant_benefit,
 )
@@ -144,7 +144,11 @@ def _ratio_or_nan(comparison: MethodComparison) -> float:
 
 
 def _label_cell(
-    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
+    ax: Axes,
+    position: tuple[int, int],
+    map_baseline: str,
+    cell: MapCell,
+    comparison: MethodComparison,
 ) -> None:
     """Write the ratio into its square, and hatch the square if no gain is certain."""
     x, y = position

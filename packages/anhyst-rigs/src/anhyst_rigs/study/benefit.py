@@ -339,7 +339,10 @@ def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Meth
 
 
 def _with_overshoot_floor(
-    compared: MethodComparison, values: _Values, standstill: Mapping[MethodName, float], height: float
+    compared: MethodComparison,
+    values: _Values,
+    standstill: Mapping[MethodName, float],
+    height: float,
 ) -> MethodComparison:
     """Return a comparison of overshoots with the floor below which they count as none."""
     if compared.baseline is None or compared.quotient is None:
