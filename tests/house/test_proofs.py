@@ -59,7 +59,7 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
         {"defines": ["PART=prove_forgotten"]},
         {"functions": ["quotient"], "tool": "frama-c"},
         {"harness": PROOFS / "esbmc" / "prove_closed.c"},
-        {"contracts": ["src/compensator/full_fixed.h:forgotten"]},
+        {"contracts": ["src/compensator/full_fixed.h:decayed_share"]},
         {
             "facts": [
                 ["src/compensator/full_fixed.h", "static inline number quotient(", "/* more */ "]
