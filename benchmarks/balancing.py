@@ -107,9 +107,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
         return [*averages, turned[0]]
 
     def after(run: Recording) -> list[float]:
-        return judged(
-            law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift)
-        )
+        return judged(law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift))
 
     legs = select_legs(ParameterEstimator(law), nominal)
     worked = track(plain, training(bench.rig), Feedforward(), noise + 1)
@@ -150,8 +148,7 @@ def asked() -> list[Row]:
         row
         for own in benches
         for row in of_method(
-            own.method,
-            [one for one, (bench, _) in zip(flown, work, strict=True) if bench is own],
+            own.method, [one for one, (bench, _) in zip(flown, work, strict=True) if bench is own]
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
     ]
@@ -167,8 +164,7 @@ def rows() -> list[Row]:
     text = "; ".join(
         f"{name} "
         + " -> ".join(
-            f"{one:.3g} / {other:.3g}"
-            for one, other in zip(half[:, place], most[:, place], strict=True)
+            f"{one:.3g} / {other:.3g}" for one, other in zip(half[:, place], most[:, place], strict=True)
         )
         for place, name in enumerate(JUDGED)
     )

@@ -102,10 +102,7 @@ def _controller(c: Control, memory: Array, target: float, read: float) -> float:
     first = c.smoothing * (at - memory[0])
     second = c.smoothing_2 * (first - memory[1])
     wanted = (
-        c.proportional * (c.weight * wanted_at - at)
-        + memory[2]
-        - c.derivative * first
-        - c.second * second
+        c.proportional * (c.weight * wanted_at - at) + memory[2] - c.derivative * first - c.second * second
     )
     force = min(max(wanted, c.low), c.high)
     memory[0] += first
@@ -182,9 +179,7 @@ class ByScipy:
         self._move(self._field_at(density))
         return gap, self._pull(density, gap)
 
-    def run(
-        self, control: Control, memory: Array, target: Array, load: Array, noise: Array
-    ) -> LevitationRun:
+    def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
         """Close the loop."""
         p, ticks = self.plant, target.size
         run = LevitationRun(np.empty(ticks), np.empty(ticks))
@@ -284,9 +279,7 @@ class ByScipy:
 
 
 # State of the compiled baseline: what the names say, in this order.
-FIELD, STRIDE, PSI, CURRENT, INTEGRAL, LOAD, GAP, VELOCITY, FORCE, SENSOR, WAITING, OUTPUT = range(
-    12
-)
+FIELD, STRIDE, PSI, CURRENT, INTEGRAL, LOAD, GAP, VELOCITY, FORCE, SENSOR, WAITING, OUTPUT = range(12)
 TOLERANCE = 1e-7  # of the flux density, T
 
 
@@ -440,9 +433,7 @@ def _fly(
 ) -> None:
     for tick in range(target.size):
         read = s[SENSOR] + noise[tick]
-        read = (
-            p.sensor_low + math.floor((read - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
-        )
+        read = p.sensor_low + math.floor((read - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
         command = _controller(c, memory, target[tick], read)
         _advance(p, s, place, rest, substeps, command, load[tick])
         record[tick, 0], record[tick, 1] = s[GAP], s[FORCE]
@@ -471,9 +462,7 @@ class ByNumba:
         self._rest[:] = 0.0
         outer, share, area, narrows = _around(p, gap)
         b = outer * p.area
-        field, _ = _solve(
-            p, self._place, self._rest, 0.0, p.length, b, p.turns * current, b * 1e-12
-        )
+        field, _ = _solve(p, self._place, self._rest, 0.0, p.length, b, p.turns * current, b * 1e-12)
         _move(p, self._place, self._rest, field)
         density = MU_0 * field + self._rest[0]
         s[:] = 0.0
@@ -490,9 +479,7 @@ class ByNumba:
         _advance(self.plant, s, self._place, self._rest, self._substeps, command, load)
         return float(s[GAP]), float(s[FORCE])
 
-    def run(
-        self, control: Control, memory: Array, target: Array, load: Array, noise: Array
-    ) -> LevitationRun:
+    def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
         """Close the loop."""
         record = np.empty((target.size, 2))
         _fly(

@@ -59,9 +59,7 @@ def _langevin(z: float) -> tuple[float, float]:
     return coth - inverse, 1.0 - coth * coth + inverse * inverse
 
 
-_langevin_compiled: Callable[[float], tuple[float, float]] = njit(inline="always", fastmath=True)(
-    _langevin
-)
+_langevin_compiled: Callable[[float], tuple[float, float]] = njit(inline="always", fastmath=True)(_langevin)
 
 
 def _slope(h: float, m: float, sign: float, kappa: float, c: float, w: float) -> float:
@@ -200,9 +198,7 @@ def main() -> None:
             f"  {result['cpu_seconds']:9.3f}  {result['evaluations']:11d}"
         )
     median = [statistics.median(column) for column in zip(*waits, strict=True)]
-    print(
-        f"\nmedian: {median[0]:.3f} s to 0.0227 T^2, {median[1]:.3f} s to 0.1 % above the best fit"
-    )
+    print(f"\nmedian: {median[0]:.3f} s to 0.0227 T^2, {median[1]:.3f} s to 0.1 % above the best fit")
 
 
 if __name__ == "__main__":

@@ -68,8 +68,7 @@ def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron
     own = change_iron(rig, fraction)
     knowledge = identify_magnet(measure_loops(own))
     setups = {
-        variant: make_setup(own, controller.settings, knowledge, variant, "fixed")
-        for variant in VARIANTS
+        variant: make_setup(own, controller.settings, knowledge, variant, "fixed") for variant in VARIANTS
     }
     return Iron(own, find_operating_point(own), knowledge, setups)
 
@@ -78,9 +77,7 @@ def same_gains(iron: Iron) -> list[StepCell]:
     """Run steps of every height with every variant behind the same gains."""
     gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
-    return compare_steps(
-        list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig)
-    )
+    return compare_steps(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
 def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
@@ -98,9 +95,7 @@ def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) ->
             mine = [one for one in cells if one.variant == variant]
             shown = [_percent(one) for one in mine]
             settling, rest = (_mean(mine[2], *one) for one in (_SETTLING, _STANDSTILL))
-            lines.append(
-                f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {settling} | {rest} |"
-            )
+            lines.append(f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {settling} | {rest} |")
     return "\n".join(lines)
 
 
@@ -145,9 +140,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
     ]
     for iron in irons:
         rig = quiet(iron.rig)
-        setups = {
-            name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()
-        }
+        setups = {name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()}
         seeds = default_seeds(rig)
         tried = experiments.run_variants(experiments.run_trajectory, setups, seeds, shape)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
@@ -206,9 +199,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
             name: BearingSetup(quiet(iron.rig), one.compensator, one.controller)
             for name, one in iron.setups.items()
         }
-        tried = experiments.run_variants(
-            experiments.run_standstill, setups, default_seeds(iron.rig), None
-        )
+        tried = experiments.run_variants(experiments.run_standstill, setups, default_seeds(iron.rig), None)
         full = tried["full"]
         reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
         reached = not full.lost and full.interval("rms_m").mean <= 10e-9 and not full.cycles
@@ -245,17 +236,14 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
             for a, b in zip(by[0], by[2], strict=True)
         )
         still = [
-            experiments.run_variants(experiments.run_standstill, {variant: one}, seeds, None)[
-                variant
-            ]
+            experiments.run_variants(experiments.run_standstill, {variant: one}, seeds, None)[variant]
             .interval("rms_m")
             .mean
             for one in (setups["f64"], setups["fixed"])
         ]
         worst = max(worst, apart / 0.5, abs(still[1] / still[0] - 1.0) / 0.1)
         reported.append(
-            f"{variant}: {apart:.3f} points, standstill {1e9 * still[0]:.1f} and "
-            f"{1e9 * still[1]:.1f} nm"
+            f"{variant}: {apart:.3f} points, standstill {1e9 * still[0]:.1f} and {1e9 * still[1]:.1f} nm"
         )
     return [
         Row(
@@ -273,9 +261,7 @@ def _events(iron: Iron) -> list[Row]:
         seeds = default_seeds(iron.rig)
         tried = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
-        reported = ", ".join(
-            f"{name} {_mean(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()
-        )
+        reported = ", ".join(f"{name} {_mean(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items())
         what = "back within 1 um after" if event == "overload" else "shows for"
         found.append(
             Row(

@@ -26,11 +26,7 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
 from anhyst_rigs.rig.stage.loop import StageSetup, track
-from anhyst_rigs.study.tracking.estimator import (
-    FORGETTING_TIME_S,
-    TRAINING_SCANS,
-    ParameterEstimator,
-)
+from anhyst_rigs.study.tracking.estimator import FORGETTING_TIME_S, TRAINING_SCANS, ParameterEstimator
 from anhyst_rigs.study.tracking.measures import Measures
 from calibration_trials import (
     COMPILED,
@@ -124,9 +120,7 @@ class Found:
 
     def row(self, what: str, reach: str, met: bool | None) -> Row:
         """Return a line of the moving average, and what else is told of it."""
-        others = "; ".join(
-            f"{name[:-2]} {self.pairs(name)}" for name in ("peak_m", "settling_50_s")
-        )
+        others = "; ".join(f"{name[:-2]} {self.pairs(name)}" for name in ("peak_m", "settling_50_s"))
         text = f"{self.pairs('average_m')}; {others} ({self.count})"
         return Row(f"calibration, {what}: average, nm, before -> after", reach, text, met)
 

@@ -128,8 +128,7 @@ def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
         (taught,) = select_legs(ParameterEstimator(law), own).values()
     run = track(own, taught, gains, 100)
     calibrated = find_gains(
-        law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])),
-        training(rig),
+        law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])), training(rig)
     )
     return Bench(iron, rig, magnet, method, gains, calibrated, taught)
 
@@ -153,9 +152,7 @@ class Trial:
         learner = ParameterEstimator(WORLDS[""].law(bench), FORGETTING_TIME_S)
         scan, gains = bench.rig.settings.scan, bench.calibrated_gains
         for number in range(TRAINING_SCANS):
-            learner.run_and_update(
-                drift, training(bench.rig), gains, 1000 * (self.plant + 1) + number + 1
-            )
+            learner.run_and_update(drift, training(bench.rig), gains, 1000 * (self.plant + 1) + number + 1)
         motion = scan_motion(scan, scan.test_m_per_s2)
         runs = [
             learner.run_and_update(drift, motion, gains, 1000 * (self.plant + 1) + 100 + number)

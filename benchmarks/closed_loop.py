@@ -64,9 +64,7 @@ class Case:
 
     def setup(self, variant: MethodName, number_format: NumberFormat) -> BearingSetup:
         """Return the example's controller with one of the ways from force to current."""
-        return make_setup(
-            self.rig, self.controller.settings, self.knowledge, variant, number_format
-        )
+        return make_setup(self.rig, self.controller.settings, self.knowledge, variant, number_format)
 
     def scenario(self) -> Scenario:
         """Return steps up and down, without lift-off."""
@@ -164,9 +162,7 @@ def hanging(simulator: Flier, gap: float, load: float) -> float:
     low, high = 0.0, 10.0
     for _ in range(60):
         current = 0.5 * (low + high)
-        low, high = (
-            (current, high) if simulator.start(gap, current, load) < load else (low, current)
-        )
+        low, high = (current, high) if simulator.start(gap, current, load) < load else (low, current)
     return current
 
 

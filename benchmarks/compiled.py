@@ -26,14 +26,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.compare import BuildFolder
-from anhyst.verification.protocol import (
-    COMPENSATOR_RECORD,
-    ON_GRID,
-    START,
-    VECTORS,
-    WINDOW_RECORDS,
-    Request,
-)
+from anhyst.verification.protocol import COMPENSATOR_RECORD, ON_GRID, START, VECTORS, WINDOW_RECORDS, Request
 from anhyst.verification.targets import offer_cortex_m
 from rows import ROOT, Row, Stopwatch
 
@@ -173,10 +166,7 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
         for first in range(0, len(codes), WINDOW_RECORDS):
             rows = codes[first : first + WINDOW_RECORDS]
             vectors = Request(
-                VECTORS,
-                steps=len(rows),
-                rows=rows,
-                input_positions=COMPENSATOR_RECORD.input_positions,
+                VECTORS, steps=len(rows), rows=rows, input_positions=COMPENSATOR_RECORD.input_positions
             )
             requests.append(vectors)
         replies = ported.program.run(requests)
@@ -207,12 +197,7 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
             f"{one.cycles} cycles, {one.rate / 1e3:.1f} kHz ({one.prices})" for one in estimates
         )
         rows.append(
-            Row(
-                f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)",
-                "reported",
-                reported,
-                None,
-            )
+            Row(f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)", "reported", reported, None)
         )
         one = next(r for r in found.results if r.target == "cortex-m4")
         tables = compiled.manifest["memory"]["parameters_bytes"]
@@ -241,14 +226,12 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
         wanted = exact.run(demand, scales.gap_high)
         off = []
         for kind in ("simplified", "euler"):
-            current = FixedTwin(
-                build_block(model, kind, scales, limits, sizes, closed_form=law)
-            ).run(demand, scales.gap_high)
+            current = FixedTwin(build_block(model, kind, scales, limits, sizes, closed_form=law)).run(
+                demand, scales.gap_high
+            )
             apart = np.abs(current - wanted)[RAMP:]
             off.append(100.0 * float(apart.max()) / limits.current[1])
-            exact = FixedTwin(
-                build_block(model, "simplified", scales, limits, fine, closed_form=law)
-            )
+            exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, closed_form=law))
         reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):

@@ -71,10 +71,7 @@ def drawn(family: str, number: int) -> dict[str, Any]:
             "pinning_shape": log(1.0, 3.0),
         }
     )
-    sharp = {
-        "saturation_sharp_T": even(1.1, 1.4),
-        "knee_sharp_A_per_m": width * log(1.0, 3.0),
-    }
+    sharp = {"saturation_sharp_T": even(1.1, 1.4), "knee_sharp_A_per_m": width * log(1.0, 3.0)}
     return own | sharp | curve
 
 

@@ -31,11 +31,7 @@ COUNT: int = SETTINGS["count"]
 CYCLES = 3
 """Before a record: of all of it, or of the same loop."""
 
-_MADE_FROM = (
-    "benchmarks/drawn*",
-    "plant/**/*.[ch]",
-    "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py",
-)
+_MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,15 +201,7 @@ def _measured(
             lead, stated = all_of_it, all_of_it
             current = _sweep([low, high, low], step)
         found.append(
-            _Record(
-                "",
-                str(number),
-                lead,
-                start.split("-")[0],
-                stated,
-                current,
-                np.full(current.size, gap),
-            )
+            _Record("", str(number), lead, start.split("-")[0], stated, current, np.full(current.size, gap))
         )
     return found
 
@@ -259,9 +247,7 @@ def _tests(
 def _plan(number: int) -> _Plan:
     rng = np.random.default_rng([SETTINGS["seed"], number])
     family = FAMILIES[number // 2 % len(FAMILIES)]
-    magnet, drive, sensors = (
-        from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors")
-    )
+    magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
     iron, true = draw_iron(family, rng)
     core, gaps = _core(magnet, true)
     top = magnet["current_A"]
@@ -300,9 +286,7 @@ def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
 def draw(number: int) -> Draw:
     """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
     plans, found = _computed()
-    return measured(
-        plans[number], found[number], np.random.default_rng([SETTINGS["seed"], number, 1])
-    )
+    return measured(plans[number], found[number], np.random.default_rng([SETTINGS["seed"], number, 1]))
 
 
 def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> Draw:

@@ -138,9 +138,7 @@ def draw_iron(family: str, rng: np.random.Generator) -> tuple[Iron, dict[str, An
         return PlantIron(steel), true
     one = from_ranges(SETTINGS[family], rng)
     if family == "series":
-        (first, core), (second, armature) = (
-            _PLANT[one[name]](rng) for name in ("core", "armature")
-        )
+        (first, core), (second, armature) = (_PLANT[one[name]](rng) for name in ("core", "armature"))
         true = {"core_iron": core, "armature_iron": armature, **one}
         true["knee_sharp"] = max(core["knee_sharp"], armature["knee_sharp"])
         true["saturation_sharp"] = min(core["saturation_sharp"], armature["saturation_sharp"])

@@ -116,9 +116,7 @@ class SeriesIron:
         return Answer(poles.turns * poles.area * found[:, 0], area * found[:, 1])
 
 
-def _in_series(
-    pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float, ...]
-) -> tuple[float, float]:
+def _in_series(pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float, ...]) -> tuple[float, float]:
     """Move both pieces to where their fluxes fit together; return their flux densities."""
     first, second = pieces
     length_1, length_2, area_1, area_2, leakage, outer = circuit
@@ -323,9 +321,7 @@ def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job])
     return found
 
 
-def _follow(
-    irons: Material, length: FloatArray, excitation: FloatArray, outer: FloatArray
-) -> FloatArray:
+def _follow(irons: Material, length: FloatArray, excitation: FloatArray, outer: FloatArray) -> FloatArray:
     """Return the flux density in the iron at every step, T."""
     field = np.zeros(length.size)
     found = np.zeros(excitation.shape)

@@ -29,12 +29,7 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps, default_seeds
-from anhyst_rigs.study.benefit import (
-    BASELINES,
-    OVERSHOOT_FLOOR_FACTOR,
-    Benefit,
-    map_bearing_benefit,
-)
+from anhyst_rigs.study.benefit import BASELINES, OVERSHOOT_FLOOR_FACTOR, Benefit, map_bearing_benefit
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch
 from virtual import irons
@@ -238,8 +233,7 @@ def _still(one: Tried, variant: str) -> float:
 def _steps_row(one: Tried) -> Row:
     shown = {
         name: "/".join(
-            "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}"
-            for cell in cells
+            "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}" for cell in cells
         )
         for name, cells in one.steps.items()
     }
@@ -250,8 +244,7 @@ def _steps_row(one: Tried) -> Row:
         f"worse by {max(worse):.2f} at most; "
         + ", ".join(f"{name} {text} %" for name, text in shown.items())
         + f"; at rest full {_still(one, 'full'):.0f} nm rms, single-valued "
-        f"{_still(one, 'single-valued'):.0f} nm"
-        + (f"; paper: {one.refused}" if one.refused else ""),
+        f"{_still(one, 'single-valued'):.0f} nm" + (f"; paper: {one.refused}" if one.refused else ""),
         max(worse) <= WORSE,
     )
 

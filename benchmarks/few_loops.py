@@ -65,9 +65,7 @@ def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
     """Draw a magnet and measure it twice."""
     rng = np.random.default_rng([SEED, number])
     kind, family = KINDS[number % 6], FAMILIES[number // 6 % 6]
-    magnet, drive, sensors = (
-        from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors")
-    )
+    magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
     magnet |= {"ring": kind == "ring", "gaps": 2 if kind in {"two", "slow"} else 1}
     drive |= {"loops": 2 if kind == "one-two" else 1, "ring_loops": 1, "clock": False}
     if kind == "coarse":

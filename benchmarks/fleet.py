@@ -132,14 +132,7 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     spent = best(lambda: here(nothing(TASKS, jobs=2)))
     rows.append(_empty("2 processes of this machine", TASKS, spent))
     costs = []
-    for workers, together in (
-        (1, False),
-        (2, False),
-        (4, False),
-        (8, False),
-        (50, True),
-        (200, True),
-    ):
+    for workers, together in ((1, False), (2, False), (4, False), (8, False), (50, True), (200, True)):
         name = f"{workers} workers" + (" in one process" if together else "")
         spent = there(workers, nothing(TASKS), together=together)
         costs.append(Costs(spent.scheduler / TASKS, spent.here / TASKS))

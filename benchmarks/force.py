@@ -42,8 +42,7 @@ def rows() -> list[Row]:
         Row(
             "the same, simplified",
             "two thirds of the single-valued",
-            f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of it; all: "
-            f"{_told(held)}",
+            f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of it; all: {_told(held)}",
             3.0 * simplified["of_single"] <= 2.0,
         ),
         Row(
@@ -52,12 +51,7 @@ def rows() -> list[Row]:
             _told(summary["moving"]),
             moving["worst_percent"] <= 1.5 and 4.0 * moving["of_single"] <= 1.0,
         ),
-        Row(
-            "the same, first version of the solenoid (steel as drawn)",
-            "",
-            _told(drawn["positions"]),
-            None,
-        ),
+        Row("the same, first version of the solenoid (steel as drawn)", "", _told(drawn["positions"]), None),
         Row(
             "firmware over the link against the simulated program",
             "no tick differs",

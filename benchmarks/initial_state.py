@@ -108,8 +108,7 @@ def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: fl
     """Compile a model in every form, for triangles of a force that every gap can give."""
     both = np.array([0.0, current])
     top, force = (
-        float(model.predict(both, np.full(2, at), history="demagnetised").output[-1])
-        for at in (gaps[0], gap)
+        float(model.predict(both, np.full(2, at), history="demagnetised").output[-1]) for at in (gaps[0], gap)
     )
     force *= 0.98  # what lies beyond is within reach of no compensator
     # Twice the current, so that pasts beyond the working range are within the numbers.
@@ -176,11 +175,7 @@ def strangers(kind: Kind) -> list[NDArray[np.int32]]:
 
 
 def study(
-    actuator: Actuator,
-    kind: Kind,
-    demand: Array,
-    prelude: Array | None = None,
-    at_random: bool = False,
+    actuator: Actuator, kind: Kind, demand: Array, prelude: Array | None = None, at_random: bool = False
 ) -> Outcome:
     """Start a compensator with every past, on an iron with every other one.
 

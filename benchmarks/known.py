@@ -134,9 +134,7 @@ class Scan:
         self.weights = np.concatenate(weights)
         self.output = np.concatenate([one.output for one in records.loops])
 
-    def best(
-        self, ways: Sequence[ParameterSet], gain: float | None
-    ) -> tuple[ParameterSet, float] | None:
+    def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
         """Return the best of some sets and its cost; with the best gain unless one is given."""
         found: tuple[ParameterSet, float] | None = None
         for local in ways:
@@ -182,9 +180,7 @@ def _number(name: str, rng: np.random.Generator) -> float:
     return low + (high - low) * part if low == 0.0 else float(low * (high / low) ** part)
 
 
-def _homes(
-    space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float
-) -> list[ParameterSet]:
+def _homes(space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float) -> list[ParameterSet]:
     """Return sets of one law with more or less reluctance around it, driven as far as each other."""
     top, reached = space.records.input_span, size * driven / (1.0 + driven)
     omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
@@ -195,9 +191,7 @@ def _homes(
     return [replace(one, h=0.0 if space.form.permeability else space.form.h) for one in found]
 
 
-def _elsewhere(
-    space: CoordinateSpace, known: ParameterSet
-) -> tuple[list[ParameterSet], float | None]:
+def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[ParameterSet], float | None]:
     """Return what the map lets a set become at another gap, and the gain if it stays."""
     if space.gap_map == "scaling":
         return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain

@@ -96,9 +96,7 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest:
         for law, model in models.items():
             off = []
             for truth in truths:
-                modelled = model.predict(
-                    truth.current + offset, truth.gap, history="demagnetised"
-                ).output
+                modelled = model.predict(truth.current + offset, truth.gap, history="demagnetised").output
                 off.append((modelled - truth.force)[truth.counted])
             missed[law] = Missed.of(off, largest)
         ours, moving = missed[CHOSEN], what == "moving gap"

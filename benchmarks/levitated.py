@@ -71,9 +71,7 @@ def recorded(setup: BearingSetup, drift: Drift) -> Recording:
     )
 
 
-def tried(
-    ready: BearingInputs, what: tuple[MethodName, Drift]
-) -> tuple[Calibration, Figures, Figures]:
+def tried(ready: BearingInputs, what: tuple[MethodName, Drift]) -> tuple[Calibration, Figures, Figures]:
     """Return what was learnt of a plant, and how it does before and after."""
     method, drift = what
     known, table = ready.identify_magnet(), ready.controller.settings
@@ -97,17 +95,13 @@ def tried(
 
 def told(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
     """Return the controller that is told by how much the plant of the table has drifted."""
-    known = calibrate_magnet(
-        ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning
-    )
+    known = calibrate_magnet(ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning)
     table = ready.controller.settings
     (fitted,) = fit_bearing_compensators(ready.rig, table, [known], before.method, "fixed")
     return replace(before, compensator=fitted)
 
 
-def of_table(
-    found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures
-) -> Row:
+def of_table(found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures) -> Row:
     """Return the line of one method and the plant of the table."""
     (method,) = found.file.method
     said = "; ".join(
@@ -145,8 +139,7 @@ def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
     found, before, after = tried(other, ("full", drift))
     (method,) = found.file.method
     return Row(
-        f"bearing of {name}, {'drifted so' if drift == TABLE else 'as it should be'}: full, force "
-        "error",
+        f"bearing of {name}, {'drifted so' if drift == TABLE else 'as it should be'}: full, force error",
         "",
         f"{before[1]:.3g} -> {after[1]:.3g} N; {method.summary}",
         None,
@@ -155,9 +148,7 @@ def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
 
 def of_method(ready: BearingInputs, method: MethodName) -> Row:
     """Return the line of one method and the plant of the table."""
-    setup = make_setup(
-        ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed"
-    )
+    setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
     found, before, after = tried(ready, (method, TABLE))
     nominal, best = judged(setup, NO_DRIFT), judged(told(ready, setup), TABLE)
     return of_table(found, nominal, before, after, best)
@@ -183,9 +174,7 @@ def rows() -> list[Row]:
     outcomes = dict(zip(every, map_ordered(partial(tried, ready), every), strict=True))
     lines = []
     for method, line in zip(METHODS, map_ordered(partial(of_method, ready), METHODS), strict=True):
-        setup = make_setup(
-            ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed"
-        )
+        setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
         both = [outcomes[method, drift][1:] for drift in drawn]
         forces = [(before[1], after[1]) for before, after in both]
         lines += [line, of_drawn(method, judged(setup, NO_DRIFT), forces)]

@@ -78,8 +78,7 @@ def this_machine() -> Machine:
         levels=tuple(batch_levels()),
         level=batch_level(),
         compiler=version.stdout.splitlines()[0],
-        system=f"{platform.system()}, {libc}, Python {platform.python_version()}, "
-        f"NumPy {np.__version__}",
+        system=f"{platform.system()}, {libc}, Python {platform.python_version()}, NumPy {np.__version__}",
         yardstick=_yardstick(compiler),
     )
 

@@ -78,9 +78,7 @@ def main() -> None:
     for name, loops, answer in magnets():
         largest, found = measure(loops, answer)
         for method, errors in found.items():
-            values = [
-                of(part) for part in (errors.major, errors.small) for of in (rms, max_magnitude)
-            ]
+            values = [of(part) for part in (errors.major, errors.small) for of in (rms, max_magnitude)]
             shown = " | ".join(f"{100.0 * value / largest:.2f}" for value in values)
             print(f"| {name}, {largest:.0f} N | `{method}` | {shown} |", flush=True)
 

@@ -115,9 +115,7 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
     names = json.dumps([signal.name for signal in bench.signals[:SIGNALS]])
     try:
         with sync_playwright() as api:
-            chromium = api.chromium.launch(
-                executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-            )
+            chromium = api.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
             page = chromium.new_page(viewport={"width": 1440, "height": 860})
             page.add_init_script(f"localStorage.setItem('anhyst.signals.gap', {json.dumps(names)})")
             page.goto(f"http://127.0.0.1:{port}/")

@@ -24,12 +24,7 @@ from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.measures import LossFlights, cross_talk, measure
-from anhyst_rigs.study.tracking.simulate import (
-    COMPARED_METHODS,
-    TrackingStudy,
-    explore_stage,
-    find_gains,
-)
+from anhyst_rigs.study.tracking.simulate import COMPARED_METHODS, TrackingStudy, explore_stage, find_gains
 from rows import ROOT, Row
 from tests.study.test_losses import laid
 from tracking import with_iron
@@ -64,9 +59,7 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
     return found
 
 
-def at_300(
-    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName
-) -> tuple[float, float, float]:
+def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[float, float, float]:
     """Return moving average and peak along x, m, and the largest ry, rad: means over the seeds."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
@@ -82,11 +75,7 @@ def at_300(
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the line of one iron at the high crossover."""
     found = dict(
-        zip(
-            COMPARED_METHODS,
-            map_ordered(partial(at_300, rig, magnet), COMPARED_METHODS),
-            strict=True,
-        )
+        zip(COMPARED_METHODS, map_ordered(partial(at_300, rig, magnet), COMPARED_METHODS), strict=True)
     )
     text = "; ".join(
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * turned:.3g} nrad"
@@ -117,11 +106,7 @@ def head_rows() -> list[Row]:
     found = []
     for heads in (6, 7):
         case = LossCase(
-            kind="loss",
-            circuit="open",
-            magnets=["m0"],
-            heads=["missing", "frozen", "jumps"],
-            lift=True,
+            kind="loss", circuit="open", magnets=["m0"], heads=["missing", "frozen", "jumps"], lift=True
         )
         each = LossFlights(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).run_all()[1:]
         landed = sum(one.outcome == "lands" for one in each)

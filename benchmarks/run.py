@@ -125,8 +125,7 @@ def markdown(rows: Sequence[Row], machine: Machine) -> str:
     lines = [*machine.lines(), ""]
     lines += [f"| {' | '.join(COLUMNS)} |", "| --- " * len(COLUMNS) + "|"]
     lines += [
-        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells(row, machine))} |"
-        for row in rows
+        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells(row, machine))} |" for row in rows
     ]
     return "\n".join(lines) + "\n"
 

@@ -46,9 +46,7 @@ def _loops_module() -> ModuleType:
 
 def write_rig(folder: Path, name: str, law: str) -> Path:
     """Write the rig of the example with another iron and its loops; return the rig file."""
-    rig, solenoid = (
-        (FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml")
-    )
+    rig, solenoid = ((FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml"))
     path = tomllib.loads(solenoid)["iron"]
     iron = tomllib.loads(FILE.read_text(encoding="utf-8"))[name]
     iron |= {key: path[key] for key in ("length_m", "area_m2")}
@@ -76,10 +74,7 @@ def run(rig: Path) -> dict[str, Any]:
 
 def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
     """Report what each law and each curve without memory leaves at a stage."""
-    parts = [
-        f"{law} {summary[stage]['full']['worst_percent']:.2f} %"
-        for law, summary in summaries.items()
-    ]
+    parts = [f"{law} {summary[stage]['full']['worst_percent']:.2f} %" for law, summary in summaries.items()]
     plain = summaries[CHOSEN][stage]
     parts += [f"{name} {plain[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
     return ", ".join(parts)

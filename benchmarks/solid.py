@@ -65,9 +65,7 @@ class Judged:
     slow: float  # rms of the slow loops with layers, in parts of that at rest
     seconds: float
     chosen: str
-    force: tuple[
-        float, float
-    ]  # worst error of an open loop, % of F_max, compiled with rate and at rest
+    force: tuple[float, float]  # worst error of an open loop, % of F_max, compiled with rate and at rest
 
 
 def judge(number: int) -> Judged:
@@ -85,8 +83,7 @@ def judge(number: int) -> Judged:
     records = {f"{rate:g} Hz": magnet.cycle(rate, between) for rate in (1.0, 20.0, 100.0)}
     records["random"] = magnet.random((magnet.gaps[0], magnet.gaps[-1]))
     at_rest, layers = (
-        {name: _missed(one, loop, largest) for name, loop in records.items()}
-        for one in (still, model)
+        {name: _missed(one, loop, largest) for name, loop in records.items()} for one in (still, model)
     )
     assert model.fit is not None
     assert still.fit is not None
@@ -104,9 +101,7 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: Io = "f32") -> 
     """
     model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS), 0)
-    reached = float(
-        model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1]
-    )
+    reached = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
     ticks = round(TICKS / SPEEDS[-1])
     place = np.arange(CYCLES * ticks) / ticks
     part = BAND[0] + (BAND[1] - BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
@@ -230,9 +225,7 @@ def rows() -> list[Row]:
                         f"{', rings' if one.number >= RINGS_FROM else ''})"
                         for one in half
                     ),
-                    all(
-                        one.layers[name][0] <= mean and one.layers[name][1] <= worst for one in half
-                    ),
+                    all(one.layers[name][0] <= mean and one.layers[name][1] <= worst for one in half),
                 )
             )
         lines.append(

@@ -12,16 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from anhyst._core import (
-    AnyIron,
-    Iron,
-    Operator,
-    batch,
-    batch_functions,
-    batch_levels,
-    demagnetised,
-    langevin,
-)
+from anhyst._core import AnyIron, Iron, Operator, batch, batch_functions, batch_levels, demagnetised, langevin
 from anhyst.laws.cells import Population, discretise_populations
 from anhyst.laws.play_cells import make_iron
 from anhyst.support.numeric import FloatArray
@@ -116,14 +107,9 @@ def batched(level: str) -> list[Row]:
             batch(*columns, implicit=implicit, keep=False, level=level)
 
     arguments = np.linspace(0.0, 4.0, 2048)
-    one = best_ns(
-        lambda: [batch_functions(arguments, level) for _ in range(100)], 100 * arguments.size
-    )
+    one = best_ns(lambda: [batch_functions(arguments, level) for _ in range(100)], 100 * arguments.size)
     rows = []
-    for name, implicit, reach, visits in (
-        ("implicit", True, 10.0, 3.0),
-        ("explicit", False, 2.0, 1.0),
-    ):
+    for name, implicit, reach, visits in (("implicit", True, 10.0, 3.0), ("explicit", False, 2.0, 1.0)):
         spent = best_ns(lambda: follow(implicit), 10 * sets * n)  # noqa: B023
         rows.append(
             Row(

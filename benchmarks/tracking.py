@@ -82,9 +82,7 @@ def of_iron(title: str, study: TrackingStudy) -> list[Row]:
     ):
         share = ratio(study, name)
         text = f"{share:.3g}; {said(study, name, factor)} {unit}"
-        row = Row(
-            f"tracking, {title}: {what}", f"<= {reach:g} of single-valued", text, share <= reach
-        )
+        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} of single-valued", text, share <= reach)
         found.append(row)
     own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     found.append(
@@ -149,12 +147,7 @@ def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> lis
             f"{1e9 * fixed:.3g} nm",
             fixed <= 10e-9,
         ),
-        Row(
-            "sub-steps of the plant halved, the same",
-            "<= 2 nm",
-            f"{1e9 * halved:.3g} nm",
-            halved <= 2e-9,
-        ),
+        Row("sub-steps of the plant halved, the same", "<= 2 nm", f"{1e9 * halved:.3g} nm", halved <= 2e-9),
     ]
 
 
@@ -171,8 +164,6 @@ def rows() -> list[Row]:
             found += of_iron(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
             found.append(fast(title, explore_stage(with_iron(rig, iron, 300.0), magnet)))
-        if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get(
-            "reversible_fraction"
-        ):
+        if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get("reversible_fraction"):
             found += [*formats(slow, magnet, study), *learning(study)]
     return found

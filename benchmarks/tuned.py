@@ -21,14 +21,7 @@ from rows import Row, Stopwatch
 AIMS = Aims()
 SETTLING_S = 6e-3
 PLANTS = 1000
-COMPARED: tuple[MethodName, ...] = (
-    "ratio",
-    "linearised",
-    "single-valued",
-    "flux",
-    "simplified",
-    "full",
-)
+COMPARED: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "flux", "simplified", "full")
 
 
 def tune(iron: Iron, variant: MethodName) -> BearingFigures:
@@ -62,9 +55,7 @@ def rows() -> list[Row]:
     found.append(Row("tuning one variant", "<= 60 s wall", took, longest <= 60.0, seconds))
     watch = Stopwatch()
     with tempfile.TemporaryDirectory() as folder:
-        monte_carlo(
-            bearing_plants(rig, controller, ("full",)), Path(folder) / "plants.jsonl", PLANTS
-        )
+        monte_carlo(bearing_plants(rig, controller, ("full",)), Path(folder) / "plants.jsonl", PLANTS)
     found.append(
         Row(
             f"Monte Carlo of {PLANTS} drifted plants",

@@ -56,8 +56,7 @@ def main(path: Path) -> None:
     form = replace(form, law=LAW_BY_SHAPE["tanh"], cells=CellKernel("tanh", 1))
     space = CoordinateSpace("leakage", records.thinned(40), form, frozenset({"in_0", "out_0"}))
     drawn = [
-        scale_to_loops(space, one)
-        for one in sample_cell_starts(CellKernel("tanh", 1), _STARTS, 1, True)
+        scale_to_loops(space, one) for one in sample_cell_starts(CellKernel("tanh", 1), _STARTS, 1, True)
     ]
     starts = [space.pack(sets) for sets in drawn if has_valid_scales(sets)]
     ends = [descend_from(space, theta, 1e-3, _SHORT) for theta in starts]
@@ -69,10 +68,7 @@ def main(path: Path) -> None:
     all_seen = [_seen(one.parameter_sets[0], span) for one in (*final, best)]
     middle = np.log(_seen(best.parameter_sets[0], span))
     reach = np.maximum(np.abs(np.log(all_seen) - middle).max(axis=0), np.log(8.0))
-    x, y = (
-        np.linspace(m - r, m + r, _GRID)
-        for m, r in zip(middle, np.minimum(reach, 3.0), strict=True)
-    )
+    x, y = (np.linspace(m - r, m + r, _GRID) for m, r in zip(middle, np.minimum(reach, 3.0), strict=True))
     cost = np.empty((_GRID, _GRID))
     theta: FloatArray
     for i, width in enumerate(y):
@@ -88,9 +84,7 @@ def main(path: Path) -> None:
     drawn_map = axes.contourf(
         np.exp(x), np.exp(y), percent, levels, norm="log", cmap="viridis_r", extend="max"
     )
-    figure.colorbar(
-        drawn_map, ax=axes, label="deviation, rms, % of the largest force", format="%.2g"
-    )
+    figure.colorbar(drawn_map, ax=axes, label="deviation, rms, % of the largest force", format="%.2g")
     for start, end in zip(starts, final, strict=True):
         a = _seen(space.unpack(start)[0][0], span)
         b = _seen(end.parameter_sets[0], span)

@@ -55,19 +55,9 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
-from anhyst_rigs.study.bearing.responses import (
-    compare_steps,
-    default_seeds,
-    group_by_step,
-    judge_steps,
-)
+from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, group_by_step, judge_steps
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
-from anhyst_rigs.study.engine.table import (
-    VERDICT_TITLES,
-    Interval,
-    mean_interval,
-    strongest_baseline,
-)
+from anhyst_rigs.study.engine.table import VERDICT_TITLES, Interval, mean_interval, strongest_baseline
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains, make_variants
 
@@ -192,9 +182,7 @@ class Line:
     gain: str
 
     @classmethod
-    def of(
-        cls, what: str, own: float, baseline: float, against: str, unit: str, places: int = 2
-    ) -> Line:
+    def of(cls, what: str, own: float, baseline: float, against: str, unit: str, places: int = 2) -> Line:
         """Compare two errors."""
         own_text, other = (f"{value:.{places}f} {unit}" for value in (own, baseline))
         gain = f"1/{baseline / own:.0f}" if baseline > 1.5 * own else "no gain"
@@ -243,9 +231,7 @@ def electromagnet(out: Path) -> Piece:
 
 def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
     """Draw what model and best single-valued curve miss by on the widest loops of an unseen gap."""
-    loop, residual = max(
-        single_valued_residuals(truth), key=lambda pair: float(np.ptp(pair[0].output))
-    )
+    loop, residual = max(single_valued_residuals(truth), key=lambda pair: float(np.ptp(pair[0].output)))
     predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history).output
     ax.plot(loop.input, residual, label=CURVE, **line_style("single-valued"))
     ax.plot(loop.input, loop.output - predicted, label="anhyst", **line_style("full"))
@@ -281,9 +267,7 @@ def bearing(out: Path) -> Piece:
         setups = make_setups(rig, controller, ready.identify_magnet(), BEARING)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
-        cells = compare_steps(
-            list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds
-        )
+        cells = compare_steps(list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds)
     steps = group_by_step(cells)
     last = steps[-1]
     overshoot = last.figure("overshoot_percent")
@@ -293,10 +277,7 @@ def bearing(out: Path) -> Piece:
         out / "table.txt",
         f"overshoot, % of the step; {len(seeds)} noise seeds",
         [f"{1e6 * one.height:g} um" for one in steps],
-        {
-            name: [interval_text(one.figure("overshoot_percent")[name]) for one in steps]
-            for name in setups
-        },
+        {name: [interval_text(one.figure("overshoot_percent")[name]) for one in steps] for name in setups},
     )
     line = Line.of(
         f"bearing, {1e6 * last.height:g} um, overshoot",
@@ -344,9 +325,7 @@ def follow(setup: StageSetup) -> Tracked:
     table = setup.rig.settings.scan
     gains = find_gains(setup, scan_motion(table, table.train_m_per_s2))
     motion = scan_motion(table, table.test_m_per_s2)
-    runs = [
-        track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
-    ]
+    runs = [track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)]
     return Tracked([measure(run, motion, table.slit_s) for run in runs], runs[0])
 
 
@@ -386,9 +365,7 @@ def stage(out: Path) -> Piece:
     return Piece(lines, draw)
 
 
-def write_table(
-    path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]
-) -> None:
+def write_table(path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]) -> None:
     """Write what is too long for the one table."""
     title += ", 95 % interval; 'full' is anhyst"
     table = Table("", *columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)

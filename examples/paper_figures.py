@@ -76,11 +76,7 @@ def figure_parameters(model: Model, splines: bool) -> Figure:
     gaps = np.linspace(nodes[0], nodes[-1], 301)
     for ax, name in zip(figure.subplots(1, 2), SHOWN, strict=True):
         at_nodes = model.interpolate_parameter(name, nodes)
-        between = (
-            CubicSpline(nodes, at_nodes)(gaps)
-            if splines
-            else model.interpolate_parameter(name, gaps)
-        )
+        between = CubicSpline(nodes, at_nodes)(gaps) if splines else model.interpolate_parameter(name, gaps)
         ax.plot(1e3 * gaps, between, color=RISING_COLOUR, label="spline" if splines else "gap map")
         ax.plot(1e3 * nodes, at_nodes, "o", mfc="none", color=FALLING_COLOUR, label="measured gaps")
         if between.min() < 0.0:

@@ -116,8 +116,7 @@ class Held:
         if self.recording and self.passed and not hasattr(session.config, "workerinput"):
             now = self.before | self.passed
             lines = [
-                f"{json.dumps(name)} = {json.dumps(now[name])}\n"
-                for name in sorted(now.keys() - self.failed)
+                f"{json.dumps(name)} = {json.dumps(now[name])}\n" for name in sorted(now.keys() - self.failed)
             ]
             whole = RECORD.with_suffix(".part")
             whole.write_text(HEAD + "".join(lines), encoding="utf-8")

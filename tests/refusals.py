@@ -48,8 +48,7 @@ def says(said: str, what: str) -> bool:
     """Whether a line that a command printed is how this refusal is worded."""
     code, key, held = _parts(what)
     return any(
-        all(part in line for part in (key, *held))
-        and any(one.search(line) for one in _wordings(code))
+        all(part in line for part in (key, *held)) and any(one.search(line) for one in _wordings(code))
         for line in said.splitlines()
     )
 

@@ -25,9 +25,7 @@ def apart(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
     """
     runs = [
         FixedCompensator(block.kind, block.words).run(
-            FixedTwin(block).demand_codes(demand),
-            FixedTwin(block).gap_codes(gap, demand.size),
-            False,
+            FixedTwin(block).demand_codes(demand), FixedTwin(block).gap_codes(gap, demand.size), False
         )
         for block in (here, there)
     ]

@@ -69,9 +69,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
     compiled = folder / f"compiled-{run_name}"
     is_xcp_only = run_name in XCP_RUNS
     variant = VARIANTS[1] if is_xcp_only else run_name
-    compile_model(
-        folder / "model.toml", compiled, CompileRequest(variant, "q31", TICK_RATE_HZ, name=NAME)
-    )  # type: ignore[arg-type]
+    compile_model(folder / "model.toml", compiled, CompileRequest(variant, "q31", TICK_RATE_HZ, name=NAME))  # type: ignore[arg-type]
     sources = [
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
@@ -87,9 +85,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
     options = [f"-I{place}" for place in include]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
     options += ["-DFUZZ_XCP"] if is_xcp_only else []
-    subprocess.run(
-        [clang, *COMPILER_FLAGS, *options, *map(str, sources), "-o", str(program)], check=True
-    )
+    subprocess.run([clang, *COMPILER_FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
     return program
 
 
@@ -120,15 +116,11 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
         return 2
     folder.mkdir(parents=True, exist_ok=True)
     write_model(make_small_magnet(), folder / "model.toml")
-    failures = sum(
-        run_in_parallel(pair, runs, seed, folder, clang) for pair in (XCP_RUNS, VARIANTS)
-    )
+    failures = sum(run_in_parallel(pair, runs, seed, folder, clang) for pair in (XCP_RUNS, VARIANTS))
     return 1 if failures else 0
 
 
-def run_in_parallel(
-    run_names: tuple[str, str], runs: int, seed: int, folder: Path, clang: str
-) -> int:
+def run_in_parallel(run_names: tuple[str, str], runs: int, seed: int, folder: Path, clang: str) -> int:
     """Build and run two programs, each with half of the inputs; return the number of failures."""
     programs = {run_name: build_harness(run_name, folder, clang) for run_name in run_names}
     running = {

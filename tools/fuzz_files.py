@@ -36,18 +36,7 @@ from tests.data import logger_layouts, recordings  # noqa: E402
 
 FILES_PER_PROCESS = 100
 """Number of files that one process reads."""
-EXTREME_SIZES = (
-    0,
-    1,
-    0xFF,
-    0x7FFF,
-    0xFFFF,
-    0x7FFFFFFF,
-    0x80000000,
-    0xFFFFFFFF,
-    1 << 40,
-    (1 << 64) - 1,
-)
+EXTREME_SIZES = (0, 1, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 40, (1 << 64) - 1)
 
 
 def make_good_files(folder: Path) -> dict[str, list[bytes]]:
@@ -72,9 +61,7 @@ def make_good_files(folder: Path) -> dict[str, list[bytes]]:
     rows = zip(times.tolist(), current.tolist(), force.tolist(), strict=True)
     table = [["t", "I", "F"], ["s", "A", "N"], *map(list, rows)]
     paths_by_suffix[".xlsx"] = [recordings.workbook(folder / "good.xlsx", table)]
-    contents = {
-        suffix: [path.read_bytes() for path in paths] for suffix, paths in paths_by_suffix.items()
-    }
+    contents = {suffix: [path.read_bytes() for path in paths] for suffix, paths in paths_by_suffix.items()}
     exports = [layout() for layout in logger_layouts.LAYOUTS]
     contents[".csv"] = [export.text.encode(export.encoding) for export in exports]
     return contents
@@ -86,9 +73,7 @@ def damage(content: bytes, generator: random.Random) -> bytes:
     for _ in range(generator.choice((1, 1, 1, 2, 4, 8))):
         if not data:
             break
-        position = generator.randrange(
-            len(data) if generator.random() < 0.5 else min(len(data), 2048)
-        )
+        position = generator.randrange(len(data) if generator.random() < 0.5 else min(len(data), 2048))
         match generator.randrange(6):
             case 0:
                 data[position] ^= 1 << generator.randrange(8)
@@ -181,15 +166,11 @@ def main() -> int:
     while time.monotonic() < end_time:
         for suffix, files in seeds.items():
             first = next_numbers[suffix]
-            completed = run_batch(
-                suffix, files, range(first, first + FILES_PER_PROCESS), options.out
-            )
+            completed = run_batch(suffix, files, range(first, first + FILES_PER_PROCESS), options.out)
             results = (options.out / "said").read_text().split("\n")[:-1]
             counts.update(f"{suffix} {result}" for result in results)
             failed_indices = [
-                n
-                for n, result in enumerate(results)
-                if result not in {"read", "refused", "too large"}
+                n for n, result in enumerate(results) if result not in {"read", "refused", "too large"}
             ]
             for index in failed_indices:
                 saved_file = options.out / f"wrong-{first + index}{suffix}"

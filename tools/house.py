@@ -61,13 +61,7 @@ BUDGETS = {
 """The targets of the limits."""
 ROUNDING_STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
 """Limits of numbers that change with every commit are rounded up to a multiple of this step."""
-ROUNDING_STEPS |= {
-    "C core": 100,
-    "C rigs": 100,
-    "C parts": 100,
-    "changelog": 100,
-    "architecture": 100,
-}
+ROUNDING_STEPS |= {"C core": 100, "C rigs": 100, "C parts": 100, "changelog": 100, "architecture": 100}
 """What changes with every commit is recorded rounded up to these."""
 
 Graph = dict[str, set[str]]
@@ -75,11 +69,7 @@ Graph = dict[str, set[str]]
 
 def count_metrics() -> dict[str, int]:
     """Return every metric of the source tree."""
-    files = {
-        _module_name(path, source): path
-        for source in PARTS.values()
-        for path in source.rglob("*.py")
-    }
+    files = {_module_name(path, source): path for source in PARTS.values() for path in source.rglob("*.py")}
     texts = {name: path.read_text("utf-8") for name, path in files.items()}
     trees = {name: ast.parse(text) for name, text in texts.items()}
     modules = find_imports(trees)
@@ -99,9 +89,7 @@ def count_metrics() -> dict[str, int]:
         "code": sum(_count_code_lines(text, trees[name]) for name, text in texts.items()),
         **{
             part: sum(
-                len(texts[name].splitlines())
-                for name, path in files.items()
-                if path.is_relative_to(source)
+                len(texts[name].splitlines()) for name, path in files.items() if path.is_relative_to(source)
             )
             for part, source in PARTS.items()
         },
@@ -128,9 +116,7 @@ def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool 
     """Return the modules that each module imports, with or without the top packages."""
     return {
         name: {
-            one
-            for one in _find_targets(tree, trees)
-            if one != name and (include_top_packages or "." in one)
+            one for one in _find_targets(tree, trees) if one != name and (include_top_packages or "." in one)
         }
         for name, tree in trees.items()
         if include_top_packages or "." in name
@@ -150,9 +136,7 @@ def count_upward_imports(graph: Graph) -> int:
 def find_cycles(graph: Graph) -> list[set[str]]:
     """Return the groups of names that reach each other."""
     reachable = {name: _find_reachable(graph, name) for name in graph}
-    groups = {
-        frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph
-    }
+    groups = {frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph}
     return [set(group) for group in groups if len(group) > 1]
 
 
@@ -184,9 +168,7 @@ def main() -> int:
         print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{rise}")
     limits = {name: min(value, limits[name]) for name, value in rounded.items()}
     RECORD.write_text(json.dumps(limits, indent=2) + "\n", "utf-8")
-    PAGE.write_text(
-        TABLE.sub(rf"\g<1>{format_table(metrics)}\g<2>", PAGE.read_text("utf-8")), "utf-8"
-    )
+    PAGE.write_text(TABLE.sub(rf"\g<1>{format_table(metrics)}\g<2>", PAGE.read_text("utf-8")), "utf-8")
     return int(limits != rounded)
 
 
@@ -208,9 +190,7 @@ def _find_targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
 def _merge(graph: Graph, group_of: Callable[[str], str]) -> Graph:
     merged: Graph = {}
     for name, targets in graph.items():
-        merged.setdefault(group_of(name), set()).update(
-            {group_of(one) for one in targets} - {group_of(name)}
-        )
+        merged.setdefault(group_of(name), set()).update({group_of(one) for one in targets} - {group_of(name)})
     return merged
 
 
@@ -243,9 +223,7 @@ def _count_kind_tests(tree: ast.Module) -> int:
         if isinstance(node, ast.Compare):
             sides = {ast.unparse(side) for side in (node.left, *node.comparators)}
             count += bool(sides & _KIND_WORDS) or any(map(_KIND_ATTRIBUTE.search, sides))
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
-            "anhyst_rigs.kinds."
-        ):
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("anhyst_rigs.kinds."):
             count += any(alias.name != "RigKind" for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
             names = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
@@ -267,9 +245,7 @@ def _count_code_lines(text: str, tree: ast.Module) -> int:
 
 def _count_c_lines(*places: Path) -> int:
     """Return the number of lines of C and C++ in folders, without the headers of the FMI standard."""
-    sources = (
-        path for place in places for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"}
-    )
+    sources = (path for place in places for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"})
     project_files = (path for path in sources if path.parent.name != "fmi")
     return sum(len(path.read_text("utf-8").splitlines()) for path in project_files)
 

@@ -68,9 +68,7 @@ class Module:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.tree = ast.parse(path.read_text(encoding="utf-8"))
-        self.parents = {
-            child: node for node in ast.walk(self.tree) for child in ast.iter_child_nodes(node)
-        }
+        self.parents = {child: node for node in ast.walk(self.tree) for child in ast.iter_child_nodes(node)}
 
     def _enclosing_nodes(self, node: ast.AST) -> Iterator[ast.AST]:
         while (node := self.parents.get(node, self.tree)) is not self.tree:
@@ -85,9 +83,7 @@ class Module:
         function = next((node for node in enclosing if isinstance(node, Function)), None)
         assignments: list[list[ast.expr]] = []
         additions: list[ast.AugAssign] = []
-        for statement in sorted(
-            _find_earlier_assignments(function, usage), key=lambda node: -node.lineno
-        ):
+        for statement in sorted(_find_earlier_assignments(function, usage), key=lambda node: -node.lineno):
             match statement:
                 case ast.AugAssign(target=ast.Name(id=target)) if target == name:
                     additions.insert(0, statement)
@@ -98,9 +94,7 @@ class Module:
                     assignments.append([value, *(more.value for more in additions)])
                     if isinstance(statement, ast.NamedExpr) or self.parents[statement] in enclosing:
                         break
-                    additions = [
-                        more for more in additions if self.parents[more] != self.parents[statement]
-                    ]
+                    additions = [more for more in additions if self.parents[more] != self.parents[statement]]
                 case ast.Assign(targets=[ast.Tuple(elts=elements)]) if name in {
                     getattr(element, "id", "") for element in elements
                 }:
@@ -151,9 +145,7 @@ class WordingReader:
             case ast.FormattedValue(value=value):
                 found = [_placeholder_of(value)]
             case ast.BinOp(left=left, op=ast.Add(), right=right):
-                found = _combine(
-                    (self.find_wordings(left, depth), self.find_wordings(right, depth))
-                )
+                found = _combine((self.find_wordings(left, depth), self.find_wordings(right, depth)))
             case ast.IfExp(body=body, orelse=orelse):
                 found = [*self.find_wordings(body, depth), *self.find_wordings(orelse, depth)]
             case ast.Name(id=name):
@@ -206,9 +198,7 @@ def find_error_calls() -> Iterator[ErrorCall]:
     for module in modules:
         for name in module.functions:
             defining_modules[name].append(module)
-    modules_by_function = {
-        name: found[0] for name, found in defining_modules.items() if len(found) == 1
-    }
+    modules_by_function = {name: found[0] for name, found in defining_modules.items() if len(found) == 1}
     for module in modules:
         reader = WordingReader(module, modules_by_function)
         for node in ast.walk(module.tree):
@@ -229,9 +219,7 @@ def _read_error_call(call: ast.Call, module: Module, reader: WordingReader) -> E
             location,
             str(kind.value).replace("_", "-"),
             True,
-            tuple(
-                wording.replace("Input should", "must", 1) for wording in reader.find_wordings(text)
-            ),
+            tuple(wording.replace("Input should", "must", 1) for wording in reader.find_wordings(text)),
         )
     code_argument = next((one.value for one in call.keywords if one.arg == "code"), None)
     code = code_argument.value if isinstance(code_argument, ast.Constant) else None
@@ -258,14 +246,9 @@ def format_messages(error_calls: Iterable[ErrorCall]) -> str:
     return "".join(lines)
 
 
-def _find_earlier_assignments(
-    function: Function | None, usage: ast.expr
-) -> Iterator[ast.stmt | ast.expr]:
+def _find_earlier_assignments(function: Function | None, usage: ast.expr) -> Iterator[ast.stmt | ast.expr]:
     for node in ast.walk(function) if function is not None else ():
-        if (
-            isinstance(node, ast.Assign | ast.AugAssign | ast.NamedExpr)
-            and node.lineno <= usage.lineno
-        ):
+        if isinstance(node, ast.Assign | ast.AugAssign | ast.NamedExpr) and node.lineno <= usage.lineno:
             yield node
 
 

@@ -46,9 +46,7 @@ _ADVERBS = (
     "anew|afresh|hardly|thereby|therein|thereof|hence|whence|hither|likewise|beforehand|"
     "afterwards|nowhere|wherever|whoever|mostly"
 )
-_FRONT = (
-    "along|within|beyond|below|above|between|across|under|over|without|with|at|in|on|by|from|for|to"
-)
+_FRONT = "along|within|beyond|below|above|between|across|under|over|without|with|at|in|on|by|from|for|to"
 _FINITE = "is|are|was|were|has|have|goes|stands|lies|comes|does|do|may|can|must|will"
 
 RULES = {
@@ -254,9 +252,7 @@ def _read_c(file: str, source: str) -> Iterator[Item]:
         for paragraph in re.split(r"\n\s*\n", text):
             for sentence in _split_sentences(paragraph):
                 yield Item(file, line, "comment", sentence)
-    code = re.sub(
-        r"/\*.*?\*/", lambda match: "\n" * match.group().count("\n"), source, flags=re.DOTALL
-    )
+    code = re.sub(r"/\*.*?\*/", lambda match: "\n" * match.group().count("\n"), source, flags=re.DOTALL)
     for match in _C_NAME.finditer(code):
         name = next(group for group in match.groups() if group)
         yield Item(file, code.count("\n", 0, match.start()) + 1, "name", name)
@@ -273,11 +269,7 @@ def _read_markdown(file: str, source: str) -> Iterator[Item]:
                 yield Item(file, number, "page", sentence)
 
 
-READERS = {
-    ".py": _read_python,
-    **dict.fromkeys((".c", ".h", ".cpp"), _read_c),
-    ".md": _read_markdown,
-}
+READERS = {".py": _read_python, **dict.fromkeys((".c", ".h", ".cpp"), _read_c), ".md": _read_markdown}
 
 
 def main() -> int:

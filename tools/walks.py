@@ -40,11 +40,7 @@ class FileTrace:
 
     def _record_call(self, frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        if (
-            event != "call"
-            or code in self._entered_functions
-            or "/src/anhyst" not in code.co_filename
-        ):
+        if event != "call" or code in self._entered_functions or "/src/anhyst" not in code.co_filename:
             return
         parameter_names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
         argument_modules = [type(frame.f_locals.get(name)).__module__ for name in parameter_names]
@@ -87,6 +83,4 @@ def trace_rig_to_recording() -> dict[str, int]:
 
 
 if __name__ == "__main__":
-    print(
-        json.dumps({"model to C": trace_model_to_c(), "rig to recording": trace_rig_to_recording()})
-    )
+    print(json.dumps({"model to C": trace_model_to_c(), "rig to recording": trace_rig_to_recording()}))

@@ -140,9 +140,7 @@ def megabytes(python: Path) -> float:
     """Return what the packages in the environment of a Python take, without pip."""
     (packages,) = (python.parents[1] / "lib").glob("python*/site-packages")
     files = (path for path in packages.rglob("*") if path.is_file() and not path.is_symlink())
-    own = (
-        path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"}
-    )
+    own = (path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"})
     return sum(path.stat().st_size for path in own) / 1e6
 
 
@@ -183,9 +181,7 @@ def run_page(page: str, python: Path, place: Path) -> int:
     return len(blocks)
 
 
-def run(
-    command: Sequence[str], cwd: Path | None = None, variables: Mapping[str, str] | None = None
-) -> str:
+def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str, str] | None = None) -> str:
     """Run a command without this environment's own variables of Python; return what it prints.
 
     Raises
@@ -215,9 +211,7 @@ def version_of(python: Path) -> tuple[int, int]:
     return major, minor
 
 
-def try_tutorial(
-    python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]
-) -> None:
+def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]) -> None:
     """Run the first steps of the tutorial with anhyst alone, then all with the other wheels."""
     page = TUTORIAL.read_text(encoding="utf-8")
     for name, steps in (("alone", up_to_step(page, ALONE)), ("all", page)):

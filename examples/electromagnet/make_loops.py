@@ -172,9 +172,7 @@ def settled_loop(
     return current, np.array(force), np.array(late_force)
 
 
-def measure(
-    part: str, path: Path = HERE / "magnet.toml", other: Steppable | None = None
-) -> list[Record]:
+def measure(part: str, path: Path = HERE / "magnet.toml", other: Steppable | None = None) -> list[Record]:
     """Record all loops of one part of the magnet file, ``identification`` or ``unseen``.
 
     Of the file's magnet, or of another one with its drive and its sensors.

@@ -76,12 +76,7 @@ def main() -> None:
     time = DT * np.arange(drive.size, dtype=np.float64)
     write(folder / "loops.csv", time, drive, read)
     drive = random_reversals(generator)
-    write(
-        folder / "unseen.csv",
-        DT * np.arange(drive.size, dtype=np.float64),
-        drive,
-        run(rig, drive, DT),
-    )
+    write(folder / "unseen.csv", DT * np.arange(drive.size, dtype=np.float64), drive, run(rig, drive, DT))
     with_rates(rig, folder / "rates.csv")
 
 

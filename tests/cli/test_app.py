@@ -61,10 +61,7 @@ def test_every_verb_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
         (["predict", "--frce"], "No such option: --frce"),
         (["precict"], "No such command 'precict'"),
         (["identify", "x.csv", "--out", "m.toml", "--seed", "one"], "Invalid value for '--seed'"),
-        (
-            ["identify", "x.csv", "--out", "m.toml", "--gap-map", "x"],
-            "Invalid value for '--gap-map'",
-        ),
+        (["identify", "x.csv", "--out", "m.toml", "--gap-map", "x"], "Invalid value for '--gap-map'"),
     ],
 )
 def test_wrong_usage_is_bad_input(

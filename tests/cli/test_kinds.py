@@ -18,13 +18,7 @@ import anhyst
 from anhyst.cli.app import app, main
 from anhyst.data.formats import FORMATS
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import (
-    MEASUREMENT_SUFFIXES,
-    UNKNOWN_FILE,
-    accepted_kinds,
-    file_kind,
-    rig_kinds,
-)
+from anhyst.support.kinds import MEASUREMENT_SUFFIXES, UNKNOWN_FILE, accepted_kinds, file_kind, rig_kinds
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.piezo import read_piezo_rig
@@ -145,11 +139,7 @@ CELLS = [(verb, kind) for verb in WORKS for kind in CALLED]
 
 @pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] not in WORKS[one[0]]])
 def test_a_good_file_of_another_kind_is_refused_by_its_name(
-    verb: str,
-    kind: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written(kind, tmp_path)
     before = sorted(tmp_path.iterdir())
@@ -163,11 +153,7 @@ def test_a_good_file_of_another_kind_is_refused_by_its_name(
 
 @pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] in WORKS[one[0]]])
 def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
-    verb: str,
-    kind: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written(kind, tmp_path)
     (tmp_path / "drive.csv").write_text("t_s,I_A,F_N,gap_m\n0,0,0,5e-4\n1,1,1,5e-4\n")
@@ -176,11 +162,7 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
     expected = spoil(path)
     complaint = refusal(verb, path, monkeypatch, capsys)
     assert "this is " not in complaint
-    assert (
-        Path(expected).name in complaint
-        if kind in {"compiled", "measurement"}
-        else expected in complaint
-    )
+    assert Path(expected).name in complaint if kind in {"compiled", "measurement"} else expected in complaint
     assert not list(tmp_path.glob("out*"))
 
 

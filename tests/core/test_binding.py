@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst._core import (
-    Iron,
-    Operator,
-    batch,
-    batch_functions,
-    demagnetised,
-    langevin,
-    status_text,
-)
+from anhyst._core import Iron, Operator, batch, batch_functions, demagnetised, langevin, status_text
 from anhyst.support.numeric import FloatArray
 
 IRON = Iron(1.3e6, 300.0, 200.0, 0.2, 5e-4)

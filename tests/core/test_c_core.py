@@ -82,13 +82,10 @@ SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_play_at_rest",
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one in SWEEPS)) for one in program_names()],
+    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one in SWEEPS)) for one in program_names()]
 )
 def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
-    done = subprocess.run(
-        [programs / name], capture_output=True, text=True, check=False, timeout=600
-    )
+    done = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
     lines = (done.stdout + done.stderr).splitlines()
     broken = [line for line in lines if not line.lstrip().startswith("ok ")]
     assert done.returncode == 0, "\n".join(broken[:40])
@@ -123,9 +120,7 @@ COMPILER = {"_GLOBAL_OFFSET_TABLE_", "__cpu_model", "__cpu_indicator_init"}
 
 
 @pytest.mark.parametrize("part", ["core", "plant"])
-def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(
-    programs: Path, part: str
-) -> None:
+def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs: Path, part: str) -> None:
     if "sanitized" in programs.parents[1].name:
         return  # the sanitizers bring their own
     library = programs.parents[1] / f"libanhyst_{part}.a"

@@ -70,9 +70,7 @@ def test_langevin_of_the_batch_is_right_to_4_4e_9() -> None:
 
 
 def test_langevin_of_the_core_agrees_with_50_digits() -> None:
-    z = np.concatenate(
-        [np.logspace(-6, 3, 400), np.linspace(1.3, 1.7, 101), np.linspace(20, 26, 61)]
-    )
+    z = np.concatenate([np.logspace(-6, 3, 400), np.linspace(1.3, 1.7, 101), np.linspace(20, 26, 61)])
     value, slope = (array.tolist() for array in langevin(z))
     with localcontext() as context:
         context.prec = 60
@@ -198,9 +196,7 @@ def analytic(theta: Array, current: Array, step: str) -> Array:
     r_t[:, 4] = -1.0 / scale
     law_t[0, 0] = law_t[1, 1] = law_t[5, 2] = 1.0
     law = Operator(kappa, c, play, step=step)
-    found = law.sensitivity(
-        np.full(n, omega), r, omega_t, r_t, law_t, demagnetised(), np.zeros((d, 3))
-    )
+    found = law.sensitivity(np.full(n, omega), r, omega_t, r_t, law_t, demagnetised(), np.zeros((d, 3)))
     assert found[6] == 0
     return found[3]
 
@@ -251,9 +247,7 @@ def test_sensitivity_runs_the_same_path_and_knows_the_initial_state() -> None:
     np.testing.assert_array_equal(found[4], after)
     h = 1e-6
     nudge = np.array([0.0, h, 0.0])
-    difference = (law.run(omega, r, start + nudge)[1] - law.run(omega, r, start - nudge)[1]) / (
-        2 * h
-    )
+    difference = (law.run(omega, r, start + nudge)[1] - law.run(omega, r, start - nudge)[1]) / (2 * h)
     np.testing.assert_allclose(found[3][:, 0], difference, rtol=0, atol=1e-7)
 
 

@@ -31,10 +31,7 @@ LIMITS = (
     *("position_low", "position_high", "position_step", "max_missing_samples", "hold", "selftest"),
     *("current_low", "current_high", "current_step", "release"),
 )
-SETTINGS = (
-    *("detect", "rise", "descend", "lift", "set_down", "most", "press"),
-    *("bias", "measured"),
-)
+SETTINGS = (*("detect", "rise", "descend", "lift", "set_down", "most", "press"), *("bias", "measured"))
 GAP = ("gap_offset", "gap_mantissa", "gap_shift")
 FASTER = {"lift_rate": 4e5, "set_down_rate": 6e5, "rise_speed": 0.5, "descend_speed": 0.8}
 RUNS = [
@@ -46,16 +43,8 @@ RUNS = [
     for control in (CONTROL, replace(CONTROL, uses_measured_currents=True), PAIR)
 ]
 FAULTS = [
-    (
-        "control/levitation.c",
-        "if (l->tick > (int32_t)limits->hold) {",
-        "if (l->tick >= limits->hold) {",
-    ),
-    (
-        "control/supervisor.c",
-        "if (s->age > max_missing_samples) {",
-        "if (s->age >= max_missing_samples) {",
-    ),
+    ("control/levitation.c", "if (l->tick > (int32_t)limits->hold) {", "if (l->tick >= limits->hold) {"),
+    ("control/supervisor.c", "if (s->age > max_missing_samples) {", "if (s->age >= max_missing_samples) {"),
     ("control/levitation.c", "= (int32_t)l->supervisor.age + 1;", "= 1;"),
     ("control/levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
     ("control/levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
@@ -130,12 +119,7 @@ def is_exact(library: Path) -> bool:
             for sample in samples_of(i)
         ]
         found = np.zeros_like(expected)
-        arrays: list[NDArray[Any]] = [
-            numbers_of(control),
-            entries,
-            np.array(rows, dtype=np.int32),
-            found,
-        ]
+        arrays: list[NDArray[Any]] = [numbers_of(control), entries, np.array(rows, dtype=np.int32), found]
         at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
         assert run_plant(at[0], at[1], magnets_of(control), len(rows), at[2], at[3]) == 0
         if not np.array_equal(found, expected):

@@ -24,9 +24,7 @@ RUNNING = [
     name
     for name, page in zip(NAMES, PAGES, strict=True)
     if page.name not in FOLLOWED
-    and any(
-        one.language in RUN and one.marker != "not run" for one in blocks(page.read_text("utf-8"))
-    )
+    and any(one.language in RUN and one.marker != "not run" for one in blocks(page.read_text("utf-8")))
 ]
 
 
@@ -35,9 +33,7 @@ def text_of(name: str) -> str:
 
 
 @pytest.fixture
-def place(
-    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Path:
+def place(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Folder in which a page may write what it likes."""
     made = made_once(tmp_path_factory, "what-pages-speak-of", fill)
     shutil.copytree(made, tmp_path / "page")
@@ -50,10 +46,7 @@ def place(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.campaign] * name.endswith("tutorial.md"))
-        for name in RUNNING
-    ],
+    [pytest.param(name, marks=[pytest.mark.campaign] * name.endswith("tutorial.md")) for name in RUNNING],
 )
 def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = place / ("empty" if Path(name).name in EMPTY else "page")
@@ -92,9 +85,7 @@ def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
 def test_every_command_of_the_page_exists(name: str) -> None:
     own = {"widest"} if name == "docs/contributing.md" else set()  # a verb that the page makes
     refused = [
-        message
-        for words in commands(text_of(name))
-        if words[0] not in own and (message := refusal(words))
+        message for words in commands(text_of(name)) if words[0] not in own and (message := refusal(words))
     ]
     assert refused == []
 

@@ -18,9 +18,7 @@ def test_notes_are_numbered_without_a_hole() -> None:
 
 
 def test_the_index_names_each_note_once_in_order() -> None:
-    named = re.findall(
-        r"^\| \[\d\d\]\(([^)]+)\) \|", (FOLDER / "index.md").read_text("utf-8"), re.M
-    )
+    named = re.findall(r"^\| \[\d\d\]\(([^)]+)\) \|", (FOLDER / "index.md").read_text("utf-8"), re.M)
     assert named == [note.name for note in NOTES]
 
 

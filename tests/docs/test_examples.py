@@ -17,9 +17,7 @@ def share(line: str) -> float:
 
 
 @pytest.mark.slow
-def test_the_demo_models_unseen_gaps_compiles_and_ends_on_one_table_and_one_picture(
-    tmp_path: Path,
-) -> None:
+def test_the_demo_models_unseen_gaps_compiles_and_ends_on_one_table_and_one_picture(tmp_path: Path) -> None:
     command = [sys.executable, str(DEMO), "--out", str(tmp_path / "demo")]
     message = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     table = (tmp_path / "demo" / "table.txt").read_text(encoding="utf-8")

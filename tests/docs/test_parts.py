@@ -30,9 +30,7 @@ def test_a_part_says_how_it_is_tested_and_its_commands_and_folders_exist(part: s
     assert target == "c" or (ROOT / "packages" / target / "tests").is_dir()
     assert [one for words in commands(text) if (one := refusal(words))] == []
     named = re.findall(r"`((?:include|src|packages|port)/[\w/-]+)`", text)
-    assert [
-        one for one in named if not ((ROOT / part / one).exists() or (ROOT / one).exists())
-    ] == []
+    assert [one for one in named if not ((ROOT / part / one).exists() or (ROOT / one).exists())] == []
 
 
 def test_the_c_of_the_library_s_page_runs_without_python(tmp_path: Path) -> None:
@@ -56,16 +54,7 @@ int main(void)
     places = [f"-I{folder}", f"-I{folder / 'include'}"]
     program = tmp_path / "program"
     subprocess.run(
-        [
-            tool("cc"),
-            *flags,
-            *places,
-            str(tmp_path / "main.c"),
-            *sources,
-            "-lm",
-            "-o",
-            str(program),
-        ],
+        [tool("cc"), *flags, *places, str(tmp_path / "main.c"), *sources, "-lm", "-o", str(program)],
         check=True,
     )
     assert subprocess.run([program], check=False).returncode == 0

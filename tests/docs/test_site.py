@@ -55,11 +55,7 @@ def test_the_command_line_is_told_whole() -> None:
 def test_functions_of_the_core_are_told_with_their_comments() -> None:
     text = c_reference(ROOT / "core" / "include")
     part = text.split("anhyst_map_value_q31(", 1)[1]
-    assert (
-        part.split("```", 1)[1]
-        .lstrip()
-        .startswith("Returns the value, q31. A signal below 0 counts")
-    )
+    assert part.split("```", 1)[1].lstrip().startswith("Returns the value, q31. A signal below 0 counts")
     assert text.count("```c\n") > 120
 
 
@@ -75,6 +71,4 @@ def test_the_site_is_built_without_a_warning() -> None:
     landing = (site / "index.html").read_text()
     assert re.search(r"make(<[^>]+>|\s)*demo", landing)
     assert re.search(r"<img[^>]+loops\.png", landing)
-    assert (
-        "anhyst.data.reading.read_loops" in (site / "reference" / "python-names.html").read_text()
-    )
+    assert "anhyst.data.reading.read_loops" in (site / "reference" / "python-names.html").read_text()

@@ -41,9 +41,7 @@ def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
     assert 1.005 < later / fast < 1.02
     around = held[5:60] - fast
     turns = np.flatnonzero(np.diff(np.sign(around)))
-    assert 0.5 / (np.diff(turns).mean() * dt) == pytest.approx(
-        rig.settings.flexure.resonance_Hz, rel=0.05
-    )
+    assert 0.5 / (np.diff(turns).mean() * dt) == pytest.approx(rig.settings.flexure.resonance_Hz, rel=0.05)
     slow = 75.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(2000) / 2000))
     found = rig.make_motion(1e-3).run(slow)
     assert found[1500] - found[500] == pytest.approx(5.2e-6, rel=0.15)

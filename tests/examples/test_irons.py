@@ -16,10 +16,7 @@ from anhyst_rigs.rig.parts.magnet import make_iron_magnet
 from tests.plant.irons import FOLDER, STEELS, generator
 
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
-ROWS = {
-    name: re.findall(r"[\d.]+", row)
-    for name, row in re.findall(r"^\| `(\w+-\w+)` \|(.*)", README, re.M)
-}
+ROWS = {name: re.findall(r"[\d.]+", row) for name, row in re.findall(r"^\| `(\w+-\w+)` \|(.*)", README, re.M)}
 every = pytest.mark.parametrize("name", STEELS)
 
 
@@ -29,11 +26,7 @@ def major(steel: AnySteel) -> tuple[float, float, float]:
     piece = Piece(steel.make_steel())
     piece.run(np.ascontiguousarray(field[::-1]))
     density = piece.run(field)[:, 1]
-    return (
-        float(np.interp(0.0, density, field)),
-        -float(np.interp(0.0, field, density)),
-        float(density[-1]),
-    )
+    return (float(np.interp(0.0, density, field)), -float(np.interp(0.0, field, density)), float(density[-1]))
 
 
 def width(current: FloatArray, force: FloatArray) -> FloatArray:
@@ -52,9 +45,7 @@ def test_the_table_holds_what_the_irons_do(name: str) -> None:
     example = generator()
     magnet = example.Stepped(name)
     record = next(
-        one
-        for one in example.bundled.measure("identification", other=magnet)
-        if one.label == "0.30mm-full"
+        one for one in example.bundled.measure("identification", other=magnet) if one.label == "0.30mm-full"
     )
     assert record.force.max() == pytest.approx(force, abs=0.06)
     widths = 100.0 * width(record.current, record.force) / example.LARGEST
@@ -64,9 +55,7 @@ def test_the_table_holds_what_the_irons_do(name: str) -> None:
 
 def test_each_family_is_soft_usual_and_hard() -> None:
     for family in ("preisach", "duhem"):
-        soft, usual, hard = (
-            major(STEELS[f"{family}-{kind}"])[0] for kind in ("soft", "usual", "hard")
-        )
+        soft, usual, hard = (major(STEELS[f"{family}-{kind}"])[0] for kind in ("soft", "usual", "hard"))
         assert 10.0 <= soft <= 20.0
         assert usual == pytest.approx(80.0, rel=0.1)
         assert hard == pytest.approx(300.0, rel=0.1)
@@ -78,9 +67,7 @@ def test_winding_and_poles_are_those_of_the_bundled_magnet() -> None:
     bundled = example.bundled.load()[0]
     coil = Coil(make_iron_magnet(example.POLES, bundled.steel))
     rng = np.random.default_rng(3)
-    for current, gap in zip(
-        rng.uniform(0.0, 3.0, 40), rng.uniform(0.3e-3, 0.6e-3, 40), strict=True
-    ):
+    for current, gap in zip(rng.uniform(0.0, 3.0, 40), rng.uniform(0.3e-3, 0.6e-3, 40), strict=True):
         coil.hold(float(current), float(gap))
         assert coil.force == pytest.approx(bundled.step(float(current), float(gap)), abs=2e-4)
 

@@ -224,9 +224,7 @@ def test_sensors_are_as_dirty_as_stated(records: list[Any], settings: dict[str, 
     error = np.concatenate(force_error)
     design = np.column_stack([np.concatenate(late), np.concatenate(age)])
     found, *_ = np.linalg.lstsq(design, error, rcond=None)
-    assert found == pytest.approx(
-        [sensors["force_delay_s"], sensors["force_drift_N_per_s"]], rel=0.15
-    )
+    assert found == pytest.approx([sensors["force_delay_s"], sensors["force_drift_N_per_s"]], rel=0.15)
     assert (error - design @ found).std() == pytest.approx(sensors["force_noise_N"], rel=0.05)
 
 

@@ -19,9 +19,7 @@ SHARED = ROOT.parent / "shared"
     [
         (BUNDLED / "m270_50a.csv", 0.005),
         pytest.param(BUNDLED / "m400_50a.csv", 0.006, marks=pytest.mark.slow),
-        pytest.param(
-            SHARED / "data/steels_modelica/m400_50a_50kA.csv", 0.03, marks=pytest.mark.slow
-        ),
+        pytest.param(SHARED / "data/steels_modelica/m400_50a_50kA.csv", 0.03, marks=pytest.mark.slow),
         pytest.param(SHARED / "cases/files/square_steel_ev0.csv", 0.006, marks=pytest.mark.slow),
     ],
     ids=["m270", "m400", "m400-saturated", "square"],

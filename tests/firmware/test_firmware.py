@@ -42,9 +42,7 @@ def build_tests(folder: Path, way: str) -> None:
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
-    done = subprocess.run(
-        [programs / name], capture_output=True, text=True, check=False, timeout=600
-    )
+    done = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -89,8 +87,7 @@ def test_all_that_a_controller_remembers_is_in_the_memory_it_is_given(
 def test_a_static_object_in_a_source_is_seen(tmp_path: Path, start: str) -> None:
     source = tmp_path / "counts.c"
     source.write_text(
-        "int ticks(void);\nint ticks(void)\n{\n"
-        f"  static int count{start};\n  return count++;\n}}\n",
+        f"int ticks(void);\nint ticks(void)\n{{\n  static int count{start};\n  return count++;\n}}\n",
         encoding="utf-8",
     )
     assert {name.partition(".")[0] for name in symbols([source], tmp_path).writable} == {"count"}

@@ -24,9 +24,7 @@ CODES = st.integers(NONE, MOST)
 class Calibration(ctypes.Structure):
     """As in calibration.h."""
 
-    _fields_ = tuple(
-        (name, ctypes.c_int32) for name in ("zero", "mantissa", "shift", "low", "high")
-    )
+    _fields_ = tuple((name, ctypes.c_int32) for name in ("zero", "mantissa", "shift", "low", "high"))
 
 
 class Plan(ctypes.Structure):
@@ -75,9 +73,7 @@ def test_a_value_is_the_nearest_to_the_exact_one(
 
 
 @given(CODES, CODES, CODES)
-def test_a_code_beyond_its_ends_is_no_value(
-    services: ctypes.CDLL, code: int, low: int, high: int
-) -> None:
+def test_a_code_beyond_its_ends_is_no_value(services: ctypes.CDLL, code: int, low: int, high: int) -> None:
     line = Calibration(0, 1, 0, low, high)
     found = services.calibration_value(ctypes.byref(line), ctypes.c_int32(code))
     assert (found == NONE) == (not low <= code <= high or code == NONE) or found == -MOST

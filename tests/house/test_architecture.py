@@ -18,9 +18,7 @@ from tools import house
 
 def test_imports_go_one_way() -> None:
     tool = Path(sys.executable).with_name("lint-imports")
-    done = subprocess.run(
-        [tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 
 
@@ -39,9 +37,7 @@ def test_no_file_is_longer_than_600_lines(folder: str) -> None:
 
 def test_every_c_source_is_in_the_one_list() -> None:
     listed = (ROOT / "core" / "core.cmake").read_text(encoding="utf-8")
-    missing = [
-        path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed
-    ]
+    missing = [path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed]
     assert missing == []
 
 
@@ -164,9 +160,7 @@ def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
     rows = _rows("Rooms")
     assert len(rows) > 15
     names = [
-        f"*/{_QUOTED.findall(room)[0]}/{one}"
-        for room, _, files in rows
-        for one in _QUOTED.findall(files)
+        f"*/{_QUOTED.findall(room)[0]}/{one}" for room, _, files in rows for one in _QUOTED.findall(files)
     ]
     assert [name for name in names if not _sources(name)] == []
 

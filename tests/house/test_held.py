@@ -57,8 +57,7 @@ def ran(record: Path, held: str) -> str:
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
         cwd=ROOT,
-        env=os.environ
-        | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
+        env=os.environ | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
         capture_output=True,
         text=True,
         check=False,

@@ -48,9 +48,7 @@ def test_imports_count_wherever_they_stand() -> None:
 
 def test_names_of_a_number_format_stand_in_one_list() -> None:
     """So that a debugger, a search and an index of names know the functions of the core."""
-    files = [
-        path for path in (house.ROOT / "core").rglob("*.[ch]") if path.parent.name != "numeric"
-    ]
+    files = [path for path in (house.ROOT / "core").rglob("*.[ch]") if path.parent.name != "numeric"]
     assert len(files) > 100
     assert [path.name for path in files if "ANHYST_NAME" in path.read_text("utf-8")] == []
 

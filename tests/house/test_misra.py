@@ -10,12 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compilation.toolchain import (
-    AXES_SOURCES_FIXED,
-    CONTROL_SOURCES,
-    KIND_SOURCES,
-    KIND_SOURCES_F32,
-)
+from anhyst.compilation.toolchain import AXES_SOURCES_FIXED, CONTROL_SOURCES, KIND_SOURCES, KIND_SOURCES_F32
 from tests.repository import ROOT
 
 CORE = ROOT / "core" / "src"
@@ -28,10 +23,7 @@ def core_files(*lists: tuple[str, ...]) -> list[Path]:
 
 
 GROUPS = {
-    "fixed": (
-        core_files(*KIND_SOURCES.values(), CONTROL_SOURCES, AXES_SOURCES_FIXED),
-        CORE_INCLUDES,
-    ),
+    "fixed": (core_files(*KIND_SOURCES.values(), CONTROL_SOURCES, AXES_SOURCES_FIXED), CORE_INCLUDES),
     "f32": (core_files(*KIND_SOURCES_F32.values()), CORE_INCLUDES),
     "firmware": (
         sorted(

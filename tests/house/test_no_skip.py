@@ -41,12 +41,7 @@ def test_three():
 INI = "[pytest]\nmarkers = needs(name, ...): programs\n"
 
 
-FILES = {
-    "skipped": SKIPPED,
-    "needs": NEEDS,
-    "module": MODULE_SKIPPED,
-    "measurements": MEASUREMENTS,
-}
+FILES = {"skipped": SKIPPED, "needs": NEEDS, "module": MODULE_SKIPPED, "measurements": MEASUREMENTS}
 
 
 @pytest.mark.slow
@@ -58,9 +53,7 @@ FILES = {
         ("1", 2, "1 failed, 1 skipped, 2 errors in"),
     ],
 )
-def test_skips_fail_where_they_are_forbidden(
-    tmp_path: Path, no_skip: str, workers: int, said: str
-) -> None:
+def test_skips_fail_where_they_are_forbidden(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
     """Only what is skipped for want of measurements may be."""
     shutil.copy(ROOT / "conftest.py", tmp_path / "conftest.py")
     (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")
@@ -69,10 +62,7 @@ def test_skips_fail_where_they_are_forbidden(
     environment = {**os.environ, "ANHYST_NO_SKIP": no_skip, "ANHYST_DATA": str(tmp_path / "no")}
     environment.pop("ANHYST_HELD", None)
     done = subprocess.run(
-        [
-            *(sys.executable, "-m", "pytest", "-q", "-n", str(workers)),
-            "--continue-on-collection-errors",
-        ],
+        [*(sys.executable, "-m", "pytest", "-q", "-n", str(workers)), "--continue-on-collection-errors"],
         cwd=tmp_path,
         env=environment,
         capture_output=True,

@@ -37,14 +37,7 @@ from tests.repository import ROOT
 
 GAPS = (0.3e-3, 0.5e-3)
 RHO = (0.004, 0.009)
-TRUE: dict[str, Parameter] = {
-    "chi": 350.0,
-    "r": 0.21,
-    "c_H": 1.0,
-    "rho": RHO,
-    "c_out": 3e5,
-    "out_0": 0.4,
-}
+TRUE: dict[str, Parameter] = {"chi": 350.0, "r": 0.21, "c_H": 1.0, "rho": RHO, "c_out": 3e5, "out_0": 0.4}
 
 
 @pytest.fixture(scope="module")
@@ -89,10 +82,7 @@ def measured(lab: Path) -> Path:
         for name, largest in (("large", 3.0), ("small", 1.2)):
             drive = cycle(largest)
             force = magnet().predict(drive, gap).output.tolist()
-            lines += [
-                json.dumps([i, f, 1e3 * gap, name])
-                for i, f in zip(drive.tolist(), force, strict=True)
-            ]
+            lines += [json.dumps([i, f, 1e3 * gap, name]) for i, f in zip(drive.tolist(), force, strict=True)]
     path.write_text("\n".join(lines))
     return path
 
@@ -149,9 +139,7 @@ def test_the_model_predicts_between_the_gaps_and_inverts(found: Path) -> None:
 
 
 @pytest.mark.slow
-def test_prediction_report_and_comparison_know_it(
-    measured: Path, found: Path, tmp_path: Path
-) -> None:
+def test_prediction_report_and_comparison_know_it(measured: Path, found: Path, tmp_path: Path) -> None:
     forces, page = tmp_path / "force.csv", tmp_path / "page.html"
     run("predict", found, measured, "--history", "demagnetised", "--out", forces)
     assert forces.read_text().startswith("I_A,")
@@ -177,9 +165,7 @@ def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table
     shell([block.code for block in blocks(PAGE) if block.language == "sh"][2], table)
     found = json.loads((table / "figures.json").read_text())
     assert found["lost_in"] == []
-    average = {
-        name: variant["test"]["average_m"]["mean"] for name, variant in found["variants"].items()
-    }
+    average = {name: variant["test"]["average_m"]["mean"] for name, variant in found["variants"].items()}
     assert average["full"] < average["single-valued"] / 3.0
     tuned = json.loads((table / "tuned" / "tuning.json").read_text())["variants"]["full"]
     assert tuned["met"]
@@ -237,9 +223,7 @@ def test_the_board_of_the_page_is_built_and_driven(
     shutil.copytree(ROOT / "firmware", tmp_path / "firmware")
     (tmp_path / "firmware" / "boards" / "desk").mkdir()
     for name in ("board_force.c", "main.c"):
-        (tmp_path / "firmware/boards/desk" / name).write_text(
-            written(f"firmware/boards/desk/{name}")
-        )
+        (tmp_path / "firmware/boards/desk" / name).write_text(written(f"firmware/boards/desk/{name}"))
     monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
     monkeypatch.setattr(firmware, "BOARDS", dict(firmware.BOARDS))
     monkeypatch.chdir(tmp_path)

@@ -56,9 +56,7 @@ def write_loops(path: Path) -> None:
     path.write_text("\n".join(map(json.dumps, lines)))
 
 
-def test_its_law_fits_loops_in_its_format_and_its_verb_reads_them(
-    site: Path, tmp_path: Path
-) -> None:
+def test_its_law_fits_loops_in_its_format_and_its_verb_reads_them(site: Path, tmp_path: Path) -> None:
     write_loops(tmp_path / "loops.toy")
     asked = ("loops.toy", "--history", "demagnetised")
     found = anhyst(
@@ -216,9 +214,7 @@ def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> 
         assert done.stdout.endswith("{'hello': 'me'}\n"), done.stderr
 
 
-def test_a_fault_in_the_code_of_a_package_is_said_to_be_one_of_that_package(
-    tmp_path: Path,
-) -> None:
+def test_a_fault_in_the_code_of_a_package_is_said_to_be_one_of_that_package(tmp_path: Path) -> None:
     text = "def open(path, least):\n    return {}[path]"
     install(tmp_path, "other", "[anhyst.formats]\nbad = other:open\n", text)
     (tmp_path / "loops.bad").write_text("1")
@@ -261,17 +257,13 @@ def test_types_of_a_verb_reach_its_function(future: str, tmp_path: Path) -> None
     (tmp_path / "lab" / "verbs" / "typed.py").write_text(future + TYPED)
     said = anhyst(tmp_path, tmp_path, "typed", "3", "--b", "2", "--c", "kg")
     assert said.stdout == "types: int float str\n", said.stderr
-    assert (
-        "'t' is not one of 'kg', 'g'" in anhyst(tmp_path, tmp_path, "typed", "3", "--c", "t").stderr
-    )
+    assert "'t' is not one of 'kg', 'g'" in anhyst(tmp_path, tmp_path, "typed", "3", "--c", "t").stderr
 
 
 def test_two_packages_with_one_law_are_named(tmp_path: Path) -> None:
     for name in ("one", "two"):
         install(tmp_path, name, f"[anhyst.laws]\nmine = {name}:LAW\n", LAW.format(name="mine"))
-    refused = anhyst(
-        *(tmp_path, tmp_path, "identify", str(LOOPS), "--law", "mine", "--out", "m.toml")
-    )
+    refused = anhyst(*(tmp_path, tmp_path, "identify", str(LOOPS), "--law", "mine", "--out", "m.toml"))
     assert refused.returncode == 2
     assert "one and two both add it; remove one of them" in refused.stderr
 
@@ -306,9 +298,7 @@ def test_a_package_does_not_replace_a_target(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("init", [True, False])
-def test_what_is_kept_is_computed_anew_where_a_package_has_changed(
-    init: bool, tmp_path: Path
-) -> None:
+def test_what_is_kept_is_computed_anew_where_a_package_has_changed(init: bool, tmp_path: Path) -> None:
     install(tmp_path, "other", "[anhyst.laws]\nmine = lab.law:LAW\n", "")
     (tmp_path / "lab").mkdir()
     if init:

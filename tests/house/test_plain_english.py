@@ -50,9 +50,7 @@ def test_checker_accepts_plain_sentences(sentence: str) -> None:
 
 
 def test_checker_reads_each_kind_of_text() -> None:
-    source = (
-        '"""Return the force."""\n\n# The gap is in metres.\nfar = f"the gap {1} is too large"\n'
-    )
+    source = '"""Return the force."""\n\n# The gap is in metres.\nfar = f"the gap {1} is too large"\n'
     items = plain_english.READERS[".py"]("a.py", source)
     assert {(item.kind, item.line) for item in items} == {
         ("docstring", 1),

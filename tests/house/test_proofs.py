@@ -60,23 +60,11 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
         {"functions": ["quotient"], "tool": "frama-c"},
         {"harness": PROOFS / "esbmc" / "prove_closed.c"},
         {"contracts": ["src/compensator/full_fixed.h:decayed_share"]},
-        {
-            "facts": [
-                ["src/compensator/full_fixed.h", "static inline number quotient(", "/* more */ "]
-            ]
-        },
-        {
-            "control": {
-                "file": "src/compensator/full_fixed.h",
-                "right": "UNIT * 4 - 1",
-                "wrong": "UNIT",
-            }
-        },
+        {"facts": [["src/compensator/full_fixed.h", "static inline number quotient(", "/* more */ "]]},
+        {"control": {"file": "src/compensator/full_fixed.h", "right": "UNIT * 4 - 1", "wrong": "UNIT"}},
     ],
 )
-def test_what_is_asked_of_a_tool_changes_the_hash(
-    changed: dict[str, object], before: dict[str, str]
-) -> None:
+def test_what_is_asked_of_a_tool_changes_the_hash(changed: dict[str, object], before: dict[str, str]) -> None:
     proof: Proof = replace(LISTED["full: quotient"], **changed)  # type: ignore[arg-type]
     assert content_hash(proof, "1") != before["full: quotient"]
     assert content_hash(LISTED["full: quotient"], "2") != before["full: quotient"]

@@ -181,15 +181,10 @@ def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
     assert (oven / "run.csv").is_file()
     refused = run(oven, "tune", "rig.toml", "--out", "tuned")
     assert refused.returncode == 2
-    assert "rig.toml: this is an oven; tune is for bearings, piezo stages and stages" in (
-        refused.stderr
-    )
+    assert "rig.toml: this is an oven; tune is for bearings, piezo stages and stages" in (refused.stderr)
     assert "it has a switch and nothing else; anhyst simulate and export take it" in refused.stderr
     refused = run(oven, "simulate", "rig.toml", "--out", "run.json", "--board", "host")
-    assert (refused.returncode, "an oven has no --board; leave it out" in refused.stderr) == (
-        2,
-        True,
-    )
+    assert (refused.returncode, "an oven has no --board; leave it out" in refused.stderr) == (2, True)
 
 
 def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> None:
@@ -210,21 +205,9 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
         ("oven = other:NONE", "", "other adds it and cannot be loaded"),
         ("oven = other:OVEN", "raise SystemExit(3)", "other adds it and cannot be loaded"),
         ("oven = other:OVEN", "OVEN = 1", "other adds it, and its record is not a kind of rig"),
-        (
-            "oven = other:OVEN",
-            OVEN.replace('"oven"', '"stove"'),
-            "other adds it, and its record has",
-        ),
-        (
-            "oven = other:OVEN",
-            OVEN.replace('"ovens"', "None"),
-            "other adds it, and title or plural",
-        ),
-        (
-            "oven = other:OVEN",
-            OVEN.replace('("simulate", "export")', '("watch")'),
-            "other adds it, an",
-        ),
+        ("oven = other:OVEN", OVEN.replace('"oven"', '"stove"'), "other adds it, and its record has"),
+        ("oven = other:OVEN", OVEN.replace('"ovens"', "None"), "other adds it, and title or plural"),
+        ("oven = other:OVEN", OVEN.replace('("simulate", "export")', '("watch")'), "other adds it, an"),
         ("oven = anhyst_rigs.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
     ],
 )

@@ -32,9 +32,7 @@ def test_every_name_is_there_and_described() -> None:
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     heavy = ("numpy", "scipy", "pydantic", "matplotlib", "pandas", "typer")
     command = f"import anhyst, sys; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", command], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 

@@ -36,10 +36,7 @@ LINUX_ONLY = [
     "sendfile",
 ]
 SYSTEMS = {
-    "win32": (
-        ["fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"],
-        [*POSIX_ONLY, *LINUX_ONLY],
-    ),
+    "win32": (["fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"], [*POSIX_ONLY, *LINUX_ONLY]),
     "darwin": ([], LINUX_ONLY),
 }
 
@@ -182,9 +179,7 @@ def test_the_firmware_compiles_for_macos(
 @pytest.mark.parametrize(
     ("target", "processor"), [("x86_64-windows-gnu", "AMD64"), ("aarch64-macos", "arm64")]
 )
-def test_core_and_plant_compile_without_a_warning_for(
-    target: str, processor: str, tmp_path: Path
-) -> None:
+def test_core_and_plant_compile_without_a_warning_for(target: str, processor: str, tmp_path: Path) -> None:
     tools = Path(sys.executable).parent
     given = {
         "CMAKE_MAKE_PROGRAM": tools / "ninja",
@@ -197,10 +192,6 @@ def test_core_and_plant_compile_without_a_warning_for(
     }
     options = [f"-D{name}={value}" for name, value in given.items()]
     compiler = {"CC": f"{sys.executable} -m ziglang cc -target {target}"}
-    run(
-        [str(tools / "cmake"), "-S", str(ROOT), "-B", str(tmp_path), "-GNinja", *options],
-        None,
-        compiler,
-    )
+    run([str(tools / "cmake"), "-S", str(ROOT), "-B", str(tmp_path), "-GNinja", *options], None, compiler)
     run([str(tools / "ninja"), "-C", str(tmp_path)])
     assert (tmp_path / "libanhyst_plant.a").is_file()

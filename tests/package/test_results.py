@@ -43,9 +43,7 @@ def found(loops: anhyst.Loops) -> anhyst.IdentifyResult:
 
 @pytest.fixture(scope="module")
 def results(
-    loops: anhyst.Loops,
-    found: anhyst.IdentifyResult,
-    tmp_path_factory: pytest.TempPathFactory,
+    loops: anhyst.Loops, found: anhyst.IdentifyResult, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Result]:
     """One of each kind that takes no minute."""
     folder = tmp_path_factory.mktemp("results")

@@ -13,16 +13,7 @@ import pytest
 from anhyst._core import _native
 from tests.once import made_once
 from tests.repository import ROOT
-from tools.wheel import (
-    build,
-    build_others,
-    check,
-    empty_environment,
-    megabytes,
-    run,
-    run_page,
-    try_tutorial,
-)
+from tools.wheel import build, build_others, check, empty_environment, megabytes, run, run_page, try_tutorial
 
 HERE = Path(sys.executable)
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -33,9 +24,7 @@ SLOW = pytest.mark.slow
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the wheel of this Python for this machine, as it is published."""
-    folder = made_once(
-        tmp_path_factory, "wheel", lambda folder: build(HERE, os.uname().machine, folder)
-    )
+    folder = made_once(tmp_path_factory, "wheel", lambda folder: build(HERE, os.uname().machine, folder))
     (found,) = folder.glob("*.whl")
     return found
 
@@ -43,9 +32,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def alone(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install it where nothing else is; return the Python there."""
-    folder = made_once(
-        tmp_path_factory, "empty", lambda folder: empty_environment(HERE, wheel, folder)
-    )
+    folder = made_once(tmp_path_factory, "empty", lambda folder: empty_environment(HERE, wheel, folder))
     return folder / "bin" / "python"
 
 
@@ -54,9 +41,7 @@ def anhyst(python: Path, *arguments: object, cwd: Path) -> str:
 
 
 @SLOW
-def test_the_wheel_runs_on_the_old_systems_that_its_name_promises(
-    wheel: Path, tmp_path: Path
-) -> None:
+def test_the_wheel_runs_on_the_old_systems_that_its_name_promises(wheel: Path, tmp_path: Path) -> None:
     check(wheel)
     older = tmp_path / wheel.name.replace("manylinux_2_17", "manylinux_2_5")
     shutil.copy(wheel, older)
@@ -65,9 +50,7 @@ def test_the_wheel_runs_on_the_old_systems_that_its_name_promises(
 
 
 @SLOW
-def test_the_wheel_takes_the_instruction_set_that_the_native_build_takes(
-    alone: Path, tmp_path: Path
-) -> None:
+def test_the_wheel_takes_the_instruction_set_that_the_native_build_takes(alone: Path, tmp_path: Path) -> None:
     script = "from anhyst._core import _native; print(*_native.batch_levels())"
     assert run([str(alone), "-c", script], tmp_path).split() == _native.batch_levels()
 
@@ -85,9 +68,7 @@ def test_the_wheel_finds_the_model_that_the_native_build_finds(alone: Path, tmp_
 
 
 @SLOW
-def test_the_wheel_brings_its_examples_and_what_it_compiles_from(
-    alone: Path, tmp_path: Path
-) -> None:
+def test_the_wheel_brings_its_examples_and_what_it_compiles_from(alone: Path, tmp_path: Path) -> None:
     where = run([str(alone), "-c", "import anhyst; print(anhyst.__file__)"], tmp_path)
     assert Path(where).is_relative_to(alone.parents[1])
     anhyst(alone, "example", "bearing", "--out", "my", cwd=tmp_path)

@@ -13,11 +13,7 @@ SPDX = "/* SPDX-License-Identifier: Apache-2.0 */"
 def comment(text: str, indent: str = "") -> str:
     """Return a text as a comment on lines of its own."""
     return textwrap.fill(
-        f"/* {text} */",
-        100,
-        initial_indent=indent,
-        subsequent_indent=f"{indent}   ",
-        break_on_hyphens=False,
+        f"/* {text} */", 100, initial_indent=indent, subsequent_indent=f"{indent}   ", break_on_hyphens=False
     )
 
 
@@ -177,11 +173,7 @@ def frames_header(frames: Entry, signals: Entry) -> str:
     ]
     types = {"doc": "Types of frames.", "values": frames["frame"]}
     parts.append(enum("LINK_TYPE", types, [frame["type"] for frame in frames["frame"]]))
-    read = {
-        "name": "signal",
-        "doc": "Signals that can be read at every tick.",
-        "values": signals["signal"],
-    }
+    read = {"name": "signal", "doc": "Signals that can be read at every tick.", "values": signals["signal"]}
     parts += [
         enum(f"LINK_{entry['name'].upper()}", entry, numbers(entry))
         for entry in [*link_enums(frames, signals), read]

@@ -32,9 +32,7 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
     answers = [frame for frame in frames["frame"] if not is_request(frame)]
     for f in requests:
         payload = fields_of(f)
-        lines.append(
-            f"| {f['type']:#04x} | `{f['name']}` | {payload} | `{f['answer']}` | {f['doc']} |"
-        )
+        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {payload} | `{f['answer']}` | {f['doc']} |")
     lines += ["", "| type | answer | payload | meaning |", "| --- | --- | --- | --- |"]
     for f in answers:
         lines.append(f"| {f['type']:#04x} | `{f['name']}` | {fields_of(f)} | {f['doc']} |")

@@ -113,11 +113,7 @@ def docstring(text: str, indent: str) -> str:
 
 def enum_class(entry: Entry, base: str, values: list[int]) -> str:
     """Return an enum class; what a value means stands above it."""
-    lines = [
-        f"class {entry['name'].capitalize()}({base}):",
-        docstring(entry["doc"], "    "),
-        "",
-    ]
+    lines = [f"class {entry['name'].capitalize()}({base}):", docstring(entry["doc"], "    "), ""]
     for item, value in zip(entry["values"], values, strict=True):
         note = f"  # {item['doc']}" if item.get("doc") else ""
         line = f"    {item['name'].upper()} = {value}"

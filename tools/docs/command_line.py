@@ -41,9 +41,7 @@ def _row(one: Any) -> str:
     name = kinds.get(one.param_type_name) or ", ".join(one.opts)
     metavar = f" {one.metavar}" if one.param_type_name == "option" and one.metavar else ""
     shown = one.default if one.show_default and one.default not in {None, False} else None
-    default = (
-        "" if shown is None or callable(shown) else f" Default: `{getattr(shown, 'value', shown)}`."
-    )
+    default = "" if shown is None or callable(shown) else f" Default: `{getattr(shown, 'value', shown)}`."
     return f"| `{name}{metavar}` | {_text(one.help or '')}{default} |".replace("\n", " ")
 
 

@@ -19,13 +19,7 @@ def files_read(proof: Proof, core: Path) -> list[Path]:
 
     A file counts as a whole, even if a tool's preprocessor removes parts of it.
     """
-    listing = [
-        "cc",
-        "-std=c99",
-        "-MM",
-        *include_arguments(proof, core),
-        *map(str, sources(proof, core)),
-    ]
+    listing = ["cc", "-std=c99", "-MM", *include_arguments(proof, core), *map(str, sources(proof, core))]
     rules = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
     return sorted({Path(word) for word in rules.split() if word[-1] not in ":\\"})
 
@@ -58,10 +52,7 @@ def content_hash(proof: Proof, version: str, core: Path = ROOT / "core") -> str:
             folders = {f"{copy.parent}/": "", f"{ROOT}/": ""}
             program, *arguments = command(proof, copy)
             texts = {str(f): f.read_text(encoding="utf-8") for f in files_read(proof, copy)}
-            parts += [
-                Path(program).name,
-                [remove_folder_paths(folders, word) for word in arguments],
-            ]
+            parts += [Path(program).name, [remove_folder_paths(folders, word) for word in arguments]]
             parts.append({remove_folder_paths(folders, name): text for name, text in texts.items()})
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

@@ -59,16 +59,7 @@ def ring(play: float = 0.0) -> Model:
         "ring",
         QUANTITIES["field"],
         QUANTITIES["flux_density"],
-        {
-            "M_s": 4e5,
-            "a": 30.0,
-            "k": 20.0,
-            "c": 0.2,
-            "alpha": -2e-5,
-            "c_H": 1.0,
-            "c_out": 1.0,
-            "r_d": play,
-        },
+        {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "alpha": -2e-5, "c_H": 1.0, "c_out": 1.0, "r_d": play},
     )
 
 
@@ -121,15 +112,7 @@ def real_block(
 ) -> Block:
     """Return a block in floating point."""
     return build_block(
-        model,
-        kind,
-        scales,
-        limits,
-        sizes,
-        start,
-        number_format=io,
-        closed_form=law,
-        is_static=still,
+        model, kind, scales, limits, sizes, start, number_format=io, closed_form=law, is_static=still
     )
 
 
@@ -149,8 +132,5 @@ def reversals(low: float, high: float, count: int, seed: int) -> FloatArray:
     """Return straight ways of 1 to 40 samples between turning points drawn at random."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(low, high, count + 1)
-    ways = [
-        np.linspace(a, b, int(rng.integers(1, 40)), endpoint=False)
-        for a, b in pairwise(points.tolist())
-    ]
+    ways = [np.linspace(a, b, int(rng.integers(1, 40)), endpoint=False) for a, b in pairwise(points.tolist())]
     return np.concatenate(ways)

@@ -34,11 +34,7 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 FLOAT_FORMATS = ("f32", "f64")
 PLANT_CORE_FILES = (
     *LAW_CORE_FILES,
-    *(
-        f"compensator/{name}_{of}.c"
-        for name in ("full", "cells", "simplified")
-        for of in FLOAT_FORMATS
-    ),
+    *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in FLOAT_FORMATS),
     *(
         f"compensator/{name}_{of}.c"
         for name in ("block", "compensator", "map", "play_map")
@@ -92,8 +88,7 @@ def refuse_law_magnet(rig: BodyRig) -> None:
     """Raise an error if the magnet is a hysteresis law, which an FMU of a rig does not support."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
-            f"{rig.path}: an FMU of a rig needs a magnet of iron; give [[iron]] instead of "
-            'kind = "law"',
+            f'{rig.path}: an FMU of a rig needs a magnet of iron; give [[iron]] instead of kind = "law"',
             code="law-not-exported",
             key="magnet.kind",
         )
@@ -122,11 +117,7 @@ def plant_sources(
 def c_initialiser(numbers: object) -> str:
     """Return a C initialiser for a dictionary (structure), a list (array) or a single value."""
     if isinstance(numbers, Mapping):
-        return (
-            "{"
-            + ", ".join(f".{name} = {c_initialiser(number)}" for name, number in numbers.items())
-            + "}"
-        )
+        return "{" + ", ".join(f".{name} = {c_initialiser(number)}" for name, number in numbers.items()) + "}"
     if isinstance(numbers, list):
         return "{" + ", ".join(map(c_initialiser, numbers)) + "}"
     return str(numbers)
@@ -135,9 +126,7 @@ def c_initialiser(numbers: object) -> str:
 def _iron_initialiser(steel: AnySteel) -> tuple[str, str]:
     """Return the C initialiser of the iron of all magnets, and the arrays to which it points."""
     numbers, table = steel.plant_parameters(), ""
-    members: dict[str, object] = {
-        key: value for key, value in numbers.items() if key not in CURVE_KEYS
-    }
+    members: dict[str, object] = {key: value for key, value in numbers.items() if key not in CURVE_KEYS}
     members["curve"] = {key: numbers[key] for key in CURVE_KEYS}
     slack = 0.0
     if isinstance(steel, CellSteel):
@@ -161,10 +150,7 @@ def _controller_header(name: str) -> str:
     macro = name.upper()
     scales = [
         f"{macro}_CONTROLLER_GAP_MIDDLE_M",
-        *(
-            f"{macro}_CONTROLLER_FULL_SCALE_{name}"
-            for name in ("POSITION_M", "CURRENT_A", "DEMAND_N")
-        ),
+        *(f"{macro}_CONTROLLER_FULL_SCALE_{name}" for name in ("POSITION_M", "CURRENT_A", "DEMAND_N")),
     ]
     defined = {
         "CONTROLLER_SCALES": "{" + ", ".join([*scales, "1.0", "1.0"]) + "}",
@@ -251,23 +237,14 @@ def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable
     middle, load = rig.settings.gap_m, rig.settings.load
     return [
         Variable("target_m", "input", "m", "demanded gap", middle, *gaps),
-        Variable(
-            "load_N", "input", "N", "force of the load drive, which opens the gap", load.force_N
-        ),
-        Variable(
-            "command", "input", "1", f"command, which acts when it changes: {codes}", 0.0, 0.0, 6.0
-        ),
+        Variable("load_N", "input", "N", "force of the load drive, which opens the gap", load.force_N),
+        Variable("command", "input", "1", f"command, which acts when it changes: {codes}", 0.0, 0.0, 6.0),
         Variable("gap_read_m", "output", "m", "reading of the position sensor at the last tick"),
         Variable("reference_m", "output", "m", "reference of the position controller"),
         Variable("demand_N", "output", "N", "demanded net force"),
         Variable("state", "output", "1", "state of the controller: 16*state + phase"),
         Variable("flags", "output", "1", "flags of the controller"),
-        Variable(
-            "velocity_m_per_s",
-            "output",
-            "m/s",
-            "velocity of the armature, in the opening direction",
-        ),
+        Variable("velocity_m_per_s", "output", "m/s", "velocity of the armature, in the opening direction"),
         *magnet_variables("net force of the magnets", len(rig.settings.body_magnets)),
     ]
 

@@ -73,9 +73,7 @@ _WINDOWS_LINK_OPTIONS = (
 
 PLATFORMS = {
     "x86_64-linux": Platform("x86_64-linux-gnu.2.17", "linux64", ".so", _LINUX_LINK_OPTIONS),
-    "aarch64-linux": Platform(
-        "aarch64-linux-gnu.2.17", "aarch64-linux", ".so", _LINUX_LINK_OPTIONS
-    ),
+    "aarch64-linux": Platform("aarch64-linux-gnu.2.17", "aarch64-linux", ".so", _LINUX_LINK_OPTIONS),
     "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll", _WINDOWS_LINK_OPTIONS),
     "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib", _MACOS_LINK_OPTIONS),
     "aarch64-darwin": Platform("aarch64-macos", "aarch64-darwin", ".dylib", _MACOS_LINK_OPTIONS),
@@ -98,15 +96,7 @@ def compile_all(
         target = PLATFORMS[platform]
         binary = sources.with_name(f"{platform}-{name}") / f"{name}{target.suffix}"
         binary.parent.mkdir()
-        options = [
-            "-target",
-            target.target,
-            "-std=c99",
-            "-O2",
-            *REPRODUCIBLE_OPTIONS,
-            "-I.",
-            "-Iinclude",
-        ]
+        options = ["-target", target.target, "-std=c99", "-O2", *REPRODUCIBLE_OPTIONS, "-I.", "-Iinclude"]
         if (
             target.link_options is _WINDOWS_LINK_OPTIONS
         ):  # without the start-up code, zig does not find its headers
@@ -179,9 +169,7 @@ def export_fmu(
     part = part_of(model, of, rate, kind)
     major_version = fmi[0]
     wrapper = [path.name for path in WRAPPER_FOLDER.glob(f"fmi{major_version}*.c")]
-    wrapper += [
-        f"fmi/{path.name}" for path in (WRAPPER_FOLDER / "fmi").glob(f"fmi{major_version}*.h")
-    ]
+    wrapper += [f"fmi/{path.name}" for path in (WRAPPER_FOLDER / "fmi").glob(f"fmi{major_version}*.h")]
     token, sources = part.add_wrapper(wrapper)
     c_files = [name for name in sources if name.endswith(".c")]
     files = {"modelDescription.xml": model_description(fmi, part, token, c_files)}
@@ -212,10 +200,7 @@ def rig_part(path: PathLike) -> Part:
     kind_name = require_rig(path, "export").word
     if part := RIG_PART_FACTORIES.get(kind_name):
         return part(path)
-    reason = (
-        RIG_PART_FACTORIES.explain_unusable(kind_name)
-        or "ask the author of the package that adds it"
-    )
+    reason = RIG_PART_FACTORIES.explain_unusable(kind_name) or "ask the author of the package that adds it"
     raise InputError(
         f"{path}: control.kind: '{kind_name}' has no part for export; {reason}",
         code="not-installed",
@@ -223,16 +208,11 @@ def rig_part(path: PathLike) -> Part:
     )
 
 
-def part_of(
-    model: Model | PathLike, of: ExportedPart | None, rate: float | None, kind: Kind | None
-) -> Part:
+def part_of(model: Model | PathLike, of: ExportedPart | None, rate: float | None, kind: Kind | None) -> Part:
     """Return the requested component of a model or a rig file."""
     if not isinstance(model, Model):
         check_path(model, "export: model", f"{MODEL_SOURCES} or of a rig file")
-    if (
-        not isinstance(model, Model)
-        and require_toml_kind(model, accepted_kinds("export")) is not MODEL_FILE
-    ):
+    if not isinstance(model, Model) and require_toml_kind(model, accepted_kinds("export")) is not MODEL_FILE:
         for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if value is not None:
                 raise InputError(
@@ -253,18 +233,13 @@ def part_of(
         return actuator_part(resolve_model(model, "export"))
     if rate is None:
         raise InputError(
-            "--rate: is missing; give the ticks per second of the compensator",
-            code="missing",
-            key="--rate",
+            "--rate: is missing; give the ticks per second of the compensator", code="missing", key="--rate"
         )
     return compensator_part(model, rate, kind or "full")
 
 
 def _binaries(
-    sources: Mapping[str, bytes],
-    fmi: FmiVersion,
-    platforms: Sequence[str],
-    progress: Progress | None,
+    sources: Mapping[str, bytes], fmi: FmiVersion, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
     """Compile the sources for each platform; return the binaries by their paths in the FMU."""
     with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
@@ -357,9 +332,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:
-        raise InputError(
-            f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending"
-        )
+        raise InputError(f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending")
     check_writable(path)
     valid_range, name = model.valid_range.schedule, model.output.column
     schedule_values = (
@@ -384,9 +357,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
     content = {head: values.tolist() for head, values in branches.items()}
     about = {"format": "anhyst-tables", "model": model.name}
     with atomic_writer(path) as stream:
-        stream.write(
-            json_text(about | {"axes": {k: v.tolist() for k, v in axes.items()}} | content)
-        )
+        stream.write(json_text(about | {"axes": {k: v.tolist() for k, v in axes.items()}} | content))
     return path
 
 

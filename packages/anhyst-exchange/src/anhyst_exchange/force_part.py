@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 from anhyst.support.atomic import PathLike
-from anhyst_exchange.bearing_part import (
-    c_initialiser,
-    magnet_definition,
-    plant_sources,
-    volume_count,
-)
+from anhyst_exchange.bearing_part import c_initialiser, magnet_definition, plant_sources, volume_count
 from anhyst_exchange.part import LAW_CORE_FILES, Part, Variable, compensator_part, header_text
 from anhyst_rigs.rig.force.file import SENSOR_ORDER, ForceControlRig, read_rig
 from anhyst_rigs.rig.force.programs import identify_force_model, read_rig_loops
@@ -30,9 +25,7 @@ def force_part(rig_path: PathLike) -> Part:
     rate = rig.settings.timing.rate_Hz
     compensator = compensator_part(identify_force_model(rig, loops), rate, "full")
     excluded_pattern = "axes|piezo|position|body|loop|controller"
-    sources = plant_sources(excluded_pattern, LAW_CORE_FILES, ["force.c"]) | dict(
-        compensator.sources
-    )
+    sources = plant_sources(excluded_pattern, LAW_CORE_FILES, ["force.c"]) | dict(compensator.sources)
     # The compensator is a component inside the component of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
     sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
@@ -75,9 +68,7 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
     return header_text("force_numbers", defined, text)
 
 
-def _force_variables(
-    rig: ForceControlRig, demand: Variable, gaps: list[Variable]
-) -> list[Variable]:
+def _force_variables(rig: ForceControlRig, demand: Variable, gaps: list[Variable]) -> list[Variable]:
     """Return the inputs and outputs; the names are those of recordings."""
     gap_text = "true gap; the armature is moved there"
     gap_range = (gaps[0].low, gaps[0].high) if gaps else (None, None)
@@ -87,18 +78,14 @@ def _force_variables(
         Variable("demand_N", "input", "N", "demanded force", 0.0, demand.low, demand.high),
         Variable("gap_m", "input", "m", gap_text, rig.settings.force.end_m, *gap_range),
         *(
-            Variable(
-                f"{name}_noise_{_SENSOR_UNITS[name]}", "input", _SENSOR_UNITS[name], noise_text
-            )
+            Variable(f"{name}_noise_{_SENSOR_UNITS[name]}", "input", _SENSOR_UNITS[name], noise_text)
             for name in SENSOR_ORDER
         ),
         Variable("command_A", "output", "A", "current reference from the next tick on"),
         Variable("current_A", "output", "A", "current at the tick"),
         Variable("force_N", "output", "N", "true force at the tick"),
         *(
-            Variable(
-                f"{name}_read_{_SENSOR_UNITS[name]}", "output", _SENSOR_UNITS[name], reading_text
-            )
+            Variable(f"{name}_read_{_SENSOR_UNITS[name]}", "output", _SENSOR_UNITS[name], reading_text)
             for name in SENSOR_ORDER
         ),
     ]

@@ -65,10 +65,7 @@ class Part:
         return token, dict(sorted(files.items()))
 
     def _values_header(self, token: str) -> str:
-        initial_values = [
-            0.0,
-            *(0.0 if v.causality == "output" else v.start for v in self.variables),
-        ]
+        initial_values = [0.0, *(0.0 if v.causality == "output" else v.start for v in self.variables)]
         return header_text(
             "part_values",
             {
@@ -215,9 +212,7 @@ def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> Non
     variables_element = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        scalar = Xml.SubElement(
-            variables_element, "ScalarVariable", _common_attributes(variable, index)
-        )
+        scalar = Xml.SubElement(variables_element, "ScalarVariable", _common_attributes(variable, index))
         Xml.SubElement(scalar, "Real", _value_attributes(variable))
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
@@ -234,9 +229,7 @@ def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> Non
     outputs = []
     for index, variable in enumerate(variables, start=1):
         Xml.SubElement(
-            variables_element,
-            "Float64",
-            _common_attributes(variable, index) | _value_attributes(variable),
+            variables_element, "Float64", _common_attributes(variable, index) | _value_attributes(variable)
         )
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
@@ -283,9 +276,7 @@ def actuator_part(model: Model) -> Part:
     circuit_macros, rows = _circuit_macros(model)
     macros = _law_macros(model) | circuit_macros | _creep_macros(model) | _layer_macros(model)
     files = {name: text.encode() for name, text in core_files(LAW_CORE_FILES).items()}
-    files |= {
-        name: (WRAPPER_FOLDER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")
-    }
+    files |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")}
     files["actuator_numbers.h"] = header_text("actuator_numbers", macros, rows).encode()
     text = (
         f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, including "
@@ -297,10 +288,7 @@ def actuator_part(model: Model) -> Part:
 def _law_macros(model: Model) -> dict[str, object]:
     """Return the parameters of the hysteresis law."""
     law = model.operator_law
-    iron = {
-        spec.name: float(model.interpolate_parameter(spec.name, [0.0])[0])
-        for spec in law.parameters
-    }
+    iron = {spec.name: float(model.interpolate_parameter(spec.name, [0.0])[0]) for spec in law.parameters}
     if law.cells is not None:
         cells = law.cells(iron)
         return {
@@ -382,16 +370,9 @@ def _actuator_variables(model: Model, middle: float) -> list[Variable]:
     text = "output at the end of a step"
     variables.append(Variable(model.output.name, "output", model.output.unit, text))
     variables.append(
-        Variable(
-            "iron_flux_density",
-            "output",
-            "T",
-            "flux density of the iron, in the gauge of the model",
-        )
+        Variable("iron_flux_density", "output", "T", "flux density of the iron, in the gauge of the model")
     )
-    variables.append(
-        Variable("iron_field", "output", "A/m", "field in the iron, in the gauge of the model")
-    )
+    variables.append(Variable("iron_field", "output", "A/m", "field in the iron, in the gauge of the model"))
     return [*variables, *_constant_variables(model)]
 
 

@@ -16,12 +16,7 @@ from anhyst_exchange.part import (
     kernel_expression,
 )
 from anhyst_exchange.stage_part import biquad_initialiser
-from anhyst_rigs.rig.piezo import (
-    PiezoControllerArguments,
-    PiezoRig,
-    controller_arguments,
-    read_piezo_rig,
-)
+from anhyst_rigs.rig.piezo import PiezoControllerArguments, PiezoRig, controller_arguments, read_piezo_rig
 from anhyst_rigs.rig.stage.loop import parameter_block
 from anhyst_rigs.study.piezo import find_inverses
 
@@ -49,8 +44,7 @@ def piezo_part(rig_path: PathLike) -> Part:
     inverse = find_inverses(rig)["full"]
     block = parameter_block(inverse)
     sources = {
-        name: text.encode()
-        for name, text in core_files(_PIEZO_CORE_FILES, block.memory_count).items()
+        name: text.encode() for name, text in core_files(_PIEZO_CORE_FILES, block.memory_count).items()
     }
     sources |= plant_sources("^(?!.*piezo)")
     sources["piezo.c"] = (WRAPPER_FOLDER / "piezo.c").read_bytes()
@@ -108,9 +102,7 @@ def _piezo_variables(rig: PiezoRig, max_displacement: float) -> list[Variable]:
         Variable("position_read_m", "output", "m", "reading of the sensor at the last tick"),
         Variable("expected_m", "output", "m", "delayed reference that the reading should equal"),
         Variable("error_m", "output", "m", "true position minus the delayed reference"),
-        Variable(
-            "demand_m", "output", "m", "displacement demanded from the stack: corrected reference"
-        ),
+        Variable("demand_m", "output", "m", "displacement demanded from the stack: corrected reference"),
         Variable("voltage_V", "output", "V", "reference of the amplifier, from the next tick on"),
         Variable("stack_voltage_V", "output", "V", "voltage at the stack"),
         Variable("velocity_m_per_s", "output", "m/s", "velocity of the stage"),

@@ -18,41 +18,20 @@ from anhyst_exchange.bearing_part import (
     plant_sources,
     refuse_law_magnet,
 )
-from anhyst_exchange.part import (
-    Causality,
-    Part,
-    Variable,
-    c_array_literal,
-    header_text,
-    kernel_expression,
-)
+from anhyst_exchange.part import Causality, Part, Variable, c_array_literal, header_text, kernel_expression
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.recording import column_name
-from anhyst_rigs.rig.stage.drives import (
-    axis_yields,
-    min_single_force,
-    monitoring_settings,
-    opposing_magnets,
-)
+from anhyst_rigs.rig.stage.drives import axis_yields, min_single_force, monitoring_settings, opposing_magnets
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import axis_unit, magnet_rows
-from anhyst_rigs.rig.stage.loop import (
-    StageSetup,
-    controller_matrices,
-    controller_settings,
-    parameter_blocks,
-)
+from anhyst_rigs.rig.stage.loop import StageSetup, controller_matrices, controller_settings, parameter_blocks
 from anhyst_rigs.study.tracking.simulate import check_calibration
 
 _STAGE_CORE_FILES = (
     *(name for name in PLANT_CORE_FILES if not name.startswith("control/")),
-    *(
-        f"compensator/{name}_{of}.c"
-        for name in ("force_corrected", "force_coded")
-        for of in FLOAT_FORMATS
-    ),
+    *(f"compensator/{name}_{of}.c" for name in ("force_corrected", "force_coded") for of in FLOAT_FORMATS),
     *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FLOAT_FORMATS),
     *(name for kind in KIND_SOURCES.values() for name in kind),
     *("compensator/map.c", "compensator/force_controller.c"),
@@ -124,9 +103,7 @@ def _compensator_macros(setup: StageSetup) -> dict[str, object]:
         "STAGE_KERNEL": kernel_expression(kernel, "words"),
         "STAGE_WORD": blocks[0].c_type,
         "STAGE_WORDS": c_initialiser(words if is_fixed else [repr(word) for word in words]),
-        "STAGE_BLOCKS": c_initialiser(
-            [[first_index[block], len(block)] for block in words_of_magnets]
-        ),
+        "STAGE_BLOCKS": c_initialiser([[first_index[block], len(block)] for block in words_of_magnets]),
     }
     if is_fixed:
         macros["STAGE_CODES"] = c_array_literal([float(numbers[name]) for name in scales])
@@ -143,9 +120,7 @@ def _controller_header(setup: StageSetup, compensators: Mapping[str, object]) ->
     allocation = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
     rows = controller_matrices(setup)
     control_law = _axes_settings(file, rows, allocation) | monitoring_settings(setup.rig)
-    control_law |= {
-        f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")
-    }
+    control_law |= {f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")}
     return header_text(
         "stage_numbers",
         {
@@ -153,10 +128,7 @@ def _controller_header(setup: StageSetup, compensators: Mapping[str, object]) ->
             "STAGE_HEADS": len(file.position_sensors),
             **compensators,
             "STAGE_CORRECTIONS": c_initialiser([*map(c_array_literal, corrections)]),
-            **{
-                f"STAGE_{name.upper()}": c_array_literal(rows[name].ravel())
-                for name in ("see", "at")
-            },
+            **{f"STAGE_{name.upper()}": c_array_literal(rows[name].ravel()) for name in ("see", "at")},
             "STAGE_SETTINGS": c_initialiser(control_law),
         },
     )
@@ -216,8 +188,7 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
     )
     of_controller = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
     states = [
-        Variable(name, "output", "1", f"of the controller: {text}")
-        for name, text in of_controller.items()
+        Variable(name, "output", "1", f"of the controller: {text}") for name, text in of_controller.items()
     ]
     return [
         *variables_of_axes("reference", "input", "demanded position"),
@@ -241,8 +212,7 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
 
 
 _COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
-    f"{one.value} {one.name.lower()}"
-    for one in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
+    f"{one.value} {one.name.lower()}" for one in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]

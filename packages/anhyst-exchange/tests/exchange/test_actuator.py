@@ -132,9 +132,7 @@ def test_every_law_and_gap_map_gives_the_force_of_the_model(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("example", ["solenoid-three-gaps", "piezo", "electromagnet"])
-def test_identified_actuators_give_the_output_of_their_model(
-    fmu: Fmu, example: str, tmp_path: Path
-) -> None:
+def test_identified_actuators_give_the_output_of_their_model(fmu: Fmu, example: str, tmp_path: Path) -> None:
     if example in TRUTHS:
         model = truth(example)
     else:
@@ -201,9 +199,7 @@ def test_a_state_goes_back_in_time_and_over_to_another_instance(
         assert other.run(after, ["force"], STEP, 400 * STEP) == there
 
 
-def test_two_instances_do_not_know_of_each_other(
-    file: Path, model: anhyst.Model, tmp_path: Path
-) -> None:
+def test_two_instances_do_not_know_of_each_other(file: Path, model: anhyst.Model, tmp_path: Path) -> None:
     drive = drives(model, 200)
     with slave(file, tmp_path) as one, slave(file, tmp_path) as two, slave(file, tmp_path) as alone:
         expected = alone.run({"current": drive}, ["force"], STEP)
@@ -226,9 +222,7 @@ def test_a_step_does_not_depend_on_how_it_is_cut(file: Path, tmp_path: Path) -> 
 
 
 def test_what_no_actuator_can_be_made_of_is_refused(model: anhyst.Model, tmp_path: Path) -> None:
-    free = replace(
-        model, gap_map="free", parameters=dict(model.parameters) | {"k": (40.0, 45.0, 50.0, 55.0)}
-    )
+    free = replace(model, gap_map="free", parameters=dict(model.parameters) | {"k": (40.0, 45.0, 50.0, 55.0)})
     with refused("iron-varies: gap"):
         export_fmu(free, tmp_path / "a.fmu", of="actuator")
     with refused("option-not-for-this: --rate"):

@@ -155,18 +155,12 @@ def test_it_is_valid_and_says_its_units(flight: Flight, tmp_path: Path) -> None:
 
     assert validate_fmu(str(flight.path)) == []
     about = {one.name: one for one in fmpy.read_model_description(flight.path).modelVariables}
-    assert [about[name].unit for name in ("target_m", "load_N", "velocity_m_per_s")] == [
-        "m",
-        "N",
-        "m/s",
-    ]
+    assert [about[name].unit for name in ("target_m", "load_N", "velocity_m_per_s")] == ["m", "N", "m/s"]
     third = flight.path.with_name("3.fmu")
     assert validate_fmu(str(third)) == []
     begin = flight.inputs(slice(0, 300))
     with slave(flight.path, tmp_path / "2") as one, slave(third, tmp_path / "3") as other:
-        assert one.run(begin, ["gap_m", "force_N"], TICK) == other.run(
-            begin, ["gap_m", "force_N"], TICK
-        )
+        assert one.run(begin, ["gap_m", "force_N"], TICK) == other.run(begin, ["gap_m", "force_N"], TICK)
 
 
 def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
@@ -200,9 +194,7 @@ def stage_made(folder: Path) -> None:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
         for fmi in ("2.0", "3.0"):
-            export_fmu(
-                stages.EXAMPLE / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE]
-            )
+            export_fmu(stages.EXAMPLE / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
 
 
 DUHEM = """family = "duhem"
@@ -223,8 +215,7 @@ def calibrated(source: Path, folder: Path, values: dict[str, float]) -> str:
         (folder / name).write_bytes((source.parent / name).read_bytes())
     rig, most = read_stage(source), "force_max_N = 240.0"
     numbers = "".join(
-        f"[[method.parameter]]\nname = {name!r}\nvalue = {value}\nsigma = 0.0\nprior = 1.0\n"
-        "frozen = false\n"
+        f"[[method.parameter]]\nname = {name!r}\nvalue = {value}\nsigma = 0.0\nprior = 1.0\nfrozen = false\n"
         for name, value in values.items()
     )
     (folder / "calibration.toml").write_text(
@@ -269,9 +260,9 @@ def scanned(folder: Path, path: Path, magnet: IdentifiedMagnet) -> Scan:
     reference = motion.derivatives_at(time)[0]
     inputs = {
         "reference_x_m": reference[:count],
-        "feedforward_x_N": feedforward_wrench(
-            setup.assumed_rig, feedforward_force(setup, motion, gains)
-        )[:, 0],
+        "feedforward_x_N": feedforward_wrench(setup.assumed_rig, feedforward_force(setup, motion, gains))[
+            :, 0
+        ],
         "frame_x_m": (reference + frame_stray(rig, motion, time))[1:],
         "load_N": load,
     }
@@ -332,9 +323,7 @@ with slave(fmu, folder) as made:
 
 
 @pytest.mark.parametrize("kind", ["bearing", "stage"])
-def test_a_state_goes_on_in_another_process(
-    kind: str, flight: Flight, scan: Scan, tmp_path: Path
-) -> None:
+def test_a_state_goes_on_in_another_process(kind: str, flight: Flight, scan: Scan, tmp_path: Path) -> None:
     path = flight.path if kind == "bearing" else scan.path
     inputs = flight.inputs(slice(0, 400)) if kind == "bearing" else scan.part(0, 400)
     with slave(path, tmp_path / "one") as made:
@@ -374,9 +363,7 @@ def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Pat
     assert validate_fmu(str(third)) == []
     begin = scan.part(0, 300)
     with slave(scan.path, tmp_path / "2") as one, slave(third, tmp_path / "3") as other:
-        assert one.run(begin, ["gap_m", "force_N"], TICK) == other.run(
-            begin, ["gap_m", "force_N"], TICK
-        )
+        assert one.run(begin, ["gap_m", "force_N"], TICK) == other.run(begin, ["gap_m", "force_N"], TICK)
 
 
 @pytest.mark.parametrize(
@@ -390,9 +377,7 @@ def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Pat
         ),
     ],
 )
-def test_what_an_fmu_of_a_stage_cannot_hold_is_refused(
-    tmp_path: Path, old: str, new: str, said: str
-) -> None:
+def test_what_an_fmu_of_a_stage_cannot_hold_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
     text = (stages.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     assert text.count(old) == 1
     (tmp_path / "rig.toml").write_text(text.replace(old, new), encoding="utf-8")
@@ -429,9 +414,7 @@ def planar_made(folder: Path) -> None:
             export_fmu(folder / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
 
 
-def scanned_by_axes(
-    fmu: Path, rig_path: Path, peak: float, magnet: IdentifiedMagnet | None = None
-) -> Scan:
+def scanned_by_axes(fmu: Path, rig_path: Path, peak: float, magnet: IdentifiedMagnet | None = None) -> Scan:
     """Lift the body, and follow a turnaround with an error of the long stroke."""
     rig = read_stage(rig_path)
     setup = make_stage(rig, magnet or bearings.knowledge(), "full")
@@ -482,10 +465,7 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
 ) -> None:
     """All except the read pose, because the recording adds its heads in another order."""
     run, free = planar.recording, read_stage(PLANAR).settings.body.free
-    at_the_tick = [
-        *demand_columns(free),
-        *magnet_columns([("gap_read", "m"), ("command", "A")], 1, 10),
-    ]
+    at_the_tick = [*demand_columns(free), *magnet_columns([("gap_read", "m"), ("command", "A")], 1, 10)]
     after_it = ["force_N", *magnet_columns([("gap", "m"), ("current", "A")], 1, 10)]
     poses = [f"pose_{axis}_{axis_unit(axis)}" for axis in free]
     names = (*at_the_tick, *after_it, *poses, *pose_columns(free))

@@ -34,9 +34,7 @@ def findings(path: Path) -> tuple[str | None, list[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
-def test_models_break_no_rule(
-    of: ExportedPart, fmi: FmiVersion, fmu: Fmu, identified: anhyst.Model
-) -> None:
+def test_models_break_no_rule(of: ExportedPart, fmi: FmiVersion, fmu: Fmu, identified: anhyst.Model) -> None:
     model = identified if of == "compensator" else magnet("effective-field", "reluctance")
     assert findings(fmu(model, of, fmi)) == (fmi, [])
 

@@ -111,9 +111,7 @@ def test_a_state_goes_back_in_time_and_over_to_another_instance(
     with instance(files[version], tmp_path / "a") as made:
         run_through(made, demand[:200], 1.0 / RATE)
         get, put = (
-            (made.getFMUstate, made.setFMUstate)
-            if version == "2.0"
-            else (made.getFMUState, made.setFMUState)
+            (made.getFMUstate, made.setFMUstate) if version == "2.0" else (made.getFMUState, made.setFMUState)
         )
         state = get()
         there = run_through(made, demand[200:], 1.0 / RATE, 200.0 / RATE)

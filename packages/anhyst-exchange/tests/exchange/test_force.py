@@ -93,23 +93,15 @@ def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
     monkeypatch.setattr(force_part, "complete_rig", lambda rig, _: rig)
     export_fmu(tmp_path / "rig.toml", tmp_path / "magnet.fmu", fmi="3.0", platforms=[HERE])
     ticks, shown = 400, ["command_A", "current_A", "force_N"]
-    inputs = {
-        "demand_N": 40.0 + 30.0 * np.sin(np.arange(ticks) / 30.0),
-        "gap_m": np.full(ticks, 0.4e-3),
-    }
-    with (
-        slave(tmp_path / "magnet.fmu", tmp_path) as made,
-        slave(tmp_path / "magnet.fmu", tmp_path) as other,
-    ):
+    inputs = {"demand_N": 40.0 + 30.0 * np.sin(np.arange(ticks) / 30.0), "gap_m": np.full(ticks, 0.4e-3)}
+    with slave(tmp_path / "magnet.fmu", tmp_path) as made, slave(tmp_path / "magnet.fmu", tmp_path) as other:
         command, current, force = np.array(made.run(inputs, shown, rig.dt)).T
         state = made.to_bytes(made.save())
         rest = {name: values[:20] for name, values in inputs.items()}
         there = made.run(rest, shown, rig.dt, ticks * rig.dt)
         other.restore(other.from_bytes(state))
         assert other.run(rest, shown, rig.dt, ticks * rig.dt) == there
-    alone = rig.make_plant().run(
-        np.concatenate([[0.0], command[:-1]]), inputs["gap_m"], np.zeros((ticks, 3))
-    )
+    alone = rig.make_plant().run(np.concatenate([[0.0], command[:-1]]), inputs["gap_m"], np.zeros((ticks, 3)))
     assert np.array_equal(alone[:, 0], current)
     assert np.array_equal(alone[:, 1], force)
     assert force.max() > 30.0

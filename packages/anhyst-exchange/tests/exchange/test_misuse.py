@@ -62,9 +62,7 @@ def test_bad_values_and_steps_are_refused(actuator: Path, tmp_path: Path) -> Non
         refuses(made, lambda: made.write({"M_s_A_per_m": 1.0}))
 
 
-def test_a_current_or_gap_beyond_all_bounds_is_refused_and_forgotten(
-    actuator: Path, tmp_path: Path
-) -> None:
+def test_a_current_or_gap_beyond_all_bounds_is_refused_and_forgotten(actuator: Path, tmp_path: Path) -> None:
     with slave(actuator, tmp_path) as made:
         made.run({"current": [2.0], "gap": [4e-4]}, ["force"], 1e-3)
 
@@ -84,11 +82,7 @@ def test_a_current_or_gap_beyond_all_bounds_is_refused_and_forgotten(
 
 def test_calls_in_the_wrong_order_are_refused(actuator: Path, tmp_path: Path) -> None:
     made = Slave(actuator, tmp_path)
-    for call in (
-        lambda: made.raw.doStep(0.0, 1e-3),
-        made.raw.exitInitializationMode,
-        made.raw.terminate,
-    ):
+    for call in (lambda: made.raw.doStep(0.0, 1e-3), made.raw.exitInitializationMode, made.raw.terminate):
         with pytest.raises(Exception, match="status"):
             call()
     made.begin()
@@ -136,9 +130,7 @@ def test_a_thousand_instances_leave_nothing_behind(
         for count in range(1100):
             if count == 100:
                 before = resident()
-            component = first.fmi2Instantiate(
-                b"x", 1, first.guid.encode(), b"", first.callbacks, 0, 0
-            )
+            component = first.fmi2Instantiate(b"x", 1, first.guid.encode(), b"", first.callbacks, 0, 0)
             assert component
             first.fmi2EnterInitializationMode(component)
             first.fmi2ExitInitializationMode(component)

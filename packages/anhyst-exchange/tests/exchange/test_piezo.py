@@ -69,9 +69,7 @@ def is_like(rows: FloatArray, recording: Recording) -> bool:
 @pytest.mark.slow
 @needs_binary
 @pytest.mark.parametrize("version", ["2", "3"])
-def test_it_scans_as_the_simulation_does_bit_for_bit(
-    version: str, folder: Path, tmp_path: Path
-) -> None:
+def test_it_scans_as_the_simulation_does_bit_for_bit(version: str, folder: Path, tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
     path = folder / f"{version}.fmu"
@@ -80,19 +78,13 @@ def test_it_scans_as_the_simulation_does_bit_for_bit(
     with slave(path, tmp_path) as one:
         assert is_like(np.array(one.run(inputs, OUTPUTS, TICK)), recording)
     about = {one.name: one for one in fmpy.read_model_description(path).modelVariables}
-    assert [about[name].unit for name in ("load_m", "voltage_V", "velocity_m_per_s")] == [
-        "m",
-        "V",
-        "m/s",
-    ]
+    assert [about[name].unit for name in ("load_m", "voltage_V", "velocity_m_per_s")] == ["m", "V", "m/s"]
 
 
 @pytest.mark.slow
 @needs_binary
 @pytest.mark.parametrize("version", ["2", "3"])
-def test_a_state_on_the_way_goes_over_to_another_instance(
-    version: str, folder: Path, tmp_path: Path
-) -> None:
+def test_a_state_on_the_way_goes_over_to_another_instance(version: str, folder: Path, tmp_path: Path) -> None:
     path, rest = folder / f"{version}.fmu", part(1234, 2600)
     with slave(path, tmp_path) as one, slave(path, tmp_path) as other:
         one.run(part(0, 1234), OUTPUTS, TICK)
@@ -167,9 +159,7 @@ def test_its_s_function_gives_the_same_a_sample_later(
     monkeypatch.setattr(piezo_part, "find_inverses", lambda _: piezos.inverses())
     program = built(export_sfunction(RIG, tmp_path / "s"))
     inputs = part(0, 500)
-    given = beside(
-        inputs["reference_m"], 1e-7 + 0.0 * inputs["reference_m"], inputs["position_noise_m"]
-    )
+    given = beside(inputs["reference_m"], 1e-7 + 0.0 * inputs["reference_m"], inputs["position_noise_m"])
     head, rows = simulated(program, given)
     assert float(head.split()[2]) == TICK
     names = [one.name for one in fmpy.read_model_description(folder / "2.fmu").modelVariables]

@@ -64,9 +64,7 @@ def simulated(program: Path, rows: FloatArray, *parameters: float) -> tuple[str,
 
 
 def complaint(program: Path, text: str, *parameters: str) -> str:
-    done = subprocess.run(
-        [program, *parameters], input=text, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([program, *parameters], input=text, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     return done.stdout.splitlines()[-1]
 
@@ -109,20 +107,13 @@ def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path:
 @needs_binary
 @pytest.mark.parametrize("kind", ["bearing", "stage", "planar"])
 def test_a_rig_moves_as_its_fmu_does(
-    kind: str,
-    tmp_path: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    monkeypatch: pytest.MonkeyPatch,
+    kind: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     away = np.linspace(0.0, 1e-6, 400)
     inputs = {"load_N": 1e6 * away, "reference_m": away, "frame_m": away - 0.45e-3}
     if kind == "bearing":
         rig = bearings.copy_known(tmp_path)
-        inputs = {
-            "target_m": 0.45e-3 + 0.0 * away,
-            "load_N": 120.0 + away,
-            "command": 1.0 + 0.0 * away,
-        }
+        inputs = {"target_m": 0.45e-3 + 0.0 * away, "load_N": 120.0 + away, "command": 1.0 + 0.0 * away}
         path = export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE])
     elif kind == "stage":
         rig = stages.EXAMPLE / "rig.toml"
@@ -136,8 +127,7 @@ def test_a_rig_moves_as_its_fmu_does(
     program = built(export_sfunction(rig, tmp_path / "s"))
     about = fmpy.read_model_description(path).modelVariables
     shown, ports = (
-        [one.name for one in about if one.causality == causality]
-        for causality in ("output", "input")
+        [one.name for one in about if one.causality == causality] for causality in ("output", "input")
     )
     given = {name: np.asarray(inputs.get(name, 0.0 * away), dtype=float) for name in ports}
     head, found = simulated(program, beside(*given.values()))

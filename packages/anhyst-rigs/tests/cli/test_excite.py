@@ -17,10 +17,7 @@ from tests.repository import ROOT
 from tests.study.measured_rigs import GAP_MAP, MINOR_REVERSALS, WIDE_REVERSALS, measured_rig
 
 EXAMPLES = ROOT / "examples"
-GAPS = {
-    "bearing": "[0.35e-3, 0.45e-3, 0.55e-3]",
-    "solenoid": "[1.0e-3, 1.35e-3, 2.0e-3, 2.8e-3]",
-}
+GAPS = {"bearing": "[0.35e-3, 0.45e-3, 0.55e-3]", "solenoid": "[1.0e-3, 1.35e-3, 2.0e-3, 2.8e-3]"}
 ALLOWED = {"bearing": 0.005, "solenoid": 0.03}
 """Of the largest force, rms at gaps that were not measured."""
 
@@ -80,9 +77,7 @@ def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     assert says(message, "writes-over-input: rig.toml")
     message = refused("excite", "rig.toml", "--out", "controller.csv", cwd=tmp_path)
     assert says(message, "not-a-sidecar: controller.toml")
-    message = refused(
-        "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--port", "COM1", cwd=tmp_path
-    )
+    message = refused("excite", "--calibrate", "rig.toml", "-o", "run.csv", "--port", "COM1", cwd=tmp_path)
     assert says(message, "option-not-for-this --calibrate: simulated")
     message = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
     assert says(message, "wrong-ending")
@@ -98,9 +93,7 @@ def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path)
         shutil.copy(EXAMPLES / "stage" / name, tmp_path)
     rig = tmp_path / "rig.toml"
     rig.write_text(rig.read_text().replace("[loops]", '[loops]\nlaw = "effective-field"'))
-    flown = quick(
-        "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--plot", "m.png", cwd=tmp_path
-    )
+    flown = quick("excite", "--calibrate", "rig.toml", "-o", "run.csv", "--plot", "m.png", cwd=tmp_path)
     assert flown.returncode == 0, flown
     assert "not identifiable: gap_zero_1_m, gap_zero_2_m" in flown.stdout
     assert "its own set-point identifies the same parameters" in flown.stdout

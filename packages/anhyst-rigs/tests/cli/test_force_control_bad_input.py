@@ -37,14 +37,9 @@ def line_of(text: str, beginning: str) -> int:
             id="unknown",
         ),
         pytest.param(
-            "rate_Hz = 1000.0",
-            'rate_Hz = "fast"',
-            "float-type timing.rate_Hz: 'fast'",
-            id="text in a number",
+            "rate_Hz = 1000.0", 'rate_Hz = "fast"', "float-type timing.rate_Hz: 'fast'", id="text in a number"
         ),
-        pytest.param(
-            "dac_bits = 12", "dac_bits = 12.5", "int-type amplifier[1].dac_bits", id="half a bit"
-        ),
+        pytest.param("dac_bits = 12", "dac_bits = 12.5", "int-type amplifier[1].dac_bits", id="half a bit"),
     ],
 )
 def test_a_key_that_will_not_do_is_reported_with_its_line(
@@ -80,9 +75,7 @@ def test_files_that_are_not_there(folder: Path) -> None:
     ("rows", "message"),
     [
         pytest.param(
-            "0,10\n1,55\n2,10\n",
-            "out-of-range: sample 1; rig.toml",
-            id="beyond the reachable force",
+            "0,10\n1,55\n2,10\n", "out-of-range: sample 1; rig.toml", id="beyond the reachable force"
         ),
         pytest.param("0,10\n1,-5\n", "out-of-range: sample 1", id="below zero"),
         pytest.param("0,10\n1,nan\n", "not-finite F_N: line 3", id="NaN"),
@@ -123,9 +116,7 @@ def test_loops_that_will_not_do(folder: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("board", "package"), [("host", "gcc libc6-dev"), ("qemu-mps2", "qemu-system-arm")]
-)
+@pytest.mark.parametrize(("board", "package"), [("host", "gcc libc6-dev"), ("qemu-mps2", "qemu-system-arm")])
 def test_a_tool_that_is_not_installed_names_its_package(
     folder: Path, monkeypatch: pytest.MonkeyPatch, board: str, package: str
 ) -> None:

@@ -129,11 +129,7 @@ def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
     (tmp_path / "columns.toml").write_text('[columns]\ndrive = "I_A"\nU_V = "F_N"\n')
     my = init(tmp_path, "loops.csv", "--columns", "drive=I_A,U_V=F_N", "--history", "demagnetised")
     read = tomllib.loads((my / "rig.toml").read_text())["loops"]
-    assert read == {
-        "files": "loops/loops.csv",
-        "columns": "drive=I_A,U_V=F_N",
-        "history": "demagnetised",
-    }
+    assert read == {"files": "loops/loops.csv", "columns": "drive=I_A,U_V=F_N", "history": "demagnetised"}
     shutil.rmtree(my)
     init(tmp_path, "loops.csv", "--sidecar", "columns.toml")
     assert read_bearing(my / "rig.toml").measured_loops.read().output.name == "force"
@@ -178,9 +174,7 @@ def test_a_load_that_cannot_be_lifted_is_refused_with_the_forces(tmp_path: Path)
         (("--force-control", "--mass", 1), "option-not-for-this --mass"),
     ],
 )
-def test_numbers_that_cannot_be_are_refused(
-    tmp_path: Path, arguments: tuple[object, ...], text: str
-) -> None:
+def test_numbers_that_cannot_be_are_refused(tmp_path: Path, arguments: tuple[object, ...], text: str) -> None:
     (tmp_path / "loops.csv").write_text(loops_text(0.3e-3, 0.5e-3))
     assert says(refused("init", "loops.csv", *arguments, "--out", "my", cwd=tmp_path), text)
 

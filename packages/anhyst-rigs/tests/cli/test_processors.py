@@ -112,12 +112,7 @@ def test_every_processor_records_the_same_run_bit_for_bit(force: str, tmp_path: 
         out = tmp_path / level
         out.mkdir()
         done = anhyst(
-            "simulate",
-            "rig.toml",
-            "--out",
-            out / "run.csv",
-            cwd=tmp_path,
-            variables=variables(level),
+            "simulate", "rig.toml", "--out", out / "run.csv", cwd=tmp_path, variables=variables(level)
         )
         assert done.returncode == 0, done.stderr
         recordings.append((out / "run.csv").read_bytes())

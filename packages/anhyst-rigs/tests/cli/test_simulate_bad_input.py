@@ -108,29 +108,13 @@ def change(path: Path, old: str, new: str) -> int:
             id="unit of the mass left out",
         ),
         pytest.param(
-            "substeps = 4",
-            "sub_steps = 4",
-            "timing.sub_steps",
-            "extra-forbidden: substeps",
-            id="unknown key",
+            "substeps = 4", "sub_steps = 4", "timing.sub_steps", "extra-forbidden: substeps", id="unknown key"
         ),
+        pytest.param("[spread]", "[spred]", "spred", "extra-forbidden spred: spread", id="unknown table"),
         pytest.param(
-            "[spread]",
-            "[spred]",
-            "spred",
-            "extra-forbidden spred: spread",
-            id="unknown table",
+            "force_N = 150.0", "force_N = nan", "load.force_N", "finite-number load.force_N", id="no number"
         ),
-        pytest.param(
-            "force_N = 150.0",
-            "force_N = nan",
-            "load.force_N",
-            "finite-number load.force_N",
-            id="no number",
-        ),
-        pytest.param(
-            "delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay-not-whole: 1.1", id="delay"
-        ),
+        pytest.param("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay-not-whole: 1.1", id="delay"),
         pytest.param(
             "force_N = 150.0",
             "force_N = 1.0",
@@ -166,9 +150,7 @@ def change(path: Path, old: str, new: str) -> int:
             "out-of-range case[3].frequency_Hz: 100 s",
             id="slow trajectory",
         ),
-        pytest.param(
-            "seed = 11 ", "seed = 2147483648 ", "seed", "less-than seed: 2147483648", id="seed"
-        ),
+        pytest.param("seed = 11 ", "seed = 2147483648 ", "seed", "less-than seed: 2147483648", id="seed"),
         pytest.param(
             "range_T = 2.0",
             "range_T = 1.4",
@@ -185,9 +167,7 @@ def change(path: Path, old: str, new: str) -> int:
         ),
     ],
 )
-def test_a_key_of_the_rig_that_will_not_do(
-    folder: Path, old: str, new: str, key: str, message: str
-) -> None:
+def test_a_key_of_the_rig_that_will_not_do(folder: Path, old: str, new: str, key: str, message: str) -> None:
     line = change(folder / "rig.toml", old, new)
     refusal = refused(*RUN, cwd=folder)
     line += new.count("\n")
@@ -215,18 +195,10 @@ def test_a_key_of_the_rig_that_will_not_do(
             id="unit left out",
         ),
         pytest.param(
-            "mass_kg",
-            "mass",
-            "design.mass",
-            "unit-missing: mass_kg",
-            id="unit of the mass left out",
+            "mass_kg", "mass", "design.mass", "unit-missing: mass_kg", id="unit of the mass left out"
         ),
         pytest.param(
-            "[lift_off]",
-            "[liftoff]",
-            "liftoff",
-            "extra-forbidden liftoff: lift_off",
-            id="unknown table",
+            "[lift_off]", "[liftoff]", "liftoff", "extra-forbidden liftoff: lift_off", id="unknown table"
         ),
         pytest.param(
             '"full"',
@@ -287,8 +259,7 @@ def test_a_sample_rate_that_is_too_slow_for_the_plant(folder: Path) -> None:
     for key in ("cutoff_Hz", "cutoff_2_Hz"):
         change(folder / "controller.toml", f"{key} = 2000.0", f"{key} = 500.0")
     assert says(
-        refused(*RUN, cwd=folder),
-        f"rate-too-low: rig.toml:{line}: timing.rate_Hz: 1500; 87.92; 1759",
+        refused(*RUN, cwd=folder), f"rate-too-low: rig.toml:{line}: timing.rate_Hz: 1500; 87.92; 1759"
     )
 
 
@@ -300,8 +271,7 @@ def test_measured_flux_without_a_probe(folder: Path) -> None:
     )
     line = change(folder / "controller.toml", '"full"', '"flux"')
     assert says(
-        refused(*RUN, cwd=folder),
-        f"no-hall-probe: controller.toml:{line}; compensation.variant; rig.toml",
+        refused(*RUN, cwd=folder), f"no-hall-probe: controller.toml:{line}; compensation.variant; rig.toml"
     )
 
 
@@ -361,13 +331,9 @@ def of_1986(model: Model) -> Model:
 
 @pytest.mark.parametrize(
     ("spoil", "message"),
-    [
-        pytest.param(of_1986, "no-fixed-point-form: 'jiles-atherton-1986'", id="law of 1986"),
-    ],
+    [pytest.param(of_1986, "no-fixed-point-form: 'jiles-atherton-1986'", id="law of 1986")],
 )
-def test_a_model_that_cannot_be_compiled(
-    folder: Path, spoil: Callable[[Model], Model], message: str
-) -> None:
+def test_a_model_that_cannot_be_compiled(folder: Path, spoil: Callable[[Model], Model], message: str) -> None:
     write_spoilt(folder, spoil)
     change(folder / "controller.toml", '"full"', '"full"\nmodel = "model.toml"')
     refusal = refused(*RUN, cwd=folder)
@@ -404,9 +370,7 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
     message = refused(*RUN, cwd=folder)
     assert says(message, "columns-missing: loops.csv")
     rows = text.splitlines(keepends=True)
-    loops.write_text(
-        "".join(row for row in rows if ",0.00035," not in row and ",0.00042," not in row)
-    )
+    loops.write_text("".join(row for row in rows if ",0.00035," not in row and ",0.00042," not in row))
     message = refused(*RUN, cwd=folder)
     assert says(message, "gaps-not-covered: loops.csv; 0.00048; 0.00055 m; rig.toml; 0.00045 m")
 
@@ -457,11 +421,7 @@ def test_a_folder_where_a_file_is_to_be(folder: Path, name: str) -> None:
 def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path) -> None:
     """Exit code 1, the time in one line, the recording kept and nothing else written."""
     (folder / "model.toml").write_text(model())
-    change(
-        folder / "controller.toml",
-        'variant = "full"',
-        'variant = "single-valued"\nmodel = "model.toml"',
-    )
+    change(folder / "controller.toml", 'variant = "full"', 'variant = "single-valued"\nmodel = "model.toml"')
     change(folder / "controller.toml", "damping = 1.0", "damping = 0.02")
     before = contents(folder)
     result = quick(*RUN, cwd=folder)

@@ -22,9 +22,7 @@ from tests.study.stages import recorded, setup, training
 from .command import quick, refused, unwrapped
 
 EXAMPLE = ROOT / "examples" / "stage"
-SECOND = re.findall(
-    r"\[\[magnet\]\]\nname = \"second\".*?\n\n", (EXAMPLE / "rig.toml").read_text(), re.S
-)[0]
+SECOND = re.findall(r"\[\[magnet\]\]\nname = \"second\".*?\n\n", (EXAMPLE / "rig.toml").read_text(), re.S)[0]
 """What the file says of the second magnet."""
 CASES = ["none", "gap zero", "current scale", "pinning", "Hall gain", "eddy lag", "all"]
 """What the example states of what its plants differ in."""
@@ -46,23 +44,12 @@ def change(path: Path, old: str, new: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        pytest.param(SECOND, "", "missing magnet: a second [[magnet]]", id="one magnet"),
         pytest.param(
-            SECOND,
-            "",
-            "missing magnet: a second [[magnet]]",
-            id="one magnet",
+            "snap_phase_s = 2e-3", "snap_phase_s = 4e-3", "phases-too-long", id="snap longer than jerk"
         ),
         pytest.param(
-            "snap_phase_s = 2e-3",
-            "snap_phase_s = 4e-3",
-            "phases-too-long",
-            id="snap longer than jerk",
-        ),
-        pytest.param(
-            "speed_m_per_s = 0.5",
-            "speed_m_per_s = 0.1",
-            "not-reached",
-            id="acceleration out of reach",
+            "speed_m_per_s = 0.5", "speed_m_per_s = 0.1", "not-reached", id="acceleration out of reach"
         ),
         pytest.param(
             'kind = "electromagnet"',
@@ -71,9 +58,7 @@ def change(path: Path, old: str, new: str) -> None:
             id="a law",
         ),
         pytest.param("slit_s = 0.01", "slit_s = 0.06", "too-long", id="slit"),
-        pytest.param(
-            "stray_m", "stray_mm", "extra-forbidden frame.stray_mm: stray_m", id="misspelt"
-        ),
+        pytest.param("stray_m", "stray_mm", "extra-forbidden frame.stray_mm: stray_m", id="misspelt"),
     ],
 )
 def test_a_stage_that_will_not_do_is_named_by_file_and_key(
@@ -134,9 +119,7 @@ def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(fold
     assert done.returncode == 0, done.stderr
     for text in ("full", "scale_1", "trusted: mass of 10 kg", "fixed", "calibration.toml"):
         assert text in done.stdout
-    change(
-        folder / "rig.toml", "force_max_N = 240.0", 'force_max_N = 240.0\ncalibration = "run.csv"'
-    )
+    change(folder / "rig.toml", "force_max_N = 240.0", 'force_max_N = 240.0\ncalibration = "run.csv"')
     assert "run.csv" in refused("simulate", "rig.toml", "--out", "again.csv", cwd=folder)
     change(folder / "rig.toml", '"run.csv"', '"calibration.toml"')
     rig = read_stage(folder / "rig.toml")
@@ -144,6 +127,5 @@ def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(fold
     assert found is not None
     assert found.value("lag_s") > 20e-6
     assert says(
-        refused("calibrate", "rig.toml", "run.csv", "--out", "run.csv", cwd=folder),
-        "writes-over-input",
+        refused("calibrate", "rig.toml", "run.csv", "--out", "run.csv", cwd=folder), "writes-over-input"
     )

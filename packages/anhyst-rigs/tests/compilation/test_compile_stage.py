@@ -20,12 +20,7 @@ from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.stage.fitted import fit_method_compensator, make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_axes_controller, track
 from anhyst_rigs.rig.stage.setpoint import scan_motion
-from anhyst_rigs.study.tracking.compiled import (
-    MAX_FLIGHT_ROWS,
-    ROWS_PER_COMMAND,
-    compiled_rig,
-    write_stage,
-)
+from anhyst_rigs.study.tracking.compiled import MAX_FLIGHT_ROWS, ROWS_PER_COMMAND, compiled_rig, write_stage
 from tests.compilation.packaged import undrawn  # noqa: F401 - a fixture
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
@@ -40,20 +35,13 @@ FLOWN = MAX_FLIGHT_ROWS - 3 * ROWS_PER_COMMAND
 EXAMPLES = ROOT / "examples"
 
 
-FORMATS: list[tuple[NumberFormat, NumberFormat]] = [
-    ("f32", "f32"),
-    ("fixed", "f32"),
-    ("fixed", "fixed"),
-]
+FORMATS: list[tuple[NumberFormat, NumberFormat]] = [("f32", "f32"), ("fixed", "f32"), ("fixed", "fixed")]
 """Of the magnets, and of pose, PIDs and allocation."""
 
 
 @cache
 def single(
-    has_six: bool,
-    method: MethodName,
-    number_format: NumberFormat = "f32",
-    law: NumberFormat = "f32",
+    has_six: bool, method: MethodName, number_format: NumberFormat = "f32", law: NumberFormat = "f32"
 ) -> StageSetup:
     """Return an example in single precision or fixed point, its magnets known without a search."""
     rig = planar() if has_six else stages.stage()
@@ -128,9 +116,7 @@ def test_a_lost_magnet_is_compiled_to_the_bit(
 
 
 @pytest.mark.parametrize("law", ["f32", "fixed"])
-def test_two_magnets_on_one_coordinate_are_compiled_to_the_bit(
-    law: NumberFormat, tmp_path: Path
-) -> None:
+def test_two_magnets_on_one_coordinate_are_compiled_to_the_bit(law: NumberFormat, tmp_path: Path) -> None:
     setup = single(False, "full", law, law)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
@@ -164,19 +150,13 @@ def test_what_calibration_found_of_each_magnet_is_compiled(
     own = tuple(other if number == 3 else setup.compensator for number in range(10))
     drift = Drift(pinning=0.0)
     corrected = replace(
-        setup,
-        correction_rows=rows,
-        own_compensators=own,
-        drift=drift,
-        body_corrections={"payload": 0.01},
+        setup, correction_rows=rows, own_compensators=own, drift=drift, body_corrections={"payload": 0.01}
     )
     compiled = folder_of(corrected, tmp_path)
     replays(compiled.out)
     assert (compiled.out / "stage_2_parameters.c").is_file()
     for number in (2, 4, 9):
-        assert np.array_equal(
-            compiled.vectors[f"current_{number}"][:FLOWN], flown(corrected, number)
-        )
+        assert np.array_equal(compiled.vectors[f"current_{number}"][:FLOWN], flown(corrected, number))
     assert not np.array_equal(compiled.vectors["current_2"][:FLOWN], flown(setup, 2))
 
 
@@ -258,9 +238,7 @@ def test_readings_that_cannot_be_are_flagged_and_move_no_integral(
         ({"name": "Upper"}, "bad-name --name"),
     ],
 )
-def test_what_does_not_fit_a_stage_is_refused(
-    options: dict[str, object], code: str, tmp_path: Path
-) -> None:
+def test_what_does_not_fit_a_stage_is_refused(options: dict[str, object], code: str, tmp_path: Path) -> None:
     with refused(code):
         anhyst.compile(EXAMPLES / "planar" / "rig.toml", tmp_path / "out", **options)  # type: ignore[arg-type]
     assert not (tmp_path / "out").exists()
@@ -294,9 +272,7 @@ def test_heads_on_the_ground_are_not_compiled(tmp_path: Path) -> None:
         ('format = "fixed"\ncalibration = "found.toml"  ', "not-compilable control.calibration"),
     ],
 )
-def test_what_fixed_point_throughout_does_not_have_is_refused(
-    wrong: str, code: str, tmp_path: Path
-) -> None:
+def test_what_fixed_point_throughout_does_not_have_is_refused(wrong: str, code: str, tmp_path: Path) -> None:
     path = changed_planar('format = "fixed"  ', wrong, tmp_path)
     with refused(code):
         anhyst.compile(path, tmp_path / "out", io="q31")

@@ -96,9 +96,7 @@ def test_c_compiles_without_a_warning_and_gives_the_golden_answers(
     for column in ("drive_1", "reference", "demand", "state", "flags"):
         lines = vectors.splitlines()
         cells = lines[700].split(",")
-        cells[LEVITATION_COLUMNS.index(column)] = str(
-            int(cells[LEVITATION_COLUMNS.index(column)]) ^ 1
-        )
+        cells[LEVITATION_COLUMNS.index(column)] = str(int(cells[LEVITATION_COLUMNS.index(column)]) ^ 1)
         lines[700] = ",".join(cells)
         assert played(program, "\n".join(lines)) == f"{rows} rows, 1 differ\n"
 
@@ -108,9 +106,7 @@ def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_written_for_an_actuator_breaks_no_rule_but_those_listed(
-    compiled: Compiled,
-) -> None:
+def test_what_is_written_for_an_actuator_breaks_no_rule_but_those_listed(compiled: Compiled) -> None:
     sources = sorted(compiled.out.glob("bearing_*.c"))
     options = ["--addon=misra", "--enable=style", "--quiet", "--std=c99", "-D__STDC__=1"]
     place = [f"-I{compiled.out / 'include'}", f"-I{compiled.out}", "--template={file} {id}"]
@@ -246,9 +242,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
 @pytest.mark.slow
 def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_path: Path) -> None:
     request = CompileRequest("full", "q31", RATE, name="bearing")
-    again = compile_model(
-        place / "model.toml", tmp_path / "again", request, place / "controller.toml"
-    )
+    again = compile_model(place / "model.toml", tmp_path / "again", request, place / "controller.toml")
     assert again.files == compiled.files
     for name in again.files:
         assert (again.out / name).read_bytes() == (compiled.out / name).read_bytes()
@@ -256,9 +250,7 @@ def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_pa
 
 def test_the_manifest_reports_what_the_codes_mean(compiled: Compiled) -> None:
     manifest = json.loads((compiled.out / "manifest.json").read_text())
-    assert {"bearing_controller.c", "bearing_controller.h", "controller.csv"} <= set(
-        manifest["files"]
-    )
+    assert {"bearing_controller.c", "bearing_controller.h", "controller.csv"} <= set(manifest["files"])
     controller = manifest["controller"]
     header = (compiled.out / "bearing_controller.h").read_text()
     for name, value in (
@@ -357,11 +349,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
             ["--io", "q31"],
             "not-compilable compensation.format: :30:",
         ),
-        (
-            [("force_low_N = 0.0", "force_low_N = -1.0")],
-            ["--io", "q31"],
-            "cannot-push limits.force_low_N",
-        ),
+        ([("force_low_N = 0.0", "force_low_N = -1.0")], ["--io", "q31"], "cannot-push limits.force_low_N"),
         (
             [('format = "fixed"', 'format = "fixed"\nmodel = "controller.toml"')],
             ["--io", "q31"],

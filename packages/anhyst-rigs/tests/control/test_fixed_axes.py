@@ -123,9 +123,7 @@ def test_without_lost_drives_as_much_is_made_as_in_double_precision() -> None:
             assert (shared.force[alone] >= LEAST - 2e-7).all()
             if shared.made:
                 assert missed(one, shared, row) < 2e-4
-            both = [
-                float(np.abs(x @ one.unit_wrench - row).max()) for x in (shared.force, shared.wide)
-            ]
+            both = [float(np.abs(x @ one.unit_wrench - row).max()) for x in (shared.force, shared.wide)]
             differ.append(both[0] - both[1])
             count += shared.made == shared.wide_made
     assert count > 0.99 * len(differ)
@@ -229,9 +227,7 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
         for _ in range(25):
             head = signal_codes(rng.uniform(-1e-8, 1e-8, len(made.rows["at"])), scales.head)
             forward = signal_codes(0.05 * scales.wrench, scales.wrench)
-            _, demand, *_ = own.tick(
-                head.astype(int).tolist(), forward.astype(int).tolist(), gap, read
-            )
+            _, demand, *_ = own.tick(head.astype(int).tolist(), forward.astype(int).tolist(), gap, read)
             _, expected, *_ = wide.tick(
                 (head / FULL * scales.head).tolist(),
                 (forward / FULL * scales.wrench).tolist(),
@@ -246,11 +242,7 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
 def test_what_the_heads_cannot_say_is_flagged_and_full_scale_saturates() -> None:
     made = body(bodies(1, 14)[0], np.random.default_rng(6))
     fixed, own, _ = controllers(made)
-    count, axes, heads = (
-        len(made.drives.unit_wrench),
-        len(made.drives.yield_weights),
-        len(made.rows["at"]),
-    )
+    count, axes, heads = (len(made.drives.unit_wrench), len(made.drives.yield_weights), len(made.rows["at"]))
     none, most = [0] * count, int(FULL) - 1
     current, demand, flags, _, _ = own.tick([0] * heads, [most] * axes, none, none)
     assert demand == [most] * axes

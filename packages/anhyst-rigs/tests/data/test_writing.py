@@ -24,9 +24,7 @@ def recording(rows: int = 50) -> Recording:
 @pytest.mark.first(3)
 @pytest.mark.parametrize("rows", [1, 50])
 @pytest.mark.parametrize("suffix", [*WRITERS, ".MAT"])
-def test_a_recording_of_a_bearing_is_read_back_bit_for_bit(
-    suffix: str, rows: int, tmp_path: Path
-) -> None:
+def test_a_recording_of_a_bearing_is_read_back_bit_for_bit(suffix: str, rows: int, tmp_path: Path) -> None:
     path, written = tmp_path / f"run{suffix}", recording(rows)
     write_recording(path, written.columns)
     back = read_columns(path)

@@ -43,12 +43,7 @@ def plant(drive: FloatArray, step: float = 1e-3, shares: tuple[float, ...] = ())
             "bend": KNOWN_STACK["bend"],
             "slope": KNOWN_STACK["slope"],
         },
-        **{
-            "beta": KNOWN_STACK["beta"],
-            "gamma": KNOWN_STACK["gamma"],
-            "omega": 1.0 / step,
-            "damping": 0.5,
-        },
+        **{"beta": KNOWN_STACK["beta"], "gamma": KNOWN_STACK["gamma"], "omega": 1.0 / step, "damping": 0.5},
         **{"kept": 0.0, "step": step, "steps": 1},
     }
     motion = PiezoMotion(numbers, times, np.array(shares))

@@ -55,17 +55,11 @@ def drafted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 @pytest.mark.parametrize(
     "drafted",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name in LEFT))
-        for name in [*sorted(MAGNETS), *BUNDLED]
-    ],
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in LEFT)) for name in [*sorted(MAGNETS), *BUNDLED]],
     indirect=True,
 )
 def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
-    rig, controller = (
-        read_bearing(drafted / "rig.toml"),
-        read_controller(drafted / "controller.toml"),
-    )
+    rig, controller = (read_bearing(drafted / "rig.toml"), read_controller(drafted / "controller.toml"))
     check_controller(controller, rig)
     assert rig.static_load < controller.settings.limits.force_high_N
     assert len(rig.measured_loops.files) >= 1
@@ -98,9 +92,7 @@ def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["u", *(pytest.param(name, marks=pytest.mark.slow) for name in ("hard", "stage"))]
 )
-def test_two_of_any_magnet_make_a_stage_that_follows_better_with_its_law(
-    tmp_path: Path, name: str
-) -> None:
+def test_two_of_any_magnet_make_a_stage_that_follows_better_with_its_law(tmp_path: Path, name: str) -> None:
     loops = EXAMPLES / name / "loops.csv"
     if name in MAGNETS:
         loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")

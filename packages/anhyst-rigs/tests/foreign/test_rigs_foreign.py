@@ -150,9 +150,7 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
             "no-files: rig.toml:8: loops.files: empty",
             id="empty folder",
         ),
-        pytest.param(
-            'files = "loops.csv"', "files = 3", "wrong-kind: rig.toml:8: loops.files", id="number"
-        ),
+        pytest.param('files = "loops.csv"', "files = 3", "wrong-kind: rig.toml:8: loops.files", id="number"),
         pytest.param(
             OPTIONS_FROM_LOOPS,
             'iron = "from loop"',
@@ -242,11 +240,7 @@ def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     knowledge = ready.identify_magnet()
     assert check_plant(ready.rig, knowledge).warnings == []
     write_model(knowledge.model, tmp_path / "model.toml")
-    rig = (
-        (tmp_path / "rig.toml")
-        .read_text()
-        .replace('"electromagnet"', '"law"\nmodel = "model.toml"')
-    )
+    rig = (tmp_path / "rig.toml").read_text().replace('"electromagnet"', '"law"\nmodel = "model.toml"')
     (tmp_path / "rig.toml").write_text(rig)
     own = check_inputs(*read_files(tmp_path / "rig.toml", None))
     (message,) = check_plant(own.rig, knowledge).warnings

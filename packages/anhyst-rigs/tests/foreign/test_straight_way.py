@@ -48,9 +48,7 @@ def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.mark.needs("gcc")
-def test_what_is_identified_is_compiled_and_verified(
-    magnet: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_identified_is_compiled_and_verified(magnet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(magnet, "compile", "model.toml", "--rate", RATE, "--out", "controller")
     monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
     found = verify(magnet / "controller", "host", host_steps=50_000)
@@ -67,8 +65,7 @@ def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> N
     (low, high), demand = limits.current, limits.demand[1]
     narrow = DemandLimits(limits.demand, (0.8 * low, 0.8 * high))
     here, there = (
-        build_block(model, "full", scales, each, TableSizes(iterations=10))
-        for each in (limits, narrow)
+        build_block(model, "full", scales, each, TableSizes(iterations=10)) for each in (limits, narrow)
     )
     path = reversals(0.02 * demand, 0.15 * demand, 25, 1)  # within the narrower limit
     for gap in (scales.gap_low, 0.5 * (scales.gap_low + scales.gap_high)):
@@ -76,9 +73,7 @@ def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> N
         assert jump(there, here, path, gap) < 4e-4
 
 
-@pytest.mark.parametrize(
-    "magnet", ["hard", pytest.param("soft", marks=pytest.mark.campaign)], indirect=True
-)
+@pytest.mark.parametrize("magnet", ["hard", pytest.param("soft", marks=pytest.mark.campaign)], indirect=True)
 @pytest.mark.slow
 def test_a_bearing_is_set_up_and_tuned(magnet: Path) -> None:
     name = magnet.name.rstrip("0123456789")

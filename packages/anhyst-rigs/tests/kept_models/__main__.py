@@ -16,7 +16,5 @@ for name in sys.argv[1:] or TRUTHS:
     model = TRUTHS[name].identify()
     origin = model.provenance
     # The same file wherever the project lies.
-    sources = tuple(
-        replace(one, path=str(Path(one.path).relative_to(ROOT))) for one in origin.sources
-    )
+    sources = tuple(replace(one, path=str(Path(one.path).relative_to(ROOT))) for one in origin.sources)
     write_model(replace(model, provenance=replace(origin, sources=sources)), path_of(name))

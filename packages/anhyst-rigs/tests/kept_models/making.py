@@ -102,8 +102,7 @@ TRUTHS: dict[str, Truth] = {
     },
     **{
         f"{example}-no-dead-band": Truth(
-            partial(measured, example),
-            _law("effective-field", "reluctance", dead_band=False),
+            partial(measured, example), _law("effective-field", "reluctance", dead_band=False)
         )
         for example in ("electromagnet", "bearing")
     },

@@ -163,9 +163,7 @@ class Chip:
     def _put(self, register: int, value: int) -> None:
         self._cpu.mem_write(register, value.to_bytes(4, "little"))
 
-    def _device(
-        self, _cpu: object, access: int, address: int, _size: int, value: int, _: object
-    ) -> None:
+    def _device(self, _cpu: object, access: int, address: int, _size: int, value: int, _: object) -> None:
         if access == self._u.UC_MEM_WRITE:
             self.written[address] = value
             for line, sent in self.sent.items():
@@ -206,9 +204,7 @@ class Chip:
         self.power -= 1
         return True
 
-    def _program(
-        self, _cpu: object, _access: int, address: int, size: int, value: int, _: object
-    ) -> None:
+    def _program(self, _cpu: object, _access: int, address: int, size: int, value: int, _: object) -> None:
         """Clear bits of a word; only if the flash is unlocked for a word."""
         assert self._keys[-2:] == KEYS
         assert self.written[FLASH_CR] == PG | PSIZE_32

@@ -51,9 +51,7 @@ class Description:
         else:
             one = self.characteristics[name]
             address, kind = one.address, one.deposit.fncValues.data_type
-        (number,) = struct.unpack(
-            CODES[kind], master.shortUpload(struct.calcsize(CODES[kind]), address)
-        )
+        (number,) = struct.unpack(CODES[kind], master.shortUpload(struct.calcsize(CODES[kind]), address))
         return float(number)
 
     def worth(self, master: Any, name: str) -> float:
@@ -164,13 +162,8 @@ def test_words_of_the_block_are_worth_what_the_manifest_says(described: Descript
                 assert described.characteristics[word].compuMethod.unit == signals[name]["unit"]
             assert described.worth(master, f"block.scale_{name}") == pytest.approx(scale)
         assert described.worth(master, "block.scale_rate") == described.manifest["rate_Hz"]
-        assert described.worth(master, "block.scale_gap_high") == pytest.approx(
-            signals["gap"]["high"]
-        )
-        assert (
-            described.code(master, "block.length")
-            == described.manifest["memory"]["parameters_bytes"] / 2
-        )
+        assert described.worth(master, "block.scale_gap_high") == pytest.approx(signals["gap"]["high"])
+        assert described.code(master, "block.length") == described.manifest["memory"]["parameters_bytes"] / 2
 
 
 def ends(one: Any) -> tuple[int, int]:
@@ -182,9 +175,7 @@ def ends(one: Any) -> tuple[int, int]:
     return round(min(codes)), round(max(codes))
 
 
-def test_settings_and_target_take_what_lies_within_the_limits_and_no_more(
-    described: Description,
-) -> None:
+def test_settings_and_target_take_what_lies_within_the_limits_and_no_more(described: Description) -> None:
     names = [*(one.name for one in SETTINGS), "set_demand", "set_target"]
     with master_on(described.board, unlocked=True) as master:
         for name in filter(described.characteristics.__contains__, names):

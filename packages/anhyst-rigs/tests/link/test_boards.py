@@ -15,13 +15,7 @@ from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import wire
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import (
-    PlantBus,
-    exchange_over_socket,
-    run_host,
-    run_library,
-    run_qemu,
-)
+from anhyst_rigs.link.virtual_boards import PlantBus, exchange_over_socket, run_host, run_library, run_qemu
 from tests.refusals import refused
 
 from .handmade import write_parameters
@@ -46,10 +40,7 @@ def test_the_same_parameters_give_the_same_firmware(parameters: Path, tmp_path: 
 @pytest.mark.needs("qemu-system-arm")
 @pytest.mark.parametrize("count", [3000, pytest.param(30_000, marks=pytest.mark.campaign)])
 def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path, count: int) -> None:
-    with (
-        run_qemu(qemu_firmware, NoisyPlant()) as board,
-        ControllerLink(board.url, timeout=2.0) as controller,
-    ):
+    with run_qemu(qemu_firmware, NoisyPlant()) as board, ControllerLink(board.url, timeout=2.0) as controller:
         board.bus.step(40)
         controller.command(Command.ARM)
         controller.command(Command.RUN)
@@ -68,16 +59,11 @@ def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path, count: int
 
 
 @pytest.mark.needs("qemu-system-arm")
-def test_process_and_emulated_board_drive_the_same_currents(
-    host_firmware: Path, qemu_firmware: Path
-) -> None:
+def test_process_and_emulated_board_drive_the_same_currents(host_firmware: Path, qemu_firmware: Path) -> None:
     drives = []
     for runner, program in ((run_host, host_firmware), (run_qemu, qemu_firmware)):
         plant = NoisyPlant()
-        with (
-            runner(program, plant) as board,
-            ControllerLink(board.url, timeout=2.0) as controller,
-        ):
+        with runner(program, plant) as board, ControllerLink(board.url, timeout=2.0) as controller:
             board.bus.step(40)
             controller.command(Command.ARM)
             controller.command(Command.RUN)
@@ -136,10 +122,7 @@ def test_sources_that_do_not_compile(parameters: Path, tmp_path: Path) -> None:
 
 
 def test_a_program_that_is_not_there(tmp_path: Path) -> None:
-    with (
-        refused("cannot-be-run"),
-        run_host(tmp_path / "none", NoisyPlant()),
-    ):
+    with refused("cannot-be-run"), run_host(tmp_path / "none", NoisyPlant()):
         pass
 
 
@@ -152,10 +135,7 @@ def test_tools_that_are_not_installed_are_named(
     monkeypatch.setenv("PATH", str(tmp_path))
     with refused("not-installed gcc"):
         build("host", parameters, tmp_path / "x")
-    with (
-        refused("not-installed qemu-system-arm"),
-        run_qemu(tmp_path / "x", NoisyPlant()),
-    ):
+    with refused("not-installed qemu-system-arm"), run_qemu(tmp_path / "x", NoisyPlant()):
         pass
 
 

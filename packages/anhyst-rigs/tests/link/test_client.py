@@ -115,9 +115,7 @@ def test_a_block_is_swapped_between_two_ticks_while_it_runs(
 
 
 @pytest.mark.parametrize("at", [8, 33, -1])
-def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
-    controller: ControllerLink, at: int
-) -> None:
+def test_a_corrupted_block_is_rejected_and_the_old_one_stays(controller: ControllerLink, at: int) -> None:
     old = controller.read_block()
     spoilt = set_generation(old, 7)
     spoilt[at] ^= 1

@@ -14,10 +14,7 @@ TEXT = (ROOT / "docs" / "boards.md").read_text(encoding="utf-8")
 
 
 def test_the_python_of_the_page_runs(
-    parameters: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    parameters: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "controller").symlink_to(parameters)
     monkeypatch.chdir(tmp_path)

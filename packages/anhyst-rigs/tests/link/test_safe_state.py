@@ -96,9 +96,7 @@ def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
     assert board.bus.fault is Fault.GAP_STUCK
 
 
-def test_a_gap_that_stands_still_is_no_fault(
-    board: RunningFirmware, controller: ControllerLink
-) -> None:
+def test_a_gap_that_stands_still_is_no_fault(board: RunningFirmware, controller: ControllerLink) -> None:
     run(board, controller)
     for n in range(40):
         controller.demand(HALF // 2 if n % 2 else HALF)

@@ -27,9 +27,7 @@ STEP = 1.0 / (0.020 * RATE)
 def made_for(scales: Scales) -> list[int]:
     """Return the board's own actuator compiled for other scales; its gaps are taken from them."""
     law = closed_form("reluctance")
-    made = build_block(
-        magnet(), "simplified", scales, ranges("reluctance")[1], SIZES, closed_form=law
-    )
+    made = build_block(magnet(), "simplified", scales, ranges("reluctance")[1], SIZES, closed_form=law)
     return set_generation(made.words.tolist(), 7)
 
 

@@ -100,12 +100,7 @@ STATUS = StatusAnswer(2, *[0] * (len(fields(StatusAnswer)) - 1))
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [
-        encode(INFO, 1),
-        encode(NAK, 1),
-        encode(STATUS, 1, version=frames.VERSION + 1),
-    ],
+    "answer", [encode(INFO, 1), encode(NAK, 1), encode(STATUS, 1, version=frames.VERSION + 1)]
 )
 def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     with fake(answer) as url:
@@ -114,9 +109,7 @@ def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     assert says(text, f"other-protocol-version: version {ours + 1}; version {ours}")
 
 
-def test_firmware_reports_a_pc_of_another_version(
-    board: RunningFirmware, monkeypatch: object
-) -> None:
+def test_firmware_reports_a_pc_of_another_version(board: RunningFirmware, monkeypatch: object) -> None:
     patch, its = monkeypatch, frames.VERSION
     assert isinstance(patch, pytest.MonkeyPatch)
     patch.setattr(frames, "VERSION", its + 7)

@@ -80,9 +80,7 @@ class Scripted:
         return self.seen
 
 
-def test_in_one_process_each_gives_bit_for_bit_what_it_gives_alone(
-    library_firmware: Path,
-) -> None:
+def test_in_one_process_each_gives_bit_for_bit_what_it_gives_alone(library_firmware: Path) -> None:
     alone = [Scripted(library_firmware, seed).end() for seed in range(3)]
     assert alone[0] != alone[1]
     assert State.RUN in {seen.state & 0xFF for seen in alone[0] if hasattr(seen, "state")}

@@ -33,9 +33,7 @@ def test_stuffing_follows_the_published_examples() -> None:
     cuts=st.lists(st.integers(0, 700), max_size=6),
     force=st.integers(-(1 << 31), (1 << 31) - 1),
 )
-def test_a_frame_after_a_zero_is_found_after_any_garbage(
-    garbage: bytes, cuts: list[int], force: int
-) -> None:
+def test_a_frame_after_a_zero_is_found_after_any_garbage(garbage: bytes, cuts: list[int], force: int) -> None:
     stream = garbage + b"\0" + encode(DemandRequest(force), 7)
     receiver = Receiver()
     places = [0, *sorted(cuts), len(stream)]

@@ -92,9 +92,7 @@ def test_eight_signals_of_every_tick_without_a_gap(xcp_board: RunningFirmware) -
 
 
 @pytest.mark.slow
-def test_eight_signals_of_every_tick_of_twenty_seconds_without_a_gap(
-    xcp_board: RunningFirmware,
-) -> None:
+def test_eight_signals_of_every_tick_of_twenty_seconds_without_a_gap(xcp_board: RunningFirmware) -> None:
     check_whole(xcp_board, 20 * RATE)
 
 
@@ -298,9 +296,7 @@ def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: RunningFirmw
 
 
 @pytest.mark.parametrize("name", ["demand", "current", "gap_low", "gap_high", "damaged", "law"])
-def test_a_page_that_is_no_block_for_this_board_is_refused(
-    xcp_board: RunningFirmware, name: str
-) -> None:
+def test_a_page_that_is_no_block_for_this_board_is_refused(xcp_board: RunningFirmware, name: str) -> None:
     words = set_generation(compiled(KIND).words.tolist(), 9)
     if name == "damaged":
         words[-1] ^= 1  # its checksum is written too, and is now wrong
@@ -345,9 +341,7 @@ def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
 
 
 @pytest.mark.slow
-def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(
-    xcp_board: RunningFirmware,
-) -> None:
+def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(xcp_board: RunningFirmware) -> None:
     """More than socket and queue hold is left out, whole samples at a time, and reported."""
     ticks = 40_000
     with connected(xcp_board) as line:

@@ -115,10 +115,7 @@ def test_the_next_master_behind_the_link_begins_anew(bridged: RunningFirmware) -
 
 
 def test_a_port_that_is_taken_is_one_line(host_firmware: Path) -> None:
-    with (
-        run_host(host_firmware, NoisyPlant()) as running,
-        socket.create_server(("127.0.0.1", 0)) as taken,
-    ):
+    with run_host(host_firmware, NoisyPlant()) as running, socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         command = [sys.executable, "-m", "anhyst.cli.app", "xcp", running.url, "--listen", port]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30.0)

@@ -40,9 +40,7 @@ def test_eight_signals_of_every_tick_from_the_emulated_board(emulated: RunningFi
 
 
 @pytest.mark.needs("qemu-system-arm")
-def test_a_master_commands_the_emulated_board_and_is_its_heartbeat(
-    emulated: RunningFirmware,
-) -> None:
+def test_a_master_commands_the_emulated_board_and_is_its_heartbeat(emulated: RunningFirmware) -> None:
     bus = emulated.bus
     for _ in range(2):  # two masters one after the other
         with master_on(emulated) as master:
@@ -107,10 +105,7 @@ def terminal_of(chip: Chip) -> Iterator[str]:
 @pytest.mark.slow
 def test_a_master_on_the_second_serial_port_of_the_nucleo(chip: Chip) -> None:
     samples = Samples(("gap", "state"))
-    with (
-        terminal_of(chip) as port,
-        master_on_serial(port, samples, unlocked=True) as master,
-    ):
+    with terminal_of(chip) as port, master_on_serial(port, samples, unlocked=True) as master:
         assert master.identifier(0) == "handmade"
         samples.begin()
         write(master, "command", Command.ARM)

@@ -20,11 +20,7 @@ from anhyst_rigs.link.wire import compute_key
 
 ECU, XCP = 0x01, 0x02
 SEGMENT = 0
-SERIAL = {
-    "bitrate": 921600,
-    "header_format": "HEADER_LEN_CTR_WORD",
-    "tail_format": "CHECKSUM_WORD",
-}
+SERIAL = {"bitrate": 921600, "header_format": "HEADER_LEN_CTR_WORD", "tail_format": "CHECKSUM_WORD"}
 PATIENCE = 20.0
 """For samples that are still on their way, s."""
 
@@ -68,9 +64,7 @@ class Samples(DaqOnlinePolicy):
 
 
 @contextmanager
-def master_on(
-    board: RunningFirmware, policy: Samples | None = None, unlocked: bool = False
-) -> Iterator[Any]:
+def master_on(board: RunningFirmware, policy: Samples | None = None, unlocked: bool = False) -> Iterator[Any]:
     """Connect a master to a board over TCP."""
     where = {"host": "127.0.0.1", "port": board.xcp_port, "protocol": "TCP", "tcp_nodelay": True}
     with _master("eth", {"Eth": where}, policy, unlocked) as master:
@@ -78,25 +72,19 @@ def master_on(
 
 
 @contextmanager
-def master_on_serial(
-    port: str, policy: Samples | None = None, unlocked: bool = False
-) -> Iterator[Any]:
+def master_on_serial(port: str, policy: Samples | None = None, unlocked: bool = False) -> Iterator[Any]:
     """Connect a master to a serial port, as the A2L describes it."""
     with _master("sxi", {"SxI": {"port": port, **SERIAL}}, policy, unlocked) as master:
         yield master
 
 
 @contextmanager
-def _master(
-    layer: str, where: dict[str, Any], policy: Samples | None, unlocked: bool
-) -> Iterator[Any]:
+def _master(layer: str, where: dict[str, Any], policy: Samples | None, unlocked: bool) -> Iterator[Any]:
     general = {
         "disable_error_handling": True,
         "seed_n_key_function": lambda resource, seed: compute_key(seed),
     }
-    config = create_application_from_config(
-        {"Transport": where, "General": general}, logging.CRITICAL
-    )
+    config = create_application_from_config({"Transport": where, "General": general}, logging.CRITICAL)
     with Master(layer, config=config, policy=policy) as master:
         master.connect()
         master.getCommModeInfo()

@@ -45,9 +45,7 @@ class Board:
 
 
 @contextmanager
-def running(
-    firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: int = 0
-) -> Iterator[Board]:
+def running(firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: int = 0) -> Iterator[Board]:
     """Let a firmware run by the clock until the test ends."""
     done = threading.Event()
     with run_host(firmware, plant, link, xcp) as host:

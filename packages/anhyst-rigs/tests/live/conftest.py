@@ -126,16 +126,12 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
     folder.mkdir()
     with ExitStack() as stack:
 
-        def start(
-            bench: Bench | None = None, prepared: Prepared | None = None, **given: Any
-        ) -> Served:
+        def start(bench: Bench | None = None, prepared: Prepared | None = None, **given: Any) -> Served:
             improver, learner = None, None
             if prepared is not None:
                 bench, improver, learner = open_prepared(prepared)
             bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
-            return stack.enter_context(
-                serving(bench, folder, improver=improver, learner=learner, **given)
-            )
+            return stack.enter_context(serving(bench, folder, improver=improver, learner=learner, **given))
 
         yield start
 
@@ -155,9 +151,7 @@ def browser() -> Iterator[Browser]:
         "playwright.sync_api", reason="playwright is not installed: pip install playwright"
     )
     with api.sync_playwright() as started:
-        chromium = started.chromium.launch(
-            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-        )
+        chromium = started.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         yield chromium
         chromium.close()
 
@@ -173,9 +167,7 @@ def shown(browser: Browser, served: Served) -> Iterator[Page]:
     page.on(
         "console",
         lambda message: (
-            wrong.append(message.text)
-            if message.type == "error" and "REFUSED" not in message.text
-            else None
+            wrong.append(message.text) if message.type == "error" and "REFUSED" not in message.text else None
         ),
     )
     page.goto(served.address)

@@ -26,10 +26,7 @@ from tests.repository import ROOT
 
 @pytest.fixture
 def board(prepared: PreparedForce, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Board]:
-    rig, plant = (
-        prepared.complete_rig,
-        StandPlant.with_operator(prepared.complete_rig, prepared.program, 0),
-    )
+    rig, plant = (prepared.complete_rig, StandPlant.with_operator(prepared.complete_rig, prepared.program, 0))
     program = build("host", folder_of(prepared), tmp_path_factory.mktemp("board") / "firmware")
     with running(program, plant, rig.settings.timing.rate_Hz) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
@@ -114,9 +111,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
 def order_command(session: LiveSession, name: str) -> None:
     from anhyst_rigs.dashboard.orders import perform
 
-    session.run_between_chunks(
-        lambda: perform(session, "browser 1", {"do": "command", "name": name})
-    )
+    session.run_between_chunks(lambda: perform(session, "browser 1", {"do": "command", "name": name}))
 
 
 def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_was(

@@ -25,9 +25,7 @@ def setups(rig: BodyRig) -> list[StageSetup]:
     return [make_stage(rig, bearings.knowledge(), name) for name in ("single-valued", "full")]
 
 
-def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
-    serve: Serve, show: Show
-) -> None:
+def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve, show: Show) -> None:
     page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
@@ -43,9 +41,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
     page.select_option("#pose", "gap")
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
     pose = np.ravel(seen(page, "page.body.pose()"))
-    assert -magnet_rows(planar().settings) @ pose == pytest.approx(
-        np.array(gaps) - 0.45e-3, abs=1e-10
-    )
+    assert -magnet_rows(planar().settings) @ pose == pytest.approx(np.array(gaps) - 0.45e-3, abs=1e-10)
     # how much it is exaggerated stands on it, chosen by it or by whoever looks
     until(page, "document.querySelector('#body canvas').title.startsWith('place in the gaps × ')")
     factor = seen(page, "page.body.factor")

@@ -54,9 +54,7 @@ def seconds_to_answer(served: Served) -> float:
     return time.monotonic() - begun
 
 
-@pytest.mark.parametrize(
-    "said", [b"", HALF, b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n"]
-)
+@pytest.mark.parametrize("said", [b"", HALF, b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n"])
 def test_page_loads_beside_half_open_connections(serve: Serve, said: bytes) -> None:
     served = serve()
     with half_open(served, 200, said) as lines:
@@ -130,9 +128,7 @@ def test_websocket_stays_open_for_longer_than_a_request_may_take(
     assert served.session.end_reason == ""
 
 
-def test_connection_serves_one_request_after_the_other(
-    serve: Serve, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_connection_serves_one_request_after_the_other(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     """The time counts from the answer before, not from the connection."""
     monkeypatch.setattr(connections, "MAX_WAIT_S", 0.6)
     served = serve()

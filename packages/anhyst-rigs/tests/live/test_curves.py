@@ -38,9 +38,7 @@ def test_the_model_is_drawn_along_the_same_currents() -> None:
 def test_a_loop_is_drawn_with_its_reversals(tmp_path: Path) -> None:
     current = np.concatenate([np.linspace(0, 4, 5000), np.linspace(4, 1, 3000), np.full(100, 1.0)])
     path = tmp_path / "loop.csv"
-    np.savetxt(
-        path, np.column_stack((current, current**2)), "%.9g", ",", header="I_A,F_N", comments=""
-    )
+    np.savetxt(path, np.column_stack((current, current**2)), "%.9g", ",", header="I_A,F_N", comments="")
     (curve,) = make_drawn_loops(read_loops(path))
     assert len(curve.current) <= 210
     assert (max(curve.current), curve.current[-1]) == (4.0, 1.0)

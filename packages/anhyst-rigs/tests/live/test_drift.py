@@ -52,9 +52,7 @@ def test_pinning_that_becomes_a_fifth_more_is_found_within_ten_seconds(
     assert f"residual is {found['left_N']:.3g} N rms instead of" in found["text"]
 
 
-def test_what_is_found_does_not_depend_on_how_rows_arrive(
-    prepared: PreparedForce, usual: FloatArray
-) -> None:
+def test_what_is_found_does_not_depend_on_how_rows_arrive(prepared: PreparedForce, usual: FloatArray) -> None:
     pieces = np.array_split(usual, 577)
     assert watched(prepared, *pieces).status() == pytest.approx(watched(prepared, usual).status())
 

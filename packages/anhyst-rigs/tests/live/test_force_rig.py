@@ -71,9 +71,7 @@ def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
 
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
-def test_a_force_is_demanded_and_its_step_is_drawn(
-    serve: Serve, show: Show, force_bench: ForceBench
-) -> None:
+def test_a_force_is_demanded_and_its_step_is_drawn(serve: Serve, show: Show, force_bench: ForceBench) -> None:
     page = show(serve(bench=force_bench))
     ready(page)
     state_is(page, "idle")

@@ -7,13 +7,7 @@ import struct
 import numpy as np
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.dashboard.browsers import (
-    MAX_FRAME_ROWS,
-    RowQueue,
-    RowRun,
-    encode_frame,
-    thin_to_extremes,
-)
+from anhyst_rigs.dashboard.browsers import MAX_FRAME_ROWS, RowQueue, RowRun, encode_frame, thin_to_extremes
 
 
 def rows(first: int, count: int) -> FloatArray:

@@ -107,9 +107,7 @@ def test_what_is_refused_changes_nothing_and_says_why(bench: HardwareBench) -> N
         bench.load(1.0)
 
 
-def test_ticks_that_never_came_are_left_out_and_none_is_invented(
-    board: Board, bench: HardwareBench
-) -> None:
+def test_ticks_that_never_came_are_left_out_and_none_is_invented(board: Board, bench: HardwareBench) -> None:
     rows = [bench.advance(50)]
     board.skip = 2  # as many as the board allows
     rows.append(bench.advance(100))
@@ -227,9 +225,7 @@ class HeldArmature:
 
 
 def test_a_board_that_levitates_offers_compensation_and_gains(host_firmware: Path) -> None:
-    manifest = json.loads(
-        (host_firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
-    )
+    manifest = json.loads((host_firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8"))
     compiled = manifest["controller"]["gains"]
     with running(host_firmware, HeldArmature(), manifest["rate_Hz"]) as board:
         with closing(HardwareBench(lambda: XcpMaster(board.xcp), manifest)) as bench:

@@ -181,9 +181,7 @@ def test_a_model_is_swapped_in_while_a_bearing_hovers(firmware: Path) -> None:
     bench.command(Command.LIFT)
     bench.advance(10_000)
     other = replace(prepared.model, parameters=scaled(prepared.model.parameters, "c_H", 0.9))
-    first = bench.swap_block(
-        set_generation(fixed_point_block(prepared.compile(other)).words.tolist(), 9)
-    )
+    first = bench.swap_block(set_generation(fixed_point_block(prepared.compile(other)).words.tolist(), 9))
     rows = bench.advance(4000)
     bench.close()
     assert first == rows[0, 0]
@@ -191,9 +189,7 @@ def test_a_model_is_swapped_in_while_a_bearing_hovers(firmware: Path) -> None:
     assert 0.0 < abs(rows[:, 1 + at("gap")] - bearings.GAP).max() < 10e-6
 
 
-def scaled(
-    parameters: Mapping[str, Parameter], name: str, factor: float
-) -> Mapping[str, Parameter]:
+def scaled(parameters: Mapping[str, Parameter], name: str, factor: float) -> Mapping[str, Parameter]:
     value = parameters[name]
     assert isinstance(value, float)
     return MappingProxyType({**parameters, name: factor * value})

@@ -160,9 +160,7 @@ def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     until(page, "window.anhyst.scope.held !== null && window.anhyst.scope.shot")
     hit = int(seen(page, "page.scope.shot.hit"))
     column = [one.name for one in served.session.bench.signals].index("load")
-    drawn = [
-        seen(page, f"page.store.value({column}, page.store.find({hit}) + {n})") for n in (-1, 0)
-    ]
+    drawn = [seen(page, f"page.store.value({column}, page.store.find({hit}) + {n})") for n in (-1, 0)]
     assert drawn[1] <= -5.0 < drawn[0]
     wait_for(lambda: served.session.recorder.status() is None)
     path = served.session.recorder.folder / "crossing.csv"
@@ -281,9 +279,7 @@ def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: 
 
 
 @pytest.mark.slow
-def test_no_spike_is_lost_between_pixels_and_missing_ticks_are_marked(
-    serve: Serve, show: Show
-) -> None:
+def test_no_spike_is_lost_between_pixels_and_missing_ticks_are_marked(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)
     low, high, holes, missing = page.evaluate(

@@ -90,9 +90,7 @@ def test_on_a_telephone_nothing_overlaps_and_stop_is_in_reach(page: Page) -> Non
 
 
 @pytest.mark.slow
-def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(
-    page: Page, bearing: Served
-) -> None:
+def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(page: Page, bearing: Served) -> None:
     lift_button = page.get_by_role("button", name="lift", exact=True)
     until(page, "document.querySelector('[data-order=lift]').title.includes('ready')")
     assert lift_button.is_disabled()
@@ -164,9 +162,7 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     rows = np.genfromtxt(table.value.path(), delimiter=",", names=True)
     assert rows.dtype.names == ("tick", "t_s", "gap_m", "reference_m", "F_N", "I_A")
     assert np.array_equal(rows["tick"], wanted["tick"])
-    bearing.session.run_between_chunks(
-        lambda: bearing.session.record("last.csv", RecordingSpan(10.0, 0.0))
-    )
+    bearing.session.run_between_chunks(lambda: bearing.session.record("last.csv", RecordingSpan(10.0, 0.0)))
     path = bearing.session.recorder.folder / "last.csv"
     wait_for(lambda: bearing.session.recorder.status() is None)
     recorded = numbers(path)

@@ -63,9 +63,7 @@ def test_a_generator_moves_it_beside_its_triangle_and_is_refused_beyond_the_stac
 
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
-def test_it_is_driven_switched_and_recorded_on_the_page(
-    serve: Serve, show: Show, tmp_path: Path
-) -> None:
+def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(prepared=piezos.prepared(), record=record)
     page = show(served)
@@ -144,10 +142,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     rig.write_text(rig.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     with prepare_cached(rig, None):
         assert len(prepares) == 1
-    with (
-        pytest.raises(InputError, match="a piezo stage has no controller"),
-        prepare_cached(rig, rig),
-    ):
+    with pytest.raises(InputError, match="a piezo stage has no controller"), prepare_cached(rig, rig):
         pass  # kept before, and refused all the same
 
 

@@ -49,9 +49,7 @@ class Power:
 
     def on(self, firmware: Path | None = None) -> Board:
         rig = forces.example()
-        plant = (
-            StandPlant.with_operator(rig, self.program, 0) if firmware is None else HeldArmature()
-        )
+        plant = StandPlant.with_operator(rig, self.program, 0) if firmware is None else HeldArmature()
         rate = rig.settings.timing.rate_Hz
         program = firmware or self.program.firmware
         started = self._open.enter_context(running(program, plant, rate, xcp=self._port))
@@ -141,9 +139,7 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
     assert "controller: back after" in text
 
 
-def test_another_firmware_is_not_gone_on_with(
-    power: Power, manifest: Manifest, host_firmware: Path
-) -> None:
+def test_another_firmware_is_not_gone_on_with(power: Power, manifest: Manifest, host_firmware: Path) -> None:
     power.on()
     with closing(LiveSession(opened(power, manifest))) as session:
         session.start()
@@ -165,9 +161,7 @@ def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:
             session.run_between_chunks(lambda: session.bench.demand(10.0))
 
 
-def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(
-    power: Power, manifest: Manifest
-) -> None:
+def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(power: Power, manifest: Manifest) -> None:
     power.on()
     with closing(LiveSession(opened(power, manifest))) as session:
         session.start()
@@ -232,16 +226,11 @@ class WatchedBearing(SteppedBearing):
 
 
 @pytest.mark.slow
-def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(
-    host_firmware: Path,
-) -> None:
+def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(host_firmware: Path) -> None:
     text = (host_firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
     manifest, plant = json.loads(text), WatchedBearing()
     rest = bearings.example().settings.body.stop_high_m
-    with (
-        running(host_firmware, plant, manifest["rate_Hz"]) as board,
-        serial_port(lambda: board.xcp) as port,
-    ):
+    with running(host_firmware, plant, manifest["rate_Hz"]) as board, serial_port(lambda: board.xcp) as port:
         wait_for(lambda: board.bus.state is State.IDLE)
         bench = HardwareBench(lambda: XcpMaster(port.url), manifest)
         assert bench.ticks_per_row > 1

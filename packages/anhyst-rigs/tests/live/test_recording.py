@@ -231,9 +231,7 @@ def test_without_the_extra_its_name_is_said(
     assert says(capsys.readouterr().err, "not-installed")
 
 
-def test_no_mdf_and_an_empty_one_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_mdf_and_an_empty_one_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("asammdf")
     path = tmp_path / "run.mf4"
     path.write_text("no such thing")

@@ -11,12 +11,7 @@ from anhyst.support.states import Command, State
 from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
-from anhyst_rigs.rig.bench.protocol import (
-    Bench,
-    controller_status,
-    describe_next_step,
-    refusal_reason,
-)
+from anhyst_rigs.rig.bench.protocol import Bench, controller_status, describe_next_step, refusal_reason
 from tests.rig import forces
 from tests.study import bearings
 
@@ -33,9 +28,7 @@ WAYS: dict[str, tuple[tuple[Command, float], ...]] = {
 
 
 @pytest.fixture(params=["bearing", "force"])
-def opening(
-    request: pytest.FixtureRequest, firmware: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Open:
+def opening(request: pytest.FixtureRequest, firmware: Path, tmp_path_factory: pytest.TempPathFactory) -> Open:
     if request.param == "bearing":
         return lambda: BearingBench(bearings.single(), firmware)
     return lambda: ForceBench(forces.example(), forces.program(tmp_path_factory))

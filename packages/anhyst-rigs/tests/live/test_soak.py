@@ -55,8 +55,5 @@ def test_a_bench_with_a_page_runs_for_long(
     ticks = numbers(path)[:, 0]
     assert (ticks[1:] - ticks[:-1] == 1.0).all()
     quarter = len(sizes) // 4
-    start, end = (
-        statistics.median(sizes[quarter : 2 * quarter]),
-        statistics.median(sizes[-quarter:]),
-    )
+    start, end = (statistics.median(sizes[quarter : 2 * quarter]), statistics.median(sizes[-quarter:]))
     assert end < (1.0 + GROWN) * start

@@ -123,9 +123,7 @@ def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside
     assert 0.8 < ratio < 1.25
 
 
-def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(
-    beside: Beside,
-) -> None:
+def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)
     waiting = [beside.bench.advance(200) for _ in range(60)]
@@ -153,9 +151,7 @@ def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside
     assert beside.learner.status()["trouble"] == ""
 
 
-def test_at_rest_no_number_moves_however_long(
-    beside: Beside, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_at_rest_no_number_moves_however_long(beside: Beside, monkeypatch: pytest.MonkeyPatch) -> None:
     start(beside)
     beside.learner.switch(True)
     beside.laps(3)
@@ -360,9 +356,7 @@ def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
     session.start()
     wait_for(lambda: len(bench.cycles) > 2)
     session.close()
-    learnt = calibrate(
-        found.setups[0].rig, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"]
-    )
+    learnt = calibrate(found.setups[0].rig, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
     assert learnt.has_estimates
     assert learnt.file.method[0].fits
 

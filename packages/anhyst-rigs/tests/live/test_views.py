@@ -18,9 +18,7 @@ pytestmark = pytest.mark.needs("chromium")
 
 
 @pytest.mark.slow
-def test_loop_and_levitation_show_what_the_recording_holds(
-    serve: Serve, show: Show, tmp_path: Path
-) -> None:
+def test_loop_and_levitation_show_what_the_recording_holds(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     known = bearings.knowledge()
     served = serve(record=record, curves=make_drawn_loops(known.loops, known.model))
@@ -63,9 +61,7 @@ def test_the_spectrum_is_that_of_scipy(serve: Serve, show: Show) -> None:
             }""",
             [samples.tolist(), name],
         )
-        frequencies, power = welch(
-            samples, 20000.0, window=window, nperseg=1024, detrend="constant"
-        )
+        frequencies, power = welch(samples, 20000.0, window=window, nperseg=1024, detrend="constant")
         assert np.allclose(found["frequencies"], frequencies[1:])
         assert np.allclose(found["densities"], np.sqrt(power[1:]), rtol=1e-9, atol=0.0)
     page.get_by_role("tab", name="spectrum").click()

@@ -35,9 +35,9 @@ class CellIron:
         ratio = cells * (1.0 / steel.knee_slow_A_per_m)
         slow = 2.0 / math.pi * steel.saturation_slow_T
         polarisation = steel.saturation_sharp_T * cells * sharp + slow * np.arctan(ratio)
-        slopes = (steel.saturation_sharp_T * steel.knee_sharp_A_per_m**2) * (
-            sharp * sharp * sharp
-        ) + (slow / steel.knee_slow_A_per_m) / (1.0 + ratio * ratio)
+        slopes = (steel.saturation_sharp_T * steel.knee_sharp_A_per_m**2) * (sharp * sharp * sharp) + (
+            slow / steel.knee_slow_A_per_m
+        ) / (1.0 + ratio * ratio)
         moving = self._weights * (cells != self._cells)
         return (MU_0 * field + float(self._weights @ polarisation), MU_0 + float(moving @ slopes))
 

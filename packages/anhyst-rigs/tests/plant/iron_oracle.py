@@ -22,9 +22,7 @@ PINNINGS, BIASES = 1200, 600
 def reversible(steel: PreisachSteel | DuhemSteel, field: float) -> float:
     """Return the polarisation of the anhysteretic curve, T."""
     sharp = steel.saturation_sharp_T * field / math.hypot(field, steel.knee_sharp_A_per_m)
-    return sharp + steel.saturation_slow_T * math.atan(field / steel.knee_slow_A_per_m) / (
-        0.5 * math.pi
-    )
+    return sharp + steel.saturation_slow_T * math.atan(field / steel.knee_slow_A_per_m) / (0.5 * math.pi)
 
 
 class Relays:

@@ -129,9 +129,7 @@ class Ledger:
         In the gap, the leakage, and what the cells give back.
     """
 
-    def __init__(
-        self, shape: Shape, steel: CellSteel, current: Floats, gap: Floats, psi: Floats
-    ) -> None:
+    def __init__(self, shape: Shape, steel: CellSteel, current: Floats, gap: Floats, psi: Floats) -> None:
         flux = psi / shape.turns
         permeance = np.array([shape.permeance(at) for at in gap.tolist()])
         self.field = (shape.turns * current - flux / permeance) / shape.length

@@ -25,10 +25,7 @@ OPEN_LOOP: dict[str, Any] = {
 }
 """No delays, no visible quantisation, and no load drive."""
 
-STIFF: dict[str, Any] = OPEN_LOOP | {
-    "amplifier.supply_V": 1e6,
-    "amplifier.bandwidth_Hz": 25e3,
-}
+STIFF: dict[str, Any] = OPEN_LOOP | {"amplifier.supply_V": 1e6, "amplifier.bandwidth_Hz": 25e3}
 """An amplifier that keeps the current constant against induced voltages."""
 
 

@@ -60,9 +60,7 @@ class Body:
 
     def plant(self, rate: float, mode: str = "current") -> Plant:
         """Return the plant of this body without delays and converters."""
-        example = plant_parameters(
-            rig(OPEN_LOOP | {"amplifier.mode": mode, "timing.rate_Hz": rate})
-        )
+        example = plant_parameters(rig(OPEN_LOOP | {"amplifier.mode": mode, "timing.rate_Hz": rate}))
         magnet = make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)
         wide = IDEAL | {"low": -1e9, "high": 1e9}
 
@@ -93,9 +91,7 @@ class Body:
             | {"current_sensor": wide, "flux_probe": wide}
             for one in self.lines
         ]
-        heads = [
-            {"line": line(*one), "zero": 0.0, "sensor": wide, "base": 0} for one in self.lines[:6]
-        ]
+        heads = [{"line": line(*one), "zero": 0.0, "sensor": wide, "base": 0} for one in self.lines[:6]]
         return Plant(body, actuators, heads, example.load, [magnet] * len(actuators), 0)
 
 

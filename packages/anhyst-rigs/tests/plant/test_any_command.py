@@ -62,18 +62,11 @@ def test_no_command_makes_a_number_that_is_none(
     st.lists(st.tuples(st.floats(-1.0, 5.0), st.integers(5, 60)), min_size=1, max_size=8),
     st.sampled_from([2.0, 0.2]),
 )
-def test_a_bearing_makes_no_energy(
-    supply: float, script: list[tuple[float, int]], mass: float
-) -> None:
+def test_a_bearing_makes_no_energy(supply: float, script: list[tuple[float, int]], mass: float) -> None:
     """The electrical input is never less than the increase of stored and kinetic energy."""
     plant = bearing(
         OPEN_LOOP
-        | {
-            "timing.rate_Hz": 200e3,
-            "timing.substeps": 1,
-            "amplifier.supply_V": supply,
-            "body.mass_kg": mass,
-        }
+        | {"timing.rate_Hz": 200e3, "timing.substeps": 1, "amplifier.supply_V": supply, "body.mass_kg": mass}
     )
     rows = [(plant.gap, plant.velocity, plant.current, plant.psi)]
     for wanted, ticks in script:

@@ -63,9 +63,7 @@ def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel)
 
 def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
     current, gap = wander(300, seed=4)
-    force, _, density = (
-        Coil(make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
-    )
+    force, _, density = Coil(make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
     # Two gaps with the fringed area, minus the loss because the fringe narrows with the gap.
     width, depth = 0.016 + gap, 0.014 + gap
     pole_area = width * depth - gap * (width + depth)
@@ -120,9 +118,7 @@ def as_law(table: FluxTable, rows: int = 129) -> Magnet:
     return make_law_magnet(example_poles(), model().iron_at(GAP), maps, 0.0, table)
 
 
-TABLE = FluxTable(
-    np.array([0.0, 1.0, 2.0]), np.array([0.3e-3, 0.6e-3]), np.array([[0.0, 0.05, 0.08]] * 2)
-)
+TABLE = FluxTable(np.array([0.0, 1.0, 2.0]), np.array([0.3e-3, 0.6e-3]), np.array([[0.0, 0.05, 0.08]] * 2))
 
 
 def test_a_law_pulls_as_its_model_predicts() -> None:
@@ -151,11 +147,7 @@ def test_the_flux_of_a_law_is_that_of_its_table_and_odd() -> None:
         np.linspace(0.0, 2.0, 5),
         np.array([0.3e-3, 0.4e-3, 0.6e-3]),
         np.array(
-            [
-                [0.0, 0.04, 0.08, 0.12, 0.16],
-                [0.0, 0.03, 0.06, 0.09, 0.12],
-                [0.0, 0.02, 0.04, 0.06, 0.08],
-            ]
+            [[0.0, 0.04, 0.08, 0.12, 0.16], [0.0, 0.03, 0.06, 0.09, 0.12], [0.0, 0.02, 0.04, 0.06, 0.08]]
         ),
     )
     for gap, slope in ((0.3e-3, 0.08), (0.4e-3, 0.06), (0.6e-3, 0.04)):

@@ -95,12 +95,9 @@ def test_commands_beyond_the_range_stay_at_its_end(wanted: float, flows: float) 
 
 
 @pytest.mark.parametrize(
-    ("ticks", "late", "substeps"),
-    [(0.0, 0.0, 0), (0.5, 0.0, 2), (1.0, 0.0, 4), (1.25, 62.5e-6, 10)],
+    ("ticks", "late", "substeps"), [(0.0, 0.0, 0), (0.5, 0.0, 2), (1.0, 0.0, 4), (1.25, 62.5e-6, 10)]
 )
-def test_a_command_takes_effect_exactly_after_the_delay(
-    ticks: float, late: float, substeps: int
-) -> None:
+def test_a_command_takes_effect_exactly_after_the_delay(ticks: float, late: float, substeps: int) -> None:
     def flows(changes: dict[str, Any], hold: int) -> FloatArray:
         plant = welded(changes)
         rows = []

@@ -137,9 +137,7 @@ def test_a_voice_coil_of_soft_iron_makes_its_force_constant_wherever_it_is(at: f
         knee_slow_A_per_m=1.0,
     )
     current = np.linspace(-2.0, 2.0, 41)
-    force, _, _ = (
-        Coil(make_iron_magnet(voice_coil(), soft, 0.0, GAP)).run(current, np.full(41, at)).T
-    )
+    force, _, _ = Coil(make_iron_magnet(voice_coil(), soft, 0.0, GAP)).run(current, np.full(41, at)).T
     assert force == pytest.approx(20.0 * current, abs=1e-3 * 40.0)
 
 
@@ -245,9 +243,7 @@ def straight(turns: list[tuple[float, float]], samples: int) -> tuple[FloatArray
 
 @settings(max_examples=40)
 @given(steels, turning_points)
-def test_no_path_of_current_and_gap_makes_energy(
-    steel: CellSteel, turns: list[tuple[float, float]]
-) -> None:
+def test_no_path_of_current_and_gap_makes_energy(steel: CellSteel, turns: list[tuple[float, float]]) -> None:
     current, gap = straight(turns, 150)
     current, gap = np.tile(current, 2), np.tile(gap, 2)
     force, psi, _ = Coil(make_iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T

@@ -51,9 +51,7 @@ def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
     measured = np.sqrt((np.array(speed) ** 2 - start**2) / np.array(away) ** 2)
     assert measured[10:] == pytest.approx(pole, rel=0.03)
     late = slice(len(away) // 2, None)
-    grows = np.polynomial.Polynomial.fit(
-        np.arange(len(away))[late] * 50e-6, np.log(away)[late], 1
-    ).convert()
+    grows = np.polynomial.Polynomial.fit(np.arange(len(away))[late] * 50e-6, np.log(away)[late], 1).convert()
     assert grows.coef[1] == pytest.approx(pole, rel=0.25)  # e^pt dominates e^-pt
 
 

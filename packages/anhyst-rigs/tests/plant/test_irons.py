@@ -14,17 +14,7 @@ from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
 from anhyst_rigs.rig.parts.magnet import make_iron_magnet
 from tests.plant.iron_oracle import Duhem, Relays
-from tests.plant.irons import (
-    DUHEM,
-    PREISACH,
-    STEELS,
-    WIPED_OUT,
-    WITH_CELLS,
-    fields,
-    run,
-    width,
-    work,
-)
+from tests.plant.irons import DUHEM, PREISACH, STEELS, WIPED_OUT, WITH_CELLS, fields, run, width, work
 from tests.plant.oracle import Shape, middles
 from tests.plant.rigs import GAP, example_poles
 
@@ -109,11 +99,7 @@ def test_no_way_of_a_duhem_iron_gives_more_than_it_had_stored(name: str, ends: l
     x = np.interp(polarisation, curve, at)
     given_back = np.concatenate(([0.0], np.cumsum(middles(at) * np.diff(curve))))
     saturation = steel.saturation_sharp_T + steel.saturation_slow_T
-    q = (
-        steel.coercivity_A_per_m
-        / steel.turning_T
-        * (1.0 - steel.fading * (polarisation / saturation) ** 2)
-    )
+    q = steel.coercivity_A_per_m / steel.turning_T * (1.0 - steel.fading * (polarisation / saturation) ** 2)
     stored = np.interp(x, at, given_back) + (path - x) ** 2 / (2.0 * q)
     spent = middles(path) * np.diff(polarisation) - np.diff(stored)
     assert np.min(np.cumsum(spent)) > -1e-4 * np.max(np.abs(stored))
@@ -199,14 +185,10 @@ def test_a_field_that_dies_away_demagnetises(steel: AnySteel) -> None:
 @given(
     names,
     st.lists(
-        st.tuples(st.floats(0.01, 10.0), st.floats(0.0, 1e4), st.floats(-3e4, 3e4)),
-        min_size=1,
-        max_size=8,
+        st.tuples(st.floats(0.01, 10.0), st.floats(0.0, 1e4), st.floats(-3e4, 3e4)), min_size=1, max_size=8
     ),
 )
-def test_the_field_that_is_asked_for_is_found(
-    name: str, asked: list[tuple[float, float, float]]
-) -> None:
+def test_the_field_that_is_asked_for_is_found(name: str, asked: list[tuple[float, float, float]]) -> None:
     piece = Piece(WITH_CELLS[name].make_steel())
     for a, b, r in asked:
         field = piece.solve(a, b, r)
@@ -241,9 +223,7 @@ def test_more_turns_than_a_preisach_iron_can_keep_cost_nothing_and_move_nothing(
 
 
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
-def test_over_a_cycle_of_current_and_gap_a_magnet_takes_what_its_iron_costs(
-    steel: AnySteel,
-) -> None:
+def test_over_a_cycle_of_current_and_gap_a_magnet_takes_what_its_iron_costs(steel: AnySteel) -> None:
     samples, shape = 4000, Shape()
     ways = 2.0 * math.pi * np.arange(4 * samples + 1) / samples
     current, gap = 2.0 + 1.5 * np.sin(ways), GAP + 0.08e-3 * np.cos(ways)
@@ -260,9 +240,7 @@ def test_over_a_cycle_of_current_and_gap_a_magnet_takes_what_its_iron_costs(
 
 
 @every
-def test_without_its_pinning_a_steel_has_a_curve_in_the_middle_of_its_loop(
-    steel: AnySteel,
-) -> None:
+def test_without_its_pinning_a_steel_has_a_curve_in_the_middle_of_its_loop(steel: AnySteel) -> None:
     half = 8.0 * width(steel)
     path = fields([half, -half, half], 400)
     bare, pinned = (

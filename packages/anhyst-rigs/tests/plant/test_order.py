@@ -113,11 +113,7 @@ CASES = {
     "cells": Case({}),
     "eddy currents": Case({"magnet.eddy_time_s": 5e-5}),
     "damped, with a spring": Case(
-        {
-            "body.damping_N_s_per_m": 500.0,
-            "load.damping_N_s_per_m": 100.0,
-            "load.stiffness_N_per_m": 1e4,
-        }
+        {"body.damping_N_s_per_m": 500.0, "load.damping_N_s_per_m": 100.0, "load.stiffness_N_per_m": 1e4}
     ),
     "law": Case({}, current=1.5, magnets=(law(0.0),)),
     "preisach": Case({}, magnets=(make_iron_magnet(example_poles(), STEELS["preisach-usual"]),)),
@@ -128,9 +124,7 @@ CASES = {
 def run(case: Case, substeps: int, lift: float) -> FloatArray:
     """Return gap, velocity, force and current at each tick of 3 ms of varying commands."""
     changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "body.gravity_m_per_s2": lift}
-    plant = make_plant(
-        rig(changes | case.changes | {"timing.substeps": substeps}), 0, *case.magnets
-    )
+    plant = make_plant(rig(changes | case.changes | {"timing.substeps": substeps}), 0, *case.magnets)
     plant.place([GAP], [0.0])
     plant.hold(case.current, 0)
     rows = []
@@ -150,9 +144,7 @@ def test_the_whole_bearing_is_of_second_order(case: Case) -> None:
     finest = run(case, 64, lift)
     assert 5e-6 < np.ptp(finest[:, 0]) < 80e-6
     steps = np.array([2, 4, 8, 16])
-    errors = np.array(
-        [np.sqrt(np.mean((run(case, int(n), lift) - finest) ** 2, axis=0)) for n in steps]
-    )
+    errors = np.array([np.sqrt(np.mean((run(case, int(n), lift) - finest) ** 2, axis=0)) for n in steps])
     order = -np.polynomial.polynomial.polyfit(np.log2(steps), np.log2(errors), 1)[1]
     assert np.all(order > 1.6)
     assert np.all(order < 2.5)

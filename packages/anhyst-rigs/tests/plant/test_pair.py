@@ -29,9 +29,7 @@ def test_equal_currents_in_the_middle_give_no_force_and_leave_it_there() -> None
 
 @pytest.mark.parametrize("displaced", [0.0, 20e-6, -60e-6])
 @pytest.mark.parametrize("currents", [(2.5, 2.5), (3.0, 2.0), (4.0, 0.0)])
-def test_the_net_force_is_that_of_two_single_magnets(
-    currents: tuple[float, float], displaced: float
-) -> None:
+def test_the_net_force_is_that_of_two_single_magnets(currents: tuple[float, float], displaced: float) -> None:
     first, second = (OracleMagnet(Shape(), example_steel()) for _ in range(2))
     expected = first.hold(currents[0], GAP + displaced)[0]
     expected -= second.hold(currents[1], GAP - displaced)[0]
@@ -39,9 +37,7 @@ def test_the_net_force_is_that_of_two_single_magnets(
 
 
 @pytest.mark.parametrize("displaced", [0.0, 20e-6, -60e-6])
-def test_the_net_force_is_odd_in_displacement_and_in_the_difference_of_currents(
-    displaced: float,
-) -> None:
+def test_the_net_force_is_odd_in_displacement_and_in_the_difference_of_currents(displaced: float) -> None:
     forces = [pair(2.5 + d, 2.5 - d, displaced).force for d in (-0.8, -0.1, 0.0, 0.3)]
     mirrored = [pair(2.5 - d, 2.5 + d, -displaced).force for d in (-0.8, -0.1, 0.0, 0.3)]
     assert forces == pytest.approx([-force for force in mirrored], abs=1e-4)

@@ -80,18 +80,14 @@ def built(compiler: str, flags: str, folder: Path) -> Path:
 
 
 def runs_of(*command: object) -> tuple[str, ...]:
-    done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, check=True, timeout=600
-    )
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=600)
     return tuple(done.stdout.splitlines())
 
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("flags", FLAGS)
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_compilers_and_their_flags_do_not_change_a_bit(
-    compiler: str, flags: str, tmp_path: Path
-) -> None:
+def test_compilers_and_their_flags_do_not_change_a_bit(compiler: str, flags: str, tmp_path: Path) -> None:
     assert runs_of(built(tool(compiler), flags, tmp_path)) == RUNS
 
 

@@ -12,14 +12,7 @@ from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 pytestmark = pytest.mark.depends("core", "plant", "tests/core", "packages/anhyst-rigs/tests/plant")
 
 CORE = (
-    *(
-        "law/circuit",
-        "law/layers",
-        "law/operator",
-        "law/lag_exact",
-        "law/lag_linear",
-        "law/lag_1986",
-    ),
+    *("law/circuit", "law/layers", "law/operator", "law/lag_exact", "law/lag_linear", "law/lag_1986"),
     *("law/law_lag", "law/law_cells", "law/cells", "law/cell_table", "law/cell_shape"),
     *("law/solver", "law/branch", "law/langevin", "numeric/elementary"),
 )

@@ -94,9 +94,7 @@ def phasor(values: FloatArray, turn: float) -> complex:
 
 
 @pytest.mark.parametrize("bandwidth", [250.0, 1000.0])
-def test_at_its_bandwidth_a_sensor_says_0_7_of_it_an_eighth_of_a_period_late(
-    bandwidth: float,
-) -> None:
+def test_at_its_bandwidth_a_sensor_says_0_7_of_it_an_eighth_of_a_period_late(bandwidth: float) -> None:
     plant = bearing(QUIET | {"current_sensor.bandwidth_Hz": bandwidth, "timing.rate_Hz": 200e3})
     plant.place([GAP], [0.0])
     plant.hold(2.5, 0)

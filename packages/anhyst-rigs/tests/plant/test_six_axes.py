@@ -60,8 +60,7 @@ def balance(samples: int) -> dict[str, float]:
         "field": 0.0,
         "pulled": 0.0,
         "guide": float(np.sum(damping * middles(velocity) * np.diff(pose, axis=0))),
-        "motion": 0.5
-        * float(np.diff(np.einsum("ti,ij,tj->t", ends, SPRUNG.mass_matrix(), ends))[0]),
+        "motion": 0.5 * float(np.diff(np.einsum("ti,ij,tj->t", ends, SPRUNG.mass_matrix(), ends))[0]),
         "springs": float(np.diff(0.5 * pose[[0, -1]] ** 2 @ spring - pose[[0, -1]] @ weight)[0]),
     }
     tie, (stiffness, damps) = SPRUNG.tie(), SPRUNG.cable
@@ -83,9 +82,7 @@ def test_over_a_cycle_of_six_axes_energy_is_heat_and_motion() -> None:
     coarse, fine = balance(400), balance(800)
 
     def left_over(parts: dict[str, float]) -> float:
-        spent = sum(
-            parts[name] for name in ("winding", "iron", "field", "guide", "cable", "motion")
-        )
+        spent = sum(parts[name] for name in ("winding", "iron", "field", "guide", "cable", "motion"))
         return parts["taken"] - spent - parts["springs"]
 
     moved = fine["guide"] + fine["cable"] + fine["motion"] + fine["springs"]

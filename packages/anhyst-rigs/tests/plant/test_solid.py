@@ -118,9 +118,7 @@ def test_no_path_gives_back_more_than_it_took(
 
 
 @pytest.mark.parametrize("steel", WITH_CELLS.values(), ids=WITH_CELLS)
-def test_flux_linkage_is_that_of_the_iron_and_finer_steps_lead_to_the_same_place(
-    steel: AnySteel,
-) -> None:
+def test_flux_linkage_is_that_of_the_iron_and_finer_steps_lead_to_the_same_place(steel: AnySteel) -> None:
     poles = example_poles()
 
     def ends(steps: int) -> np.ndarray:

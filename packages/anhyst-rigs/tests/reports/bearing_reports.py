@@ -56,9 +56,7 @@ def response(overshoot: float, seed: int) -> Recording:
     time = np.arange(800) / RATE
     since = np.maximum(time - BEGIN / RATE, 0.0)
     decay = -math.log(overshoot / 100.0) * 250.0 / math.pi
-    way = 1.0 - np.exp(-decay * since) * (
-        np.cos(250.0 * since) + decay / 250.0 * np.sin(250.0 * since)
-    )
+    way = 1.0 - np.exp(-decay * since) * (np.cos(250.0 * since) + decay / 250.0 * np.sin(250.0 * since))
     noise = 5e-9 * np.random.default_rng(seed).standard_normal(800)
     values = {
         "t_s": 3.0 + time,
@@ -121,9 +119,7 @@ def tuning() -> Figure:
         GainsPoint("full", 4e-3, 3.5, meets_other_aims=True),
         GainsPoint("full", math.inf, 1.2, meets_other_aims=False),
     )
-    return figure_pareto(
-        [chosen, *others], {"full": chosen}, GAIN_METRICS["settling_time_s"], (6e-3, 3.0)
-    )
+    return figure_pareto([chosen, *others], {"full": chosen}, GAIN_METRICS["settling_time_s"], (6e-3, 3.0))
 
 
 def gains() -> Benefit:
@@ -174,20 +170,12 @@ def subject() -> SimulationSubject:
         identified=LoopCurve(GAP, current, 18.0 * current**2),
         tracked=(Tracking("triangle of 20 µm", runs()),),
         standstill={name: run.slice_ticks(0, BEGIN) for name, run in runs().items()},
-        sensitivity={
-            name: lag(800.0, gain) for name, gain in zip(SHOWN, (4.4, 2.0, 1.5), strict=True)
-        },
+        sensitivity={name: lag(800.0, gain) for name, gain in zip(SHOWN, (4.4, 2.0, 1.5), strict=True)},
         linear_sensitivity={"full": lag(700.0, 1.5)},
         loop_gain={"full": lag(90.0, 40.0)},
         margins={"full": margins},
         experiments=Experiments(
-            {
-                "full": tried(0, Interval(14.25e-9, 5e-10, 20)),
-                "ratio": tried(3, None),
-            },
-            (),
-            (),
-            {},
+            {"full": tried(0, Interval(14.25e-9, 5e-10, 20)), "ratio": tried(3, None)}, (), (), {}
         ),
         notes=(Note("warn", "Note", "noise <b>was</b> added"),),
         files={"rig.toml": "ab" * 32},

@@ -39,12 +39,7 @@ from anhyst_rigs.rig.tables import DisturbanceTable
 from anhyst_rigs.study.benefit import STEP_METRICS, MethodComparison
 from anhyst_rigs.study.engine.table import Interval
 from tests.reports import bearing_reports
-from tests.reports.bearing_reports import (
-    GAP,
-    OVERSHOOT,
-    SHOWN,
-    lag,
-)
+from tests.reports.bearing_reports import GAP, OVERSHOOT, SHOWN, lag
 
 
 @pytest.fixture(scope="module", name="runs")
@@ -56,9 +51,7 @@ def texts_of(figure: Figure) -> list[str]:
     return [text.get_text() for ax in figure.axes for text in ax.texts]
 
 
-def test_the_diagram_holds_the_numbers_of_the_files(
-    rig: BodyRig, controller: ControllerTable
-) -> None:
+def test_the_diagram_holds_the_numbers_of_the_files(rig: BodyRig, controller: ControllerTable) -> None:
     reported = texts_of(figure_structure(rig, controller))
     gains = controller.pidd2_gains()
     for text in (
@@ -115,11 +108,7 @@ def tuned(controller: ControllerTable) -> ControllerTable:
     ],
 )
 def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
-    rig: BodyRig,
-    controller: ControllerTable,
-    variant: MethodName,
-    full: bool,
-    after_tuning: bool,
+    rig: BodyRig, controller: ControllerTable, variant: MethodName, full: bool, after_tuning: bool
 ) -> None:
     chosen = controller.compensation.model_copy(update={"variant": variant, "applied": "measured"})
     table = controller.model_copy(update={"compensation": chosen})
@@ -175,9 +164,7 @@ def test_variants_are_reported_apart_by_colour_or_by_dash(sight: str) -> None:
         assert apart > (20.0 if DASHES[one] == DASHES[two] else 8.0), (one, two, apart)
 
 
-def test_steps_show_reference_and_every_variant_with_its_overshoot(
-    subject: SimulationSubject,
-) -> None:
+def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: SimulationSubject) -> None:
     ax, below = figure_steps(subject.panels).axes
     labels = [str(line.get_label()) for line in ax.lines]
     assert labels == [
@@ -272,9 +259,7 @@ def test_cells_without_a_certain_gain_are_hatched() -> None:
     for ax in maps:
         (squares,) = ax.collections
         assert all(patch.get_zorder() > squares.get_zorder() for patch in ax.patches)
-    assert sorted(texts_of(figure)) == sorted(
-        2 * ["0.30†", "0.38", "0.90†\nsingle", "0.98\nsingle"]
-    )
+    assert sorted(texts_of(figure)) == sorted(2 * ["0.30†", "0.38", "0.90†\nsingle", "0.98\nsingle"])
 
 
 def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
@@ -311,9 +296,7 @@ def test_nothing_on_the_front_is_beaten() -> None:
     beaten = [
         one
         for one in tried
-        if any(
-            two.reached <= one.reached and two.peak <= one.peak and two is not one for two in tried
-        )
+        if any(two.reached <= one.reached and two.peak <= one.peak and two is not one for two in tried)
     ]
     assert {id(one) for one in front} == {id(one) for one in tried} - {id(one) for one in beaten}
 

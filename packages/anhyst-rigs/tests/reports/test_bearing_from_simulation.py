@@ -69,12 +69,7 @@ def test_every_section_of_a_simulation_is_there(page: Page) -> None:
 
 def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
     figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
-    assert {row["variant"] for row in figures["steps"]} >= {
-        "ratio",
-        "single-valued",
-        "full",
-        "flux",
-    }
+    assert {row["variant"] for row in figures["steps"]} >= {"ratio", "single-valued", "full", "flux"}
     for row in figures["steps"]:
         assert interval_text(Interval(**row["overshoot_percent"])) in page.text
     for found in figures["standstill"].values():
@@ -83,9 +78,7 @@ def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
         assert f"{name}: peak {found['peak']:.2f}, zone {found['zone']}" in page.text
 
 
-def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(
-    run: Path, page: Page
-) -> None:
+def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(run: Path, page: Page) -> None:
     printed = unwrapped((run.parent / "printed.txt").read_text(encoding="utf-8"))
     (said,) = re.findall(r"^verdict: (.*)$", printed, flags=re.MULTILINE)
     figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
@@ -137,17 +130,11 @@ def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     found = map_bearing_benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
     page = Page(render_bearing(rig, controller, found, "anhyst simulate"))
     assert page.sections() == ["structure", "benefit", "origin"]
-    for measure, title in (
-        ("overshoot_percent", "Overshoot"),
-        ("settling_in_noise_s", "Settling time"),
-    ):
+    for measure, title in (("overshoot_percent", "Overshoot"), ("settling_in_noise_s", "Settling time")):
         gains = sum(cell.ratio[measure].outcome == "gain" for cell in found.cells)
         assert f"{title} against ratio: a significant gain in {gains} of 2 cells" in page.text
         gains = sum(cell.strongest[measure].outcome == "gain" for cell in found.cells)
-        assert (
-            f"{title} against the strongest baseline: a significant gain in {gains} of 2"
-            in page.text
-        )
+        assert f"{title} against the strongest baseline: a significant gain in {gains} of 2" in page.text
 
 
 @pytest.mark.parametrize(

@@ -23,13 +23,7 @@ from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import Interval, compare
 from tests.page import NAMESPACES, Page
 from tests.reports import bearing_reports
-from tests.reports.bearing_reports import (
-    EXAMPLE,
-    GAP,
-    OVERSHOOT,
-    cells,
-    rig,
-)
+from tests.reports.bearing_reports import EXAMPLE, GAP, OVERSHOOT, cells, rig
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +62,7 @@ def test_the_page_is_well_formed_with_figures_reported_in_words(html: str, page:
     ids = [given["id"] for _, given in page.tags if given.get("id")]
     assert len(ids) == len(set(ids))
     drawn = re.findall(r"<svg\b.*?</svg>", html, flags=re.DOTALL)
-    reported = [
-        given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"
-    ]
+    reported = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
     assert len(drawn) == len(reported) == 9
     assert all(len(text) > 40 for text in reported)
     for text in drawn:
@@ -167,9 +159,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
 
 
 @pytest.mark.usefixtures("_undrawn")
-def test_the_tiles_name_the_strongest_baseline_and_measured_flux(
-    subject: SimulationSubject,
-) -> None:
+def test_the_tiles_name_the_strongest_baseline_and_measured_flux(subject: SimulationSubject) -> None:
     flux = [replace(cell, variant="flux") for cell in cells() if cell.variant == "full"]
     with_flux = replace(subject, steps=group_by_step([*cells(), *flux]))
     text = Page(render(with_flux)).text.replace("\N{NO-BREAK SPACE}", " ")
@@ -183,16 +173,11 @@ def test_the_tiles_name_the_strongest_baseline_and_measured_flux(
 @pytest.mark.parametrize(
     ("baseline", "level"), [((30.0, 40.0), "yes"), ((1.0, 1.0), "no"), ((30.0, 1.0), "mixed")]
 )
-def test_the_verdict_follows_the_strongest_baseline(
-    baseline: tuple[float, float], level: str
-) -> None:
+def test_the_verdict_follows_the_strongest_baseline(baseline: tuple[float, float], level: str) -> None:
     changed = [
         replace(
             cell,
-            figures={
-                **cell.figures,
-                "overshoot_percent": Interval(baseline[cell.height > 20e-6], 0.1, 20),
-            },
+            figures={**cell.figures, "overshoot_percent": Interval(baseline[cell.height > 20e-6], 0.1, 20)},
         )
         if cell.variant == "single-valued"
         else cell
@@ -203,9 +188,7 @@ def test_the_verdict_follows_the_strongest_baseline(
     assert found.level == level
     assert (BENEFICIAL_CONDITIONS["feedback"] in found.text) == (level != "yes")
     assert "of 'single-valued'" in found.text
-    assert (
-        judge_steps(group_by_step(changed), "single-valued").text == found.text
-    )  # of the model beside it
+    assert judge_steps(group_by_step(changed), "single-valued").text == found.text  # of the model beside it
 
 
 def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:
@@ -218,9 +201,7 @@ def test_the_map_says_against_whom_and_where_there_is_no_gain() -> None:
     page = Page(render_bearing(rig(), found, bearing_reports.gains(), "anhyst simulate"))
     assert "Overshoot against ratio: a significant gain in 4 of 4 cells" in page.text
     assert "at best 70 % less than ratio (step of 10 µm, reversible fraction 0.05" in page.text
-    assert (
-        "Overshoot against the strongest baseline: a significant gain in 2 of 4 cells" in page.text
-    )
+    assert "Overshoot against the strongest baseline: a significant gain in 2 of 4 cells" in page.text
     assert "10 % less than single-valued" in page.text
 
 
@@ -230,9 +211,7 @@ def test_zones_follow_the_peak(page: Page) -> None:
 
 @pytest.mark.usefixtures("_undrawn")
 def test_lost_levitation_is_reported_first(subject: SimulationSubject) -> None:
-    fallen = [
-        replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()
-    ]
+    fallen = [replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()]
     text = Page(render(replace(subject, steps=group_by_step(fallen)))).text
     assert "ratio at 10 µm at 0.45 mm: 7 of 20 runs" in text
     assert text.index("Levitation lost") < text.index("Not worth it here")
@@ -257,9 +236,7 @@ def test_an_overshoot_that_is_noise_is_marked(subject: SimulationSubject) -> Non
 
 
 @pytest.mark.usefixtures("_undrawn")
-def test_no_difference_within_the_noise_of_a_standstill_is_certain(
-    subject: SimulationSubject,
-) -> None:
+def test_no_difference_within_the_noise_of_a_standstill_is_certain(subject: SimulationSubject) -> None:
     loud = Interval(2.5, 0.05, 20)
     noisy = [
         replace(cell, figures={**cell.figures, "noise_percent": loud})
@@ -299,7 +276,5 @@ def test_a_difference_within_the_noise_is_none(
         ((7.5, 0.0), "7.5"),
     ],
 )
-def test_an_interval_is_never_reported_narrower_than_it_is(
-    given: tuple[float, float], text: str
-) -> None:
+def test_an_interval_is_never_reported_narrower_than_it_is(given: tuple[float, float], text: str) -> None:
     assert interval_text(Interval(*given, 20)) == text

@@ -124,10 +124,7 @@ def test_a_cone_that_saturates_for_good_is_left_and_entered_in_jumps(gap: float)
     """Newton steps from there may alternate between both ends."""
     other = {"face_area_m2": 6e-6, "leakage_H": 0.0, "cone_clearance_m": 1e-4}
     circuit = CIRCUIT.model_copy(update=other)
-    ours, again = (
-        Coil(make_solenoid_magnet(STEEL, PATH, circuit)),
-        OracleSolenoid(STEEL, PATH, circuit),
-    )
+    ours, again = (Coil(make_solenoid_magnet(STEEL, PATH, circuit)), OracleSolenoid(STEEL, PATH, circuit))
     for current in (1.2, 0.0, 4.0, -4.0, 0.01, -1.2, 0.3):
         expected = again.step(current, gap)
         assert ours.hold(current, gap) == pytest.approx(expected, rel=1e-5, abs=1e-6)
@@ -178,9 +175,7 @@ def test_a_solenoid_on_a_voltage_gives_its_plunger_what_it_took_less_the_heat_of
     ]
     assert heat > 1e-3
     assert abs(work) > heat
-    assert energy[-1] - energy[0] - heat - work - (ends[1] - ends[0]) == pytest.approx(
-        0.0, abs=2e-3 * heat
-    )
+    assert energy[-1] - energy[0] - heat - work - (ends[1] - ends[0]) == pytest.approx(0.0, abs=2e-3 * heat)
 
 
 @pytest.fixture(scope="module")

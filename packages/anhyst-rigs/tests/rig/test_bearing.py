@@ -43,10 +43,7 @@ def levitate(
     script.command(Command.LAND).hold(0.5)
     recording = bearings.run_plant(setup, script)
     assert len(recording) == script.ticks
-    assert (
-        levitation_loss_time(rig, recording.slice_ticks(0, down), script.build().lift_end_tick)
-        is None
-    )
+    assert levitation_loss_time(rig, recording.slice_ticks(0, down), script.build().lift_end_tick) is None
     assert recording["state"][-1] == READY_CODE
     last = recording.slice_ticks(down - 2000, down)
     assert last["gap_m"].mean() == pytest.approx(GAP - 10e-6, abs=0.2e-6)
@@ -125,9 +122,7 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
 def test_a_late_amplifier_is_a_late_output() -> None:
     """Half a tick of computing and half a tick of the amplifier equal one tick, bit for bit."""
     late = {"timing.delay_ticks": 0.5, "amplifier.delay_s": 25e-6}
-    records = [
-        levitate(rig)[0] for rig in (bearings.example(), change_rig(bearings.example(), late))
-    ]
+    records = [levitate(rig)[0] for rig in (bearings.example(), change_rig(bearings.example(), late))]
     assert np.array_equal(records[0].table, records[1].table, equal_nan=True)
 
 
@@ -187,9 +182,7 @@ def with_table(rig: BodyRig) -> BodyRig:
 @pytest.mark.parametrize(
     "change", [pytest.param(lambda rig: rig, id="made"), pytest.param(with_table, id="measured")]
 )
-def test_an_identified_law_makes_the_force(
-    law: BodyRig, change: Callable[[BodyRig], BodyRig]
-) -> None:
+def test_an_identified_law_makes_the_force(law: BodyRig, change: Callable[[BodyRig], BodyRig]) -> None:
     """The controller's model is the plant, so that demand and force are equal.
 
     There is no noise. Its peaks would move the play of the compensator, which uses the reference,

@@ -130,9 +130,7 @@ def test_a_bench_gives_what_the_lock_step_run_gives(firmware: Path) -> None:
 @pytest.mark.slow
 def test_a_bench_of_a_pair_does_so_too(tmp_path: Path) -> None:
     file = bearings.pair_file(tmp_path / "controller.toml")
-    check_same_bits(
-        *build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "library", tmp_path)
-    )
+    check_same_bits(*build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "library", tmp_path))
 
 
 def flight(bench: BearingBench, gap: float) -> Iterator[FloatArray]:
@@ -155,9 +153,7 @@ def test_benches_of_one_firmware_give_bit_for_bit_what_each_gives_alone(firmware
             alone.append(np.concatenate(list(flight(bench, gap))))
     assert (alone[0][LIFTED:] != alone[1][LIFTED:]).any()
     with ExitStack() as stack:
-        benches = [
-            stack.enter_context(closing(BearingBench(bearings.single(), firmware))) for _ in gaps
-        ]
+        benches = [stack.enter_context(closing(BearingBench(bearings.single(), firmware))) for _ in gaps]
         flights = [flight(bench, gap) for bench, gap in zip(benches, gaps, strict=True)]
         rows: list[list[FloatArray]] = [[] for _ in gaps]
         order = np.random.default_rng(1).permutation([0] * 41 + [1] * 41)
@@ -270,9 +266,7 @@ def test_the_memory_follows_while_nothing_is_compensated(bench: BearingBench) ->
     assert abs(demand - force) > 1.0  # the ratio knows less
 
 
-def test_gains_are_in_force_together_from_the_tick_that_is_named(
-    bench: BearingBench, firmware: Path
-) -> None:
+def test_gains_are_in_force_together_from_the_tick_that_is_named(bench: BearingBench, firmware: Path) -> None:
     lift(bench)
     compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
     assert compiled == {

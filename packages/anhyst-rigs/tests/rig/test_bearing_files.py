@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.control import design
-from anhyst.control.controller_file import (
-    GainsTable,
-    controller_text,
-    read_controller,
-    write_controller,
-)
+from anhyst.control.controller_file import GainsTable, controller_text, read_controller, write_controller
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
@@ -71,12 +66,7 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
     assert (rig.model_path, rig.flux_table_path, controller.model) == (None, None, None)
     pidd2 = controller.settings.pidd2()
     gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
-    assert (pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd) == (
-        gains.K_p,
-        gains.K_i,
-        gains.K_d,
-        gains.K_dd,
-    )
+    assert (pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd) == (gains.K_p, gains.K_i, gains.K_d, gains.K_dd)
     assert (pidd2.weight, pidd2.low, pidd2.high) == (0.3, 0.0, 300.0)
 
 
@@ -128,12 +118,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "unit-missing amplifier[1].bandwidth: bandwidth_Hz",
         ),
         ("mass_kg = 2.0", "mass = 2.0", "body[1].mass", "unit-missing body[1].mass: mass_kg"),
-        (
-            "substeps = 4",
-            "substep = 4",
-            "timing.substep",
-            "extra-forbidden timing.substep: substeps",
-        ),
+        ("substeps = 4", "substep = 4", "timing.substep", "extra-forbidden timing.substep: substeps"),
         (
             "knee_slow_A_per_m",
             "knee_slow_A_per_mm",
@@ -149,12 +134,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "pair-only control.bias_N",
         ),
         ('kind = "electromagnet"', 'kind = "law"', "magnet[1]", "missing: model"),
-        (
-            'kind = "electromagnet"',
-            'model = "m.toml"',
-            "magnet[1]",
-            "not-for-this-kind: model; flux_table",
-        ),
+        ('kind = "electromagnet"', 'model = "m.toml"', "magnet[1]", "not-for-this-kind: model; flux_table"),
         (
             "turns = 250",
             "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 1.0 }",
@@ -184,12 +164,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         ('name = "core"', 'name = "cork"', "magnet[1].iron", "unknown-name: 'core'"),
         ("turns = 250\n", "", "magnet[1]", "missing: turns"),
         ("gap_m = 0.45e-3 ", "direction = [-1.0, 0.0, 0.0] #", "magnet[1].gap_m", "missing"),
-        (
-            "turns = 250",
-            "turns = 250\ndirection = [1.0, 0.0, 0.0]",
-            "magnet[1].direction",
-            "wrong-direction",
-        ),
+        ("turns = 250", "turns = 250\ndirection = [1.0, 0.0, 0.0]", "magnet[1].direction", "wrong-direction"),
         ("cells = 24", "cells = 64", "iron[1].cells", "too-many-cells"),
         (
             "stop_low_m = 0.35e-3",
@@ -197,12 +172,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "body[1]",
             "range-reversed: stop_low_m; stop_high_m",
         ),
-        (
-            "stop_low_m = 0.35e-3",
-            "stop_low_m = 0.01e-3",
-            "sensor[1]",
-            "range-too-narrow sensor[1]",
-        ),
+        ("stop_low_m = 0.35e-3", "stop_low_m = 0.01e-3", "sensor[1]", "range-too-narrow sensor[1]"),
         ("high_A = 5.0", "high_A = 4.4", "sensor[2]", "range-too-narrow sensor[2]"),
         (
             "current_max_A = 4.5",
@@ -216,48 +186,23 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "magnet[1].gap_m",
             "outside-travel magnet[1].gap_m: 0.00056 m; 0.00035; 0.00055 m",
         ),
-        (
-            "0.42e-3, 0.48e-3]\nhold",
-            "0.42e-3, 0.34e-3]\nhold",
-            "case[1].also_gaps_m[2]",
-            "outside-travel",
-        ),
+        ("0.42e-3, 0.48e-3]\nhold", "0.42e-3, 0.34e-3]\nhold", "case[1].also_gaps_m[2]", "outside-travel"),
         (
             "50e-6, 100e-6]",
             "50e-6, 200e-6]",
             "case[1].heights_m[4]",
             "outside-travel case[1].heights_m[4]: 0.00045 m; 0.00035; 0.00055 m",
         ),
-        (
-            "amplitude_m = 20e-6",
-            "amplitude_m = 100e-6",
-            "case[3].amplitude_m",
-            "outside-travel",
-        ),
-        (
-            "\nstep_m = 50e-9",
-            "\nstep_m = 50e-9\nadc_bits = 16",
-            "sensor[1]",
-            "both-given",
-        ),
-        (
-            "noise_m = 5e-9 ",
-            "delay_s = 2e-3 #",
-            "sensor[1].delay_s",
-            "delay-too-long sensor[1].delay_s: 160",
-        ),
+        ("amplitude_m = 20e-6", "amplitude_m = 100e-6", "case[3].amplitude_m", "outside-travel"),
+        ("\nstep_m = 50e-9", "\nstep_m = 50e-9\nadc_bits = 16", "sensor[1]", "both-given"),
+        ("noise_m = 5e-9 ", "delay_s = 2e-3 #", "sensor[1].delay_s", "delay-too-long sensor[1].delay_s: 160"),
         (
             "dac_bits = 16",
             "dac_bits = 16\ndelay_s = 1.6e-3",
             "amplifier[1].delay_s",
             "delay-too-long amplifier[1].delay_s: 132",
         ),
-        (
-            "noise_seeds = 20",
-            "noise_seeds = 1",
-            "noise_seeds",
-            "greater-than-equal noise_seeds",
-        ),
+        ("noise_seeds = 20", "noise_seeds = 1", "noise_seeds", "greater-than-equal noise_seeds"),
         (
             "turns = [0.0, 1.0,",
             "turns = [0.0, 1.1,",
@@ -359,18 +304,8 @@ def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
             "gains",
             "both-given gains",
         ),
-        (
-            "mass_kg = 2.0\n",
-            "mass_kg = 2.0\nvirtual_mass_kg = -2.0\n",
-            "design",
-            "virtual-mass-too-negative",
-        ),
-        (
-            "cutoff_Hz = 2000.0",
-            "cutoff_Hz = 10000.0",
-            "filter.cutoff_Hz",
-            "above-half-rate filter.cutoff_Hz",
-        ),
+        ("mass_kg = 2.0\n", "mass_kg = 2.0\nvirtual_mass_kg = -2.0\n", "design", "virtual-mass-too-negative"),
+        ("cutoff_Hz = 2000.0", "cutoff_Hz = 10000.0", "filter.cutoff_Hz", "above-half-rate filter.cutoff_Hz"),
         ("force_low_N = 0.0", "force_low_N = 300.0", "limits", "range-reversed: force_low_N"),
         ("detect_m", "detect", "lift_off.detect", "unit-missing lift_off.detect: detect_m"),
         (
@@ -392,12 +327,7 @@ def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
             "limits.current_high_A",
             "beyond-amplifier limits.current_high_A: 4.5 A",
         ),
-        (
-            "force_low_N = 0.0",
-            "force_low_N = -1.0",
-            "limits.force_low_N",
-            "cannot-push limits.force_low_N",
-        ),
+        ("force_low_N = 0.0", "force_low_N = -1.0", "limits.force_low_N", "cannot-push limits.force_low_N"),
         (
             "gap_low_m = 0.33e-3",
             "gap_low_m = 0.38e-3",

@@ -56,9 +56,7 @@ def listed(page: str) -> set[str]:
         ("controller-file.md", ControllerTable, set(get_args(MethodName))),
     ],
 )
-def test_every_key_is_described_and_no_other(
-    page: str, table: type[BaseModel], others: set[str]
-) -> None:
+def test_every_key_is_described_and_no_other(page: str, table: type[BaseModel], others: set[str]) -> None:
     known = set(keys(table))
     assert known - described(page) == set()
     assert listed(page) - known == others

@@ -17,12 +17,7 @@ from anhyst_rigs.rig.bench.force import Armature, ForceBench, StandPlant, run_fi
 from anhyst_rigs.rig.case_table import ForceCase
 from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle_demand
 from anhyst_rigs.rig.force.file import ForceControlRig
-from anhyst_rigs.rig.force.programs import (
-    Program,
-    count_differing_ticks,
-    loops_at_gap,
-    read_rig_loops,
-)
+from anhyst_rigs.rig.force.programs import Program, count_differing_ticks, loops_at_gap, read_rig_loops
 from tests.refusals import refused
 from tests.rig import forces
 
@@ -58,9 +53,7 @@ def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
     return found
 
 
-def test_a_firmware_drives_what_its_simulated_program_gives(
-    rig: ForceControlRig, program: Program
-) -> None:
+def test_a_firmware_drives_what_its_simulated_program_gives(rig: ForceControlRig, program: Program) -> None:
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
     demand = triangle_demand(shape, rig.settings.force.force_max_N, 1.0 / rig.dt)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
@@ -165,9 +158,7 @@ BROKEN: dict[str, Callable[[float], float]] = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_current_that_does_not_follow_is_a_fault(
-    rig: ForceControlRig, program: Program, name: str
-) -> None:
+def test_a_current_that_does_not_follow_is_a_fault(rig: ForceControlRig, program: Program, name: str) -> None:
     plant = BrokenSensor.with_operator(rig, program, 0)
     with closing(ForceBench(rig, program, plant)) as bench:
         bench.advance(UP)

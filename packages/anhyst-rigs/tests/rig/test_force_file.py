@@ -65,17 +65,9 @@ def test_a_key_inside_a_list_of_tables_is_reported_too(rig: Path) -> None:
         ("dac_bits = 12", "dac_bits = 12.5", "int-type amplifier[1].dac_bits"),
         ("noise_N = 0.06", "noise_N = -0.06", "greater-than-equal sensor[3].noise_N"),
         ("low = 0.05", "low = 0.96", "range-reversed case[1]"),
-        (
-            "gaps_m = [1.0e-3",
-            'gaps_m = ["1 mm"',
-            "float-type case[4].gaps_m[1]",
-        ),
+        ("gaps_m = [1.0e-3", 'gaps_m = ["1 mm"', "float-type case[4].gaps_m[1]"),
         ("seed = 7", "seed = nan", "int-type seed"),
-        (
-            'name = "inner"',
-            'name = "wide open"',
-            "string-pattern-mismatch case[2].name",
-        ),
+        ('name = "inner"', 'name = "wide open"', "string-pattern-mismatch case[2].name"),
     ],
 )
 def test_a_wrong_value_is_reported(rig: Path, old: str, new: str, reported: str) -> None:

@@ -124,9 +124,7 @@ def test_a_reference_flows_one_tick_later(rig: ForceControlRig) -> None:
     assert record["current_A"][4] < record["current_A"][3]
 
 
-def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(
-    rig: ForceControlRig,
-) -> None:
+def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: ForceControlRig) -> None:
     gap = np.linspace(1e-3, 2e-3, 40)
     reference = np.linspace(0.0, 1.0, 40)
     stands = [ActuatorStand(rig, [seed]) for seed in (1, 1, 2)]

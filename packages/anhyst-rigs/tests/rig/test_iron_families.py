@@ -119,19 +119,9 @@ def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, nam
     ("name", "old", "new", "what"),
     [
         ("duhem-usual", '"duhem"', '"dühem"', "unknown-choice iron[1]"),
-        (
-            "duhem-usual",
-            "turning_T = 0.18",
-            "turning_mT = 180.0",
-            "extra-forbidden iron[1].turning_mT",
-        ),
+        ("duhem-usual", "turning_T = 0.18", "turning_mT = 180.0", "extra-forbidden iron[1].turning_mT"),
         ("duhem-usual", "turning_T = 0.18", "turning_T = 1.8", "small-loops-give-energy"),
-        (
-            "duhem-usual",
-            "knee_sharp_A_per_m = 120.0",
-            "knee_sharp_A_per_m = 12.0",
-            "fades-too-fast",
-        ),
+        ("duhem-usual", "knee_sharp_A_per_m = 120.0", "knee_sharp_A_per_m = 12.0", "fades-too-fast"),
         (
             "preisach-usual",
             "feedback_A_per_m_T = 12.0",
@@ -144,19 +134,9 @@ def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, nam
             "pinning_spread = 0.0",
             "greater-than iron[1].pinning_spread",
         ),
-        (
-            "preisach-usual",
-            'family = "preisach"',
-            'family = "duhem"',
-            "extra-forbidden iron[1].saturation_T",
-        ),
+        ("preisach-usual", 'family = "preisach"', 'family = "duhem"', "extra-forbidden iron[1].saturation_T"),
         ("preisach-usual", 'family = "preisach"', "", "extra-forbidden iron[1].saturation_T"),
-        (
-            "preisach-usual",
-            "pinning_A_per_m ",
-            "pinning_A_per_mm ",
-            "extra-forbidden: mean pinning_A_per_m?",
-        ),
+        ("preisach-usual", "pinning_A_per_m ", "pinning_A_per_mm ", "extra-forbidden: mean pinning_A_per_m?"),
     ],
 )
 def test_numbers_that_make_no_iron_are_refused_in_one_line_at_their_place(
@@ -182,14 +162,9 @@ def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
 
 
 def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
-    for name, key in (
-        ("duhem-usual", "coercivity_A_per_m"),
-        ("preisach-usual", "pinning_A_per_m"),
-    ):
+    for name, key in (("duhem-usual", "coercivity_A_per_m"), ("preisach-usual", "pinning_A_per_m")):
         rig = read_bearing(with_keys(bearing, keys_of(name)))
-        narrow, wide = (
-            assess_loops(measure_loops(change_iron(rig, None, width))) for width in (1.0, 2.0)
-        )
+        narrow, wide = (assess_loops(measure_loops(change_iron(rig, None, width))) for width in (1.0, 2.0))
         assert wide.width_relative > 1.5 * narrow.width_relative
         other = change_iron(rig, None, 2.0).settings.steel
         assert other.model_dump() == rig.settings.steel.model_dump() | {

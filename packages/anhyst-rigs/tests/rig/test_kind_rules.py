@@ -124,9 +124,7 @@ def test_the_bundled_rigs_are_whole(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "name"), cells(FOREIGN))
-def test_what_belongs_to_another_kind_is_refused_by_its_place(
-    kind: str, name: str, tmp_path: Path
-) -> None:
+def test_what_belongs_to_another_kind_is_refused_by_its_place(kind: str, name: str, tmp_path: Path) -> None:
     content, (key, table) = example(kind), SAMPLES[name]
     if key in LISTS:
         content[key] = [*content.get(key, []), table]
@@ -151,8 +149,7 @@ def test_what_a_kind_needs_is_asked_for(kind: str, name: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"),
-    [(kind, name) for kind, name in cells(NEEDED) if SAMPLES[name][0] in LISTS],
+    ("kind", "name"), [(kind, name) for kind, name in cells(NEEDED) if SAMPLES[name][0] in LISTS]
 )
 def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path) -> None:
     """There may be several forces, magnets and position sensors, and only one of all others."""
@@ -197,9 +194,7 @@ def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path)
         ("piezo", "timing", {"delay_ticks": 1.0}),
     ],
 )
-def test_a_key_without_a_use_is_refused(
-    kind: str, name: str, keys: Content, tmp_path: Path
-) -> None:
+def test_a_key_without_a_use_is_refused(kind: str, name: str, keys: Content, tmp_path: Path) -> None:
     content = example(kind)
     place, table = table_of(content, name)
     table.update(keys)
@@ -218,9 +213,7 @@ def test_a_key_without_a_use_is_refused(
         ("piezo", "sensor position", "step_m"),
     ],
 )
-def test_a_key_that_others_may_leave_out_is_asked_for(
-    kind: str, name: str, key: str, tmp_path: Path
-) -> None:
+def test_a_key_that_others_may_leave_out_is_asked_for(kind: str, name: str, key: str, tmp_path: Path) -> None:
     content = example(kind)
     place, table = table_of(content, name)
     del table[key]
@@ -248,10 +241,7 @@ def test_force_is_controlled_of_one_magnet_of_either_kind(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("name", "what"),
-    [
-        ("core", "name-taken iron[2].name: 'core'"),
-        ("from loops", "string-pattern-mismatch iron[2].name"),
-    ],
+    [("core", "name-taken iron[2].name: 'core'"), ("from loops", "string-pattern-mismatch iron[2].name")],
 )
 def test_irons_have_names_of_their_own(name: str, what: str, tmp_path: Path) -> None:
     content = copy.deepcopy(example("bearing"))
@@ -285,9 +275,7 @@ def test_a_misspelt_key_is_held_against_those_of_its_own_table(
 
 
 @pytest.mark.parametrize(("kind", "lists"), [("bearing", "[[magnet]]"), ("stage", "[[sensor]]")])
-def test_a_misspelt_list_is_named_with_its_first_line(
-    kind: str, lists: str, tmp_path: Path
-) -> None:
+def test_a_misspelt_list_is_named_with_its_first_line(kind: str, lists: str, tmp_path: Path) -> None:
     text = (EXAMPLES / FOLDERS[kind] / "rig.toml").read_text(encoding="utf-8")
     path, wrong = tmp_path / "rig.toml", lists.replace("]]", "s]]")
     path.write_text(text.replace(lists, wrong), encoding="utf-8")
@@ -309,9 +297,7 @@ def pushing(monkeypatch: pytest.MonkeyPatch) -> Content:
     content = tomllib.loads(path.read_text(encoding="utf-8"))
     content["magnet"][0] |= {"kind": "coil", "numbers": {"inductance_H": 8e-3}}
     content["control"] = {
-        key: value
-        for key, value in content["control"].items()
-        if key not in ("bias_N", "force_min_N")
+        key: value for key, value in content["control"].items() if key not in ("bias_N", "force_min_N")
     } | {"format": "f64"}
     content["amplifier"][0]["current_low_A"] = -4.0
     content["sensor"][1]["low_A"] = -5.0
@@ -340,12 +326,7 @@ def test_a_rig_of_what_goes_both_ways_has_no_pairs_and_no_least_force(
         ("magnet", 0, {"kind": "electromagnet", "numbers": {}}, "pair-only control.bias_N"),
         ("magnet", 0, {"kind": "spring"}, "unknown-choice magnet[1].kind"),
         ("magnet", 0, {"numbers": {}}, "missing magnet[1]: needs numbers.inductance_H"),
-        (
-            "magnet",
-            0,
-            {"numbers": {"inductance_H": -1.0}},
-            "greater-than magnet[1].numbers.inductance_H",
-        ),
+        ("magnet", 0, {"numbers": {"inductance_H": -1.0}}, "greater-than magnet[1].numbers.inductance_H"),
         ("magnet", 0, {"numbers": {"inductance_H": 1e300}}, "no-circuit magnet[1]"),
         ("magnet", 3, {"gap_m": 0.5e-3}, "option-differs magnet[4].gap_m"),
     ],
@@ -359,9 +340,7 @@ def test_what_such_a_rig_cannot_have_is_refused(
         read(tmp_path, pushing)
 
 
-def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(
-    pushing: Content, tmp_path: Path
-) -> None:
+def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(pushing: Content, tmp_path: Path) -> None:
     pushing["sensor"][1] |= {"low_A": -2.0, "high_A": 5.0}
     pushing["sensor"][2]["low_N"] = -10.0
     pushing["amplifier"][0]["current_low_A"] = -1.5

@@ -62,8 +62,6 @@ def test_no_magnet_of_a_fleet_and_no_piezo_is_judged_by_half_a_search(
         monkeypatch.setattr(module, "identify", lambda *_, **__: half)
     member = Member("one", stages.EXAMPLE / "loops.csv")
     with pytest.raises(KeyboardInterrupt):
-        fleet_magnets.identify_member(
-            FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto"))
-        )
+        fleet_magnets.identify_member(FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto")))
     with pytest.raises(KeyboardInterrupt):
         piezo.find_inverses(read_piezo_rig(stages.EXAMPLE.parent / "piezo" / "rig.toml"))

@@ -25,9 +25,7 @@ class Counter(Bench):
     """A bench without physics that returns the demand at every tick, with a computing time per
     tick."""
 
-    signals: tuple[Signal, ...] = tuple(
-        Signal(name, "", "as given") for name in ("demand", "a", "b")
-    )
+    signals: tuple[Signal, ...] = tuple(Signal(name, "", "as given") for name in ("demand", "a", "b"))
     aim = DemandRange("demand", "demand", "", -1.0, 1.0, 0.0)
     commands = ()
     tick = 0
@@ -106,9 +104,7 @@ def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., PacedBench]) -
     assert recorder.missed_ticks == 0
 
 
-def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
-    paced: Callable[..., PacedBench],
-) -> None:
+def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
     viewer = pacer.subscribe("viewer", max_chunks=3)  # never reads while it runs
     pacer.resume()
@@ -150,9 +146,7 @@ def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., P
     wait_for(lambda: pacer.pacing().measured_speed == pytest.approx(speed, rel=0.5))
 
 
-def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(
-    paced: Callable[..., PacedBench],
-) -> None:
+def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
     wait_for(lambda: pacer.pacing().tick > 0)
     pacer.pause()

@@ -75,11 +75,7 @@ def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_
     [
         ("too-many-creeps stack[1]", "[0.15, 1.2, 11.0, 90.0]", str([1.0] * 9)),
         ("greater-than-equal stack[1].creep_times_s[1]", "[0.15,", "[1e-6,"),
-        (
-            "greater-than-equal case[1].cycles",
-            "cycles = 6",
-            "cycles = 2",
-        ),  # no cycle would be evaluated
+        ("greater-than-equal case[1].cycles", "cycles = 6", "cycles = 2"),  # no cycle would be evaluated
         ("too-long case[1]", "corner_s = 4.2e-3", "corner_s = 0.06"),
         ("out-of-range case[1].frequency_Hz", "rate_Hz = 10000.0", "rate_Hz = 100.0"),
         ("less-than-equal body[1].resonance_Hz", "resonance_Hz = 480.0", "resonance_Hz = 9e9"),

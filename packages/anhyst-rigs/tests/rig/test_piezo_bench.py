@@ -54,9 +54,7 @@ def test_a_drawn_plant_is_that_of_a_monte_carlo_bit_for_bit() -> None:
     rig = piezos.rig()
     drift, noise = sample_plant(rig.settings, rig.settings.seed, 1)
     plant = replace(rig, settings=drifted_file(rig.settings, drift))
-    run = follow_reference(
-        rig, make_reference(rig), piezos.inverses()["single-valued"], plant, noise
-    )
+    run = follow_reference(rig, make_reference(rig), piezos.inverses()["single-valued"], plant, noise)
     bench = piezos.bench()
     bench.advance(100)
     assert bench.apply({"plant": 2.0, "compensation": 0.0}) == 101

@@ -86,9 +86,7 @@ def test_the_body_comes_back_after_two_laps_and_rests_between_them(bench: StageB
     assert set(column(bench, rows, "lap")) == {1.0, 2.0}
 
 
-def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(
-    bench: StageBench,
-) -> None:
+def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(bench: StageBench) -> None:
     other = StageBench(setups())
     for one in (bench, other):
         going(one)
@@ -104,9 +102,7 @@ def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(
     assert at_rest.apply({"compensation": 0.0}) == 1
 
 
-def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(
-    bench: StageBench,
-) -> None:
+def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(bench: StageBench) -> None:
     other = StageBench(setups())
     for one in (bench, other):
         one.load(5.0)  # carried by the integral
@@ -234,9 +230,7 @@ def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
 
 
 @pytest.mark.slow
-def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(
-    axes: StageBench,
-) -> None:
+def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(axes: StageBench) -> None:
     rows = going(axes)
     run = track(axes.setups[1], axes.cycles[0].motion, Feedforward())
     for name in ("error_m", "demand_N", "error_z_m", "error_ry_rad", "gap_5_m", "command_A"):
@@ -245,9 +239,7 @@ def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(
 
 
 @pytest.mark.slow
-def test_another_law_goes_on_with_the_weight_where_the_one_before_held_it(
-    axes: StageBench,
-) -> None:
+def test_another_law_goes_on_with_the_weight_where_the_one_before_held_it(axes: StageBench) -> None:
     going(axes)
     axes.command(Command.STOP)
     axes.advance(2000)
@@ -328,9 +320,7 @@ def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_i
         axes.apply({"push_z": 1000.0})
 
 
-def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(
-    axes: StageBench,
-) -> None:
+def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(axes: StageBench) -> None:
     def state(rows: FloatArray) -> list[float]:
         """Return the states in their order."""
         found = column(axes, rows, "state")

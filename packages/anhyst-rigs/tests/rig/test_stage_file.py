@@ -58,10 +58,7 @@ def test_a_stage_that_carries_its_weight_asks_for_it_and_holds_its_place(tmp_pat
     rig = read_stage(rig_file(tmp_path, ALONG_Z))
     scan = rig.settings.scan
     run = track(
-        make_stage(rig, bearings.knowledge(), "full"),
-        scan_motion(scan, scan.test_m_per_s2),
-        Feedforward(),
-        1,
+        make_stage(rig, bearings.knowledge(), "full"), scan_motion(scan, scan.test_m_per_s2), Feedforward(), 1
     )
     assert run.loss is None
     assert run["demand_N"][0] == pytest.approx(98.1, rel=1e-3)
@@ -89,10 +86,7 @@ def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
             {"mass_kg = 10.0": "mass_kg = 10.0\ngravity_m_per_s2 = 9.81"},
             "without-effect body[1].gravity_m_per_s2: free in x",
         ),
-        (
-            {"mass_kg = 10.0": "mass_kg = 12.0"},
-            "load-too-large case[1].train_m_per_s2: 12 kg need 264 N",
-        ),
+        ({"mass_kg = 10.0": "mass_kg = 12.0"}, "load-too-large case[1].train_m_per_s2: 12 kg need 264 N"),
         (
             ALONG_Z | {"[22.0, 16.0, 8.0, 20.0, 12.0]": "[16.0, 8.0]"},
             "load-too-large case[1].train_m_per_s2: in addition to the weight",
@@ -105,10 +99,7 @@ def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
             {'of = "position"': 'of = "position"\ndirection = [0.0, 1.0, 0.0]'},
             "axis-not-seen sensor: cannot separate x",
         ),
-        (
-            {"mass_kg = 10.0": 'mass_kg = 10.0\nfree = ["y"]'},
-            "missing magnet[1].direction: free in y",
-        ),
+        ({"mass_kg = 10.0": 'mass_kg = 10.0\nfree = ["y"]'}, "missing magnet[1].direction: free in y"),
         (
             {"direction = [1.0, 0.0, 0.0]": "direction = [-1.0, 0.0, 0.0]"},
             "load-too-large magnet: these magnets cannot hold the body",

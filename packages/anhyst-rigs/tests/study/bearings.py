@@ -11,12 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.control.controller_file import (
-    ControllerFile,
-    ControllerTable,
-    read_controller,
-    write_controller,
-)
+from anhyst.control.controller_file import ControllerFile, ControllerTable, read_controller, write_controller
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
@@ -100,9 +95,7 @@ def pair_rig() -> BodyRig:
 
 def pair_text(text: str, bias: float, second_gap: float = GAP) -> str:
     """The example's rig file with a second magnet."""
-    second = (
-        f'name = "opposite"\nlike = "magnet"\ndirection = [1.0, 0.0, 0.0]\ngap_m = {second_gap}'
-    )
+    second = f'name = "opposite"\nlike = "magnet"\ndirection = [1.0, 0.0, 0.0]\ngap_m = {second_gap}'
     for before, new in (
         ("[[amplifier]]", f"[[magnet]]\n{second}\n\n[[amplifier]]"),
         ('kind = "levitation"', f'kind = "levitation"\nbias_N = {bias}'),

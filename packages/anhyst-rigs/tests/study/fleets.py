@@ -23,12 +23,7 @@ SCATTER = 0.05
 
 def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
     """Make one magnet: pinning and output in parts of the usual ones, gap error in m."""
-    iron: dict[str, float | tuple[float, ...]] = {
-        "M_s": 1e6,
-        "a": 1000.0,
-        "k": 700.0 * pinning,
-        "c": 0.2,
-    }
+    iron: dict[str, float | tuple[float, ...]] = {"M_s": 1e6, "a": 1000.0, "k": 700.0 * pinning, "c": 0.2}
     around: dict[str, float | tuple[float, ...]] = {
         "c_H": 7500.0,
         "c_out": 170.0 * output,
@@ -58,10 +53,7 @@ def loops_of(model: Model, seed: int) -> Loops:
         force += 2e-4 * force.max() * rng.standard_normal(force.size)
         for label, end in (("large", 2 * CYCLES * RAMP), ("small", drive.size)):
             part = slice(end - 2 * RAMP, end)
-            schedule, time = (
-                np.full(2 * RAMP, gap),
-                0.01 * np.arange(drive.size, dtype=np.float64)[part],
-            )
+            schedule, time = (np.full(2 * RAMP, gap), 0.01 * np.arange(drive.size, dtype=np.float64)[part])
             loops.append(Loop(label, drive[part], force[part], schedule, time))
     return Loops(tuple(loops), model.input, model.output, QUANTITIES["gap"])
 
@@ -110,10 +102,7 @@ def model_of_quantities(values: FloatArray) -> Model:
     rho = tuple(_GAUGE * gap / (1.0 - _GAUGE * gap) for gap in (low_gap, high_gap))
     around = {"c_H": (1.0 + rho[0]) * 1000.0 / scale, "c_out": gain / (MU_0 * 1e6) ** 2}
     made = magnet(1.0, 1.0)
-    return replace(
-        made,
-        parameters={**made.parameters, "k": 1000.0 * kappa, "c": c, **around, "rho": rho},
-    )
+    return replace(made, parameters={**made.parameters, "k": 1000.0 * kappa, "c": c, **around, "rho": rho})
 
 
 def write_fleet(folder: Path, count: int, seed: int = 7) -> list[tuple[float, float]]:

@@ -20,10 +20,7 @@ from anhyst_rigs.rig.measurement_table import MeasurementTable
 from anhyst_rigs.rig.measuring import HeldBearing, HeldRig, measure_at_gap, sweep_path
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
-UNMEASURED_GAPS_M = {
-    "bearing": (0.38e-3, 0.45e-3, 0.52e-3),
-    "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3),
-}
+UNMEASURED_GAPS_M = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}
 IRON = {"bearing": "rig.toml", "solenoid": "solenoid.toml"}
 GAP_MAP = {"bearing": "circuit", "solenoid": "reluctance"}
 WIDE_REVERSALS = (0.0, 0.95, 0.1, 0.8, 0.05, 0.6, 0.3, 0.9, 0.0)
@@ -58,11 +55,7 @@ class MeasuredRig:
         """Return the loops that [measurement] of the rig requires."""
         magnet = self.held.magnet()
         places = range(len(self.campaign.gaps_m))
-        loops = [
-            loop
-            for index in places
-            for loop in measure_at_gap(self.held, self.campaign, index, magnet)
-        ]
+        loops = [loop for index in places for loop in measure_at_gap(self.held, self.campaign, index, magnet)]
         names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
         return Loops(tuple(loops), *names)
 

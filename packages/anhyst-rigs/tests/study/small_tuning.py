@@ -11,12 +11,7 @@ from tests.study import bearings
 
 HERE = (BearingCondition(0.45e-3, 150.0), BearingCondition(0.45e-3, 100.0))
 
-LESS = {
-    "step.also_gaps_m": [],
-    "step.heights_m": [10e-6, 50e-6],
-    "step.hold_s": 0.03,
-    "noise_seeds": 2,
-}
+LESS = {"step.also_gaps_m": [], "step.heights_m": [10e-6, 50e-6], "step.hold_s": 0.03, "noise_seeds": 2}
 
 
 @cache

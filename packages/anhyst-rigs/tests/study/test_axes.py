@@ -66,8 +66,7 @@ def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
     assert not single_valued.loss_text
     assert not full.loss_text
     assert (
-        measure(full, motion, scan.slit_s).peak_m
-        < 0.4 * measure(single_valued, motion, scan.slit_s).peak_m
+        measure(full, motion, scan.slit_s).peak_m < 0.4 * measure(single_valued, motion, scan.slit_s).peak_m
     )
     crossed, less = (
         cross_talk(run, motion, stationary_axes(planar().settings)) for run in (single_valued, full)
@@ -135,9 +134,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
         # along the beam to a mirror that rotates with the body
         assert head.position_m is not None
         normal = rotation.apply(head.direction)
-        way = np.sum(
-            (pose[:, :3] + rotation.apply(head.position_m) - head.position_m) * normal, axis=1
-        )
+        way = np.sum((pose[:, :3] + rotation.apply(head.position_m) - head.position_m) * normal, axis=1)
         read = flown[column_name("gap_read", "m", number)]
         assert read == pytest.approx(way / (normal @ head.direction), abs=2e-11)
     columns = recording_columns(rig, flown, scenario)
@@ -145,8 +142,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     assert read == pytest.approx(pose, abs=1e-10)
     # z is held as if they rode along; a controller that does not know takes a turn for height
     riding, knows = (
-        track(each_setup, motion, Feedforward())
-        for each_setup in (replace(setup, rig=planar()), setup)
+        track(each_setup, motion, Feedforward()) for each_setup in (replace(setup, rig=planar()), setup)
     )
     unaware = controller_matrices(setup) | {"ground": np.zeros(0)}
     with pytest.MonkeyPatch.context() as patch:
@@ -184,16 +180,8 @@ SCAN = "direction = [1.0, 0.0, 0.0]           # of the"
         ("gravity_m_per_s2 = 9.81", "gravity_m_per_s2 = -9.81", "load-too-large"),
         (f"{Y1}[0.0, 1.0, 0.0]", f"{Y1}[1.0, 0.0, 0.0]", "load-too-large"),
         ('free = ["x", "y"', 'free = ["y", "x"', "wrong-order"),
-        (
-            "position_m = [0.0, 0.15, 0.02]",
-            "stands = true\nposition_m = [0.0, 0.15, 0.02]",
-            "option-differs",
-        ),
-        (
-            "position_m = [0.0, 0.15, 0.02]",
-            "dead_path_m = 0.3\nposition_m = [0.0, 0.15, 0.02]",
-            "missing",
-        ),
+        ("position_m = [0.0, 0.15, 0.02]", "stands = true\nposition_m = [0.0, 0.15, 0.02]", "option-differs"),
+        ("position_m = [0.0, 0.15, 0.02]", "dead_path_m = 0.3\nposition_m = [0.0, 0.15, 0.02]", "missing"),
     ],
 )
 def test_a_layout_that_cannot_fly_is_refused(tmp_path: Path, old: str, new: str, code: str) -> None:
@@ -231,20 +219,13 @@ def three_magnets(folder: Path) -> Path:
     along = "position_m = [0.0, 0.0, 0.0]\ndirection = [{}]\n"
     text = text.replace('iron = "core"\n', 'iron = "core"\n' + along.format("1.0, 0.0, 0.0"), 1)
     head = 'of = "position"\nnoise_m = 0.5e-9 '
-    heads = [
-        head.replace("noise", along.format(way) + "noise")
-        for way in ("1.0, 0.0, 0.0", "0.0, 1.0, 0.0")
-    ]
+    heads = [head.replace("noise", along.format(way) + "noise") for way in ("1.0, 0.0, 0.0", "0.0, 1.0, 0.0")]
     text = text.replace(head, f"{heads[0]}\n\n[[sensor]]\n{heads[1]}")
     text = text.replace("slit_s", "direction = [0.0, 1.0, 0.0]\nslit_s")
     for key in ("train", "test"):
         begin = text.index(f"{key}_m_per_s2")
-        text = (
-            text[:begin] + f"{key}_m_per_s2 = [14.0, 9.0]\n" + text[text.index("\n", begin) + 1 :]
-        )
-    text = text.replace("noise_seeds = 10", "noise_seeds = 2").replace(
-        "cruise_s = 0.05", "cruise_s = 0.03"
-    )
+        text = text[:begin] + f"{key}_m_per_s2 = [14.0, 9.0]\n" + text[text.index("\n", begin) + 1 :]
+    text = text.replace("noise_seeds = 10", "noise_seeds = 2").replace("cruise_s = 0.05", "cruise_s = 0.03")
     text = "".join(line for line in text.splitlines(True) if not line.startswith("eddy_s"))
     text = text.replace('"loops.csv"', f'"{(EXAMPLES / "stage" / "loops.csv").as_posix()}"')
     path = folder / "rig.toml"

@@ -106,8 +106,7 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
 
 def test_what_no_motion_showed_stays_and_is_said() -> None:
     found = {
-        parameter.name: parameter
-        for parameter in make_estimator("full", recorded()).calibration.parameter
+        parameter.name: parameter for parameter in make_estimator("full", recorded()).calibration.parameter
     }
     unseen = found["gap_zero_5_m"]  # of the pair along y, which does not move
     assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
@@ -178,10 +177,7 @@ def test_a_recording_without_what_was_read_is_refused() -> None:
     kept = {name: run for name, run in recorded().columns.items() if name != "gap_read_7_m"}
     with refused("column-missing gap_read_7_m"):
         calibrate(short_stage(), Recording(kept), magnet=bearings.knowledge())
-    turned = {
-        **recorded().columns,
-        **{f"demand_{a}_N": -recorded()[f"demand_{a}_N"] for a in "xyz"},
-    }
+    turned = {**recorded().columns, **{f"demand_{a}_N": -recorded()[f"demand_{a}_N"] for a in "xyz"}}
     with refused("wrong-sign demand_x_N"):
         calibrate(short_stage(), Recording(turned), magnet=bearings.knowledge())
 

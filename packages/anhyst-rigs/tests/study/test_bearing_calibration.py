@@ -16,12 +16,7 @@ from anhyst.support.numeric import rms
 from anhyst.support.states import Command
 from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.dashboard.recording import start_recording
-from anhyst_rigs.rig.bearing.loop import (
-    BearingSetup,
-    fit_bearing_compensators,
-    make_setup,
-    model_to_compile,
-)
+from anhyst_rigs.rig.bearing.loop import BearingSetup, fit_bearing_compensators, make_setup, model_to_compile
 from anhyst_rigs.rig.bearing.scenario import plan_recorded_run
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.body import BodyRig
@@ -103,9 +98,7 @@ def test_gap_zero_and_width_are_found_from_the_steps_of_usual_work() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("two", [False, True], ids=["one magnet", "a pair"])
-def test_the_calibrated_bearing_is_as_good_as_one_that_never_drifted(
-    tmp_path: Path, two: bool
-) -> None:
+def test_the_calibrated_bearing_is_as_good_as_one_that_never_drifted(tmp_path: Path, two: bool) -> None:
     table = bearings.pair_controller() if two else bearings.controller().settings
     after = make_setup(corrected(tmp_path, two), table, bearings.knowledge(), "full", "fixed")
     nominal = force_error(setup(two), NO_DRIFT)
@@ -114,9 +107,7 @@ def test_the_calibrated_bearing_is_as_good_as_one_that_never_drifted(
 
 
 @pytest.mark.slow
-def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
-    tmp_path: Path,
-) -> None:
+def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(tmp_path: Path) -> None:
     table = bearings.controller().settings
     after = make_setup(corrected(tmp_path), table, bearings.knowledge(), "full", "fixed")
 
@@ -133,9 +124,7 @@ def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None
     model = model_to_compile(own, known, "full")
     assert model.nodes == pytest.approx(np.add(known.model.nodes, found.value("gap_zero_m")))
     scale = 1.0 + found.value("scale_1")
-    before, after = (
-        each_model.interpolate_parameter("c_H", 0.45e-3) for each_model in (known.model, model)
-    )
+    before, after = (each_model.interpolate_parameter("c_H", 0.45e-3) for each_model in (known.model, model))
     assert after == pytest.approx(scale * before)
     with pytest.raises(InputError, match="share one block"):
         model_to_compile(corrected(tmp_path, True), known, "full")
@@ -149,17 +138,13 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
     motion, zero = law.make_motion(recorded(two).columns), 4e-6
     values = dict.fromkeys(law.names, 0.0) | {"scale_1": 0.01, "gap_zero_m": zero}
     each = [calibrate_magnet(bearings.knowledge(), 0.01, zero, gap_margin=2.0 * zero)]
-    each += (
-        [calibrate_magnet(bearings.knowledge(), 0.0, -zero, gap_margin=2.0 * zero)] if two else []
-    )
+    each += [calibrate_magnet(bearings.knowledge(), 0.0, -zero, gap_margin=2.0 * zero)] if two else []
     total, net = bearings.TOTAL, np.zeros(motion.tick_numbers.size)
     gap = np.interp(
         motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, motion.columns["gap_read_m"]
     )
     commands = [motion.columns[name] for name in ("command_A", "command_2_A")]
-    for number, compensator in enumerate(
-        fit_bearing_compensators(law.rig, table, each, "full", "f64")
-    ):
+    for number, compensator in enumerate(fit_bearing_compensators(law.rig, table, each, "full", "f64")):
         at = total - gap if number else gap
         pulled = compensator.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
         net += (-1.0) ** number * motion.filter_force(pulled, motion.delay_ticks)
@@ -253,9 +238,7 @@ def naming(folder: Path) -> Path:
     return place
 
 
-def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
-    tmp_path: Path,
-) -> None:
+def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(tmp_path: Path) -> None:
     method = CalibratedMethod(name="play", residual_N=0.0, force_N=0.0, fits=True, parameter=[])
     file = CalibrationFile(
         format="anhyst-calibration",

@@ -61,8 +61,7 @@ def cell(found: Benefit, scale: float, fraction: float, height: float) -> MapCel
     (one,) = (
         cell
         for cell in found.cells
-        if (cell.iron.pinning_scale, cell.iron.reversible_fraction, cell.case)
-        == (scale, fraction, height)
+        if (cell.iron.pinning_scale, cell.iron.reversible_fraction, cell.case) == (scale, fraction, height)
     )
     return one
 
@@ -72,9 +71,7 @@ def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BodyRig) -> None
     assert len(found.cells) == 8
     for one in found.cells:
         iron = one.iron
-        slopes = find_operating_point(
-            change_iron(rig, iron.reversible_fraction, iron.pinning_scale)
-        ).slopes
+        slopes = find_operating_point(change_iron(rig, iron.reversible_fraction, iron.pinning_scale)).slopes
         assert iron.after_reversal_true == pytest.approx(slopes.slope_ratio)
         assert iron.label == ("pathological" if slopes.slope_ratio < 0.25 else "regular")
     narrow, wide = (cell(found, scale, 0.3, 10e-6).iron for scale in (1.0, 2.0))
@@ -135,9 +132,7 @@ def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
             still = max(one.standstill["full"], one.standstill[overshoot.baseline])
             assert overshoot.floor == pytest.approx(300.0 * still / float(one.case))
             assert 5e-9 < still < 100e-9
-            means = [
-                one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)
-            ]
+            means = [one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)]
             assert (overshoot.outcome == "nothing to gain") == (max(means) < overshoot.floor)
             assert against["settling_in_noise_s"].floor is None
 
@@ -189,9 +184,7 @@ def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> N
 def test_what_is_lost_does_not_count_as_a_baseline() -> None:
     lost = MethodComparison(None, None, None)
     assert lost.outcome == "no gain"
-    certain = MethodComparison(
-        "single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2)
-    )
+    certain = MethodComparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
     assert certain.outcome == "gain"
     assert MethodComparison("single-valued", None, None).outcome == "loss"
 
@@ -238,9 +231,7 @@ def test_a_ratio_over_what_may_be_zero_is_open() -> None:
 
 
 @pytest.mark.parametrize(("scale", "fraction"), [(0.5, 0.15), (1.0, 0.05), (1.0, 0.3), (1.0, 0.5)])
-def test_measured_loops_show_the_slope_after_a_reversal(
-    rig: BodyRig, scale: float, fraction: float
-) -> None:
+def test_measured_loops_show_the_slope_after_a_reversal(rig: BodyRig, scale: float, fraction: float) -> None:
     other = change_iron(rig, fraction, scale)
     reported = reversal_slope_ratio(measure_loops(other))
     assert reported == pytest.approx(find_operating_point(other).slopes.slope_ratio, abs=0.08)
@@ -248,8 +239,7 @@ def test_measured_loops_show_the_slope_after_a_reversal(
 
 def test_wide_loops_show_it_less_well_but_in_order(rig: BodyRig) -> None:
     reported = [
-        reversal_slope_ratio(measure_loops(change_iron(rig, fraction, 2.0)))
-        for fraction in (0.05, 0.15)
+        reversal_slope_ratio(measure_loops(change_iron(rig, fraction, 2.0))) for fraction in (0.05, 0.15)
     ]
     assert reported[0] is not None
     assert reported[1] is not None
@@ -260,10 +250,7 @@ def test_loops_without_reversals_near_enough_show_nothing(rig: BodyRig) -> None:
     coarse = change_rig(rig, {"measurement.sample_s": 0.05})
     assert reversal_slope_ratio(measure_loops(coarse)) is None
     single = rig.settings.measurement.records[0].model_copy(update={"turns": [0.0, 1.0]})
-    assert (
-        reversal_slope_ratio(measure_loops(change_rig(rig, {"measurement.records": [single]})))
-        is None
-    )
+    assert reversal_slope_ratio(measure_loops(change_rig(rig, {"measurement.records": [single]}))) is None
 
 
 PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"

@@ -99,9 +99,7 @@ def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "ticks", [100_000, pytest.param(1_000_000, marks=pytest.mark.campaign)], ids=str
-)
+@pytest.mark.parametrize("ticks", [100_000, pytest.param(1_000_000, marks=pytest.mark.campaign)], ids=str)
 def test_long_flights_differ_in_no_tick(firmware: Path, ticks: int) -> None:
     setup = bearings.single()
     script = bearings.lifted(setup)

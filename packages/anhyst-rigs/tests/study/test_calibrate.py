@@ -80,9 +80,7 @@ def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
 
     parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0, "fused": 0.5}
     for method, part in parts.items():
-        assert moving_average(corrected(method)) < part * moving_average(stages.setup(method)), (
-            method
-        )
+        assert moving_average(corrected(method)) < part * moving_average(stages.setup(method)), method
     assert moving_average(corrected()) < 0.4 * moving_average(corrected("play"))
     assert moving_average(corrected("fused")) < 0.8 * moving_average(corrected("flux"))
 
@@ -127,9 +125,7 @@ def test_numbers_that_do_not_fit_correct_nothing() -> None:
 
 @pytest.mark.slow
 def test_two_recordings_teach_more_than_one() -> None:
-    second_run = track(
-        replace(stages.setup("full"), drift=WRONG_DRIFT), training(), Feedforward(), 2
-    )
+    second_run = track(replace(stages.setup("full"), drift=WRONG_DRIFT), training(), Feedforward(), 2)
     (found,) = calibrate_run([recorded(), second_run]).file.method
     for parameter, updated in zip(learnt().parameter, found.parameter, strict=True):
         assert updated.sigma < parameter.sigma or updated.frozen
@@ -177,9 +173,7 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
 def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
     far = with_columns(command_A=1.2 * recorded()["command_A"])
     (found,) = calibrate_run(far).file.method
-    assert all(
-        abs(parameter.value) <= 4.0 * parameter.prior + 1e-12 for parameter in found.parameter
-    )
+    assert all(abs(parameter.value) <= 4.0 * parameter.prior + 1e-12 for parameter in found.parameter)
 
 
 @pytest.mark.slow
@@ -189,10 +183,7 @@ def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> 
     same = track(replace(made, correction_rows=zero_corrections), motion, Feedforward(), 1)
     assert (same.table == track(made, motion, Feedforward(), 1).table).all()
     single = make_stage(stages.stage(format="f32"), bearings.knowledge(), "full", learnt())
-    runs = [
-        track(replace(single, number_format=law), motion, Feedforward(), 1)
-        for law in ("f64", "f32")
-    ]
+    runs = [track(replace(single, number_format=law), motion, Feedforward(), 1) for law in ("f64", "f32")]
     assert np.abs(runs[0]["error_m"] - runs[1]["error_m"]).max() < 5e-9
 
 
@@ -309,13 +300,7 @@ def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> No
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        ("scale_1", -1.0),
-        ("scale_2", 1e300),
-        ("width_1", -0.9),
-        ("lag_s", 1.0),
-        ("gap_zero_2_m", 1.0),
-    ],
+    [("scale_1", -1.0), ("scale_2", 1e300), ("width_1", -0.9), ("lag_s", 1.0), ("gap_zero_2_m", 1.0)],
 )
 def test_no_file_corrects_by_more_than_any_calibration(
     tmp_path: Path, name: ParameterName, value: float
@@ -347,18 +332,10 @@ def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -
         scales, share = numbers[:2], -np.expm1(-run.dt / (1e-9 + abs(numbers[2]) * 1e-5))
         pulls = []
         for scale, current, gap in zip(
-            scales,
-            (run["current_A"], run["current_2_A"]),
-            (run["gap_m"], run["gap_2_m"]),
-            strict=True,
+            scales, (run["current_A"], run["current_2_A"]), (run["gap_m"], run["gap_2_m"]), strict=True
         ):
-            slow, law = (
-                lfilter([share], [1.0, share - 1.0], scale * current),
-                compensator.reset_copy(),
-            )
-            pulls.append(
-                [law.commit(*sample) for sample in zip(slow.tolist(), gap.tolist(), strict=True)]
-            )
+            slow, law = (lfilter([share], [1.0, share - 1.0], scale * current), compensator.reset_copy())
+            pulls.append([law.commit(*sample) for sample in zip(slow.tolist(), gap.tolist(), strict=True)])
         net = np.array(pulls[1]) - np.array(pulls[0])
         return np.asarray((net - truth)[counts])
 

@@ -37,9 +37,7 @@ def cells(variant: MethodName, number_format: NumberFormat, fraction: float) -> 
 def overshoot(
     variant: MethodName, number_format: NumberFormat = "fixed", fraction: float = 0.15
 ) -> list[float]:
-    return [
-        cell.figures["overshoot_percent"].mean for cell in cells(variant, number_format, fraction)
-    ]
+    return [cell.figures["overshoot_percent"].mean for cell in cells(variant, number_format, fraction)]
 
 
 @pytest.mark.slow
@@ -95,9 +93,7 @@ def falls_once(trial: ExperimentTrial) -> ExperimentOutcome | None:
     return None if trial.seed == 1 else ExperimentOutcome({"rms_m": 1.0})
 
 
-def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_where_a_run_is_lost_there_is_no_mean_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     setup = bearings.single("ratio")
     found = run_variants(falls_once, {"ratio": setup}, SEEDS, None)
     assert found["ratio"].as_dict() == {"lost": 1, "runs": len(SEEDS)}
@@ -130,11 +126,7 @@ def test_a_limit_cycle_is_reported_by_its_runs_and_not_by_a_mean_with_zeros() ->
     assert found["limit_cycle_m"] == pytest.approx(80e-9)
     assert found["limit_cycle_s"] == pytest.approx(9e-3)
     still = run_variants(rests, setups, range(5), None)["ratio"].as_dict()
-    assert (still["limit_cycles"], still["limit_cycle_m"], still["limit_cycle_s"]) == (
-        0,
-        None,
-        None,
-    )
+    assert (still["limit_cycles"], still["limit_cycle_m"], still["limit_cycle_s"]) == (0, None, None)
 
 
 @pytest.mark.slow

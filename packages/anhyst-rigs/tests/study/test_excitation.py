@@ -13,12 +13,7 @@ from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.estimator import ParameterEstimator
-from anhyst_rigs.study.tracking.excitation import (
-    CalibratingMove,
-    excite_to_calibrate,
-    find_move,
-    fly_legs,
-)
+from anhyst_rigs.study.tracking.excitation import CalibratingMove, excite_to_calibrate, find_move, fly_legs
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_balancing import (
@@ -82,7 +77,5 @@ def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_on
     before, turned = remaining_errors(setup)
     assert along < 0.15 * before
     assert about < 0.4 * turned
-    across, by_work = (
-        remaining_errors(stage_of(estimator), "y")[0] for estimator in (learner, worked)
-    )
+    across, by_work = (remaining_errors(stage_of(estimator), "y")[0] for estimator in (learner, worked))
     assert across < 0.3 * by_work

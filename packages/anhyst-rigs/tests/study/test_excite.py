@@ -50,9 +50,7 @@ class Watched:
                 forces.append(rig.hold(current, gap))
                 return forces[-1]
 
-            def run(
-                self, current: FloatArray, gap: FloatArray, seconds: float = math.inf
-            ) -> FloatArray:
+            def run(self, current: FloatArray, gap: FloatArray, seconds: float = math.inf) -> FloatArray:
                 rows = rig.run(current, gap, seconds)
                 forces.extend(rows[:, 0].tolist())
                 return rows
@@ -94,10 +92,7 @@ def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_p
     found = measure_gaps(replace(specimen, held_rig=watched))
     check_limits(found)
     assert 0.9 * 170.0 < max(watched.forces) <= 170.0
-    assert {place.peak.key for place in found.probed_gaps} == {
-        "excite.force_max_N",
-        "excite.current_max_A",
-    }
+    assert {place.peak.key for place in found.probed_gaps} == {"excite.force_max_N", "excite.current_max_A"}
     said = " ".join(found.notes)
     for key in ("excite.rate_max_A_per_s", "excite.force_max_N"):
         assert key in said
@@ -129,14 +124,8 @@ def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        (
-            {"max_force": Bound(60.0, "excite.force_max_N")},
-            "operating-force-not-reached: excite.force_max_N",
-        ),
-        (
-            {"max_force": Bound(0.05, "excite.force_max_N")},
-            "force-limit-too-low excite.force_max_N",
-        ),
+        ({"max_force": Bound(60.0, "excite.force_max_N")}, "operating-force-not-reached: excite.force_max_N"),
+        ({"max_force": Bound(0.05, "excite.force_max_N")}, "force-limit-too-low excite.force_max_N"),
         (
             {"max_current": Bound(1.0, "excite.current_max_A")},
             "operating-force-not-reached: excite.current_max_A",
@@ -170,9 +159,7 @@ def test_a_bipolar_amplifier_demagnetises_before_every_record(tmp_path: Path) ->
 
 
 def test_loops_are_read_back_with_their_histories(tmp_path: Path) -> None:
-    path = measured_rig(
-        "bearing", tmp_path, extra_lines="[excite]\ngaps_m = [0.4e-3, 0.5e-3]\n"
-    ).path
+    path = measured_rig("bearing", tmp_path, extra_lines="[excite]\ngaps_m = [0.4e-3, 0.5e-3]\n").path
     made = excite(path, tmp_path / "new.csv")
     read = read_loops(tmp_path / "new.csv")
     assert read.schedule_values == (0.4e-3, 0.5e-3)
@@ -223,9 +210,7 @@ def solid_bearing(folder: Path, fast: str, extra_lines: str = "") -> Specimen:
 
 def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_path: Path) -> None:
     plain = bearing(tmp_path / "plain", TIGHT_LIMITS)
-    specimen = solid_bearing(
-        tmp_path / "solid", "[30.0, 300.0]", TIGHT_LIMITS.replace("3.0", "200.0")
-    )
+    specimen = solid_bearing(tmp_path / "solid", "[30.0, 300.0]", TIGHT_LIMITS.replace("3.0", "200.0"))
     specimen = replace(specimen, gaps=specimen.gaps[:1])
     found = measure_gaps(specimen)
     assert found.drive_history.warmth.max() < 1.0
@@ -238,9 +223,7 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     ]
     assert len(paces) == 2
     assert max(paces) < 1.2 * 200.0  # noise of the shunt on top of excite.rate_max_A_per_s
-    assert len(found.loops.loops) - 2 == len(
-        measure_gaps(replace(plain, gaps=plain.gaps[:1])).loops
-    )
+    assert len(found.loops.loops) - 2 == len(measure_gaps(replace(plain, gaps=plain.gaps[:1])).loops)
     assert any("300" in note and "rate_max" in note for note in found.notes)
     speeds = group_by_speed(found.loops)
     assert speeds is not None
@@ -254,9 +237,7 @@ def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() 
     (place,) = measure_gaps(specimen).probed_gaps
     # 10 kg, 22 m/s2 in 5.5 ms; force about as the square of the current, a half of 240 N.
     force = 10.0 * 22.0 / 5.5e-3
-    assert place.required_rate == pytest.approx(
-        force * place.operating_current / (2.0 * 120.0), rel=0.25
-    )
+    assert place.required_rate == pytest.approx(force * place.operating_current / (2.0 * 120.0), rel=0.25)
     slow = measure_gaps(replace(specimen, fast_rates=(20.0,)))
     assert any("fast_A_per_s" in note for note in slow.notes)
     assert not any(
@@ -281,9 +262,7 @@ def piezo(folder: Path, **keys: float) -> Path:
 def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_path: Path) -> None:
     made = excite(piezo(tmp_path), tmp_path / "new.csv")
     assert (made.loops.input.name, made.loops.output.name) == ("voltage", "displacement")
-    assert [loop.label for loop in made.loops.loops] == [
-        *("major", "reversal", "above", "below", "1500V/s")
-    ]
+    assert [loop.label for loop in made.loops.loops] == [*("major", "reversal", "above", "below", "1500V/s")]
     drive = made.drive_history.current
     assert drive.min() == 0.0
     assert drive.max() == 150.0

@@ -69,10 +69,7 @@ def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says
     """Play cells leave 3 times as much of the closings of that iron as of noise, and follow its loops best."""
     loops, options = measure_loops(rig_of("duhem-hard")), IdentifyTable()
     with pytest.warns(ReturnPointMemoryWarning, match="law effective-field is taken"):
-        assert (
-            identify_magnet_with_ripple(loops, options, lambda _: True).model.law
-            == "effective-field"
-        )
+        assert identify_magnet_with_ripple(loops, options, lambda _: True).model.law == "effective-field"
     with pytest.warns(ReturnPointMemoryWarning, match="no law follows"):
         known = identify_magnet_with_ripple(loops, options, lambda _: False)
     assert known.model.law.startswith("play-cells")
@@ -80,9 +77,7 @@ def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says
 
 @pytest.mark.slow
 def test_an_iron_that_keeps_its_turning_points_is_given_play_cells() -> None:
-    known = identify_magnet_with_ripple(
-        knowledge("preisach-usual").loops, IdentifyTable(), lambda _: True
-    )
+    known = identify_magnet_with_ripple(knowledge("preisach-usual").loops, IdentifyTable(), lambda _: True)
     assert known.model.law.startswith("play-cells")
 
 

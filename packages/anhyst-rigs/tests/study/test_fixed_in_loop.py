@@ -158,7 +158,4 @@ def test_a_single_step_of_the_encoder_is_noticed() -> None:
     table[8000, COLUMNS.index("gap_read_m")] += 50e-9
     assert differs_at(setup, Recording.from_table(table)) == 8000
     other = bearings.single("simplified")
-    assert (
-        differs_at(BearingSetup(setup.rig, other.compensator, setup.controller), recording)
-        is not None
-    )
+    assert differs_at(BearingSetup(setup.rig, other.compensator, setup.controller), recording) is not None

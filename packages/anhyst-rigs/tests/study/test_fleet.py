@@ -66,9 +66,7 @@ def test_what_loops_leave_open_is_taken_from_the_others() -> None:
     rng = np.random.default_rng(5)
     true = 2.0 + 0.1 * rng.standard_normal((60, 1))
     read = true + 0.2 * rng.standard_normal((60, 1))
-    found = estimate_spread(
-        [MagnetEstimate.from_uncertainty(values, [0.2], [[1.0]]) for values in read]
-    )
+    found = estimate_spread([MagnetEstimate.from_uncertainty(values, [0.2], [[1.0]]) for values in read])
     assert np.std(found.values - true) < 0.6 * np.std(read - true)
 
 
@@ -84,8 +82,7 @@ def test_outliers_are_named_and_have_no_say() -> None:
 def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
     magnets = draw_magnets(20, 0.1, 6)
     wide = [
-        MagnetEstimate.from_uncertainty([*magnet.values, 7.0], [0.01, 0.3, np.inf], [])
-        for magnet in magnets
+        MagnetEstimate.from_uncertainty([*magnet.values, 7.0], [0.01, 0.3, np.inf], []) for magnet in magnets
     ]
     found = estimate_spread(wide)
     assert np.isfinite(found.mean).all()
@@ -230,18 +227,14 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
 
     def force_off(values: FloatArray) -> float:
         return float(
-            np.std(
-                forces([model_of_quantities(quantities) for quantities in values]) - forces(made)
-            )
+            np.std(forces([model_of_quantities(quantities) for quantities in values]) - forces(made))
         )
 
     assert force_off(found.values) < 0.95 * force_off(own)
 
 
 @pytest.mark.slow
-def test_the_magnets_that_choose_are_identified_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_magnets_that_choose_are_identified_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "magnets").mkdir()
     write_fleet(tmp_path / "magnets", 4)
     count: list[str] = []

@@ -162,9 +162,7 @@ def test_the_verdict_names_the_strongest_baseline(
 ) -> None:
     found = run.figures["verdict"]
     for stage, worst in run.figures["summary"].items():
-        least = min(
-            one["worst_percent"] for name, one in worst.items() if name not in MODEL_METHODS
-        )
+        least = min(one["worst_percent"] for name, one in worst.items() if name not in MODEL_METHODS)
         assert worst[found["strongest"][stage]]["worst_percent"] == least
     start_printing()
     printer.is_verbose = True
@@ -252,9 +250,7 @@ def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
 @pytest.mark.slow
-def test_an_emulated_controller_does_the_same(
-    run: ForceControl, small: Path, tmp_path: Path
-) -> None:
+def test_an_emulated_controller_does_the_same(run: ForceControl, small: Path, tmp_path: Path) -> None:
     controller = run.out / "end" / "full" / "controller"
     program = program_of(run, build("qemu-mps2", controller, tmp_path / "firmware"))
     assert count_differing_ticks(program, short_session(small, program, "qemu-mps2")) == 0
@@ -270,12 +266,7 @@ def test_an_emulated_controller_does_the_same(
     ],
 )
 def test_a_wrong_rig_is_one_line_and_exit_code_2(
-    small: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    old: str,
-    new: str,
-    reported: str,
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, reported: str
 ) -> None:
     for name in ("solenoid.toml", "loops.csv", "loops.toml"):
         shutil.copy(small.parent / name, tmp_path)

@@ -33,9 +33,7 @@ class Again(Exception):  # noqa: N818 - nothing went wrong
 
 
 @pytest.mark.slow
-def test_the_same_files_are_prepared_once_and_others_anew(
-    rig: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_same_files_are_prepared_once_and_others_anew(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with prepare_cached(rig, None) as first:
         assert isinstance(first, PreparedForce)
     assert not first.program.firmware.exists()  # built in a folder that is gone

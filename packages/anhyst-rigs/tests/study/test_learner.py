@@ -41,9 +41,7 @@ def motion_of_run(run: Recording, **columns: np.ndarray) -> Motion:
     return StageMotion(stages.stage(), {**run.columns, **columns})
 
 
-def make_estimator(
-    method: MethodName = "full", forget_s: float = FORGETTING_TIME_S
-) -> ParameterEstimator:
+def make_estimator(method: MethodName = "full", forget_s: float = FORGETTING_TIME_S) -> ParameterEstimator:
     learner = ParameterEstimator(law(method), forget_s)
     assert learner.update(motion_of_run(recorded()))
     return learner
@@ -75,9 +73,7 @@ def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
     settled, calibration = dict(learner.estimate), learner.calibration
     for number in range(600):
         learner.update(scans[number % 3])
-    for parameter, updated in zip(
-        calibration.parameter, learner.calibration.parameter, strict=True
-    ):
+    for parameter, updated in zip(calibration.parameter, learner.calibration.parameter, strict=True):
         assert abs(updated.value - settled[updated.name]) < 0.1 * parameter.prior
         assert updated.sigma <= parameter.sigma <= parameter.prior
 
@@ -86,9 +82,7 @@ def hold_first(values: np.ndarray) -> np.ndarray:
     return np.full_like(values, values[0])
 
 
-def change_second_half(
-    change: Callable[[np.ndarray], np.ndarray],
-) -> Callable[[np.ndarray], np.ndarray]:
+def change_second_half(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
     def changed(values: np.ndarray) -> np.ndarray:
         half = values.size // 2
         return np.concatenate([values[:half], change(values[half:])])
@@ -102,18 +96,14 @@ def change_second_half(
         pytest.param("gap_read_m", change_second_half(hold_first), id="the gap is stuck"),
         pytest.param("gap_read_m", change_second_half(lambda v: v + 20e-6), id="the gap jumps"),
         pytest.param("gap_read_m", lambda v: 1.4 * v - 0.4 * v[0], id="the gap has another gain"),
-        pytest.param(
-            "gap_read_m", change_second_half(lambda v: 2.0 * v[0] - v), id="the gap turns round"
-        ),
+        pytest.param("gap_read_m", change_second_half(lambda v: 2.0 * v[0] - v), id="the gap turns round"),
         pytest.param("pose_read_x_m", change_second_half(hold_first), id="the position is stuck"),
         pytest.param("pose_read_x_m", lambda v: 0.9 * v, id="the position has another gain"),
         pytest.param("pose_read_x_m", lambda v: np.roll(v, 20), id="the position is late"),
         pytest.param("command_A", change_second_half(hold_first), id="a command is stuck"),
         pytest.param("command_A", lambda v: 0.0 * v, id="a command is not recorded"),
         pytest.param("command_2_A", lambda v: 1.02 * v, id="an amplifier lost its gain"),
-        pytest.param(
-            "command_2_A", change_second_half(lambda v: v + 0.1), id="an amplifier has an offset"
-        ),
+        pytest.param("command_2_A", change_second_half(lambda v: v + 0.1), id="an amplifier has an offset"),
     ],
 )
 def test_after_a_fault_of_a_sensor_nothing_is_learnt(
@@ -130,17 +120,13 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
 @pytest.mark.parametrize(
     ("column", "fault"),
     [
-        pytest.param(
-            "pose_read_x_m", change_second_half(lambda v: v + 1e-6), id="the position jumps"
-        ),
+        pytest.param("pose_read_x_m", change_second_half(lambda v: v + 1e-6), id="the position jumps"),
         pytest.param(
             "pose_read_x_m",
             lambda v: v + np.random.default_rng(1).normal(0.0, 50e-9, v.size),
             id="the position is noisy",
         ),
-        pytest.param(
-            "command_2_A", change_second_half(lambda v: 1.1 * v), id="at rest an amplifier's gain"
-        ),
+        pytest.param("command_2_A", change_second_half(lambda v: 1.1 * v), id="at rest an amplifier's gain"),
         pytest.param("gap_read_m", lambda v: 1.2 * v - 0.2 * v[0], id="one gap has another gain"),
     ],
 )
@@ -171,9 +157,7 @@ def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_k
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["full", "flux"])
-def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
-    method: MethodName,
-) -> None:
+def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(method: MethodName) -> None:
     rig = change_rig(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
     law = StageLaw(rig, bearings.knowledge(), method)
     learner = ParameterEstimator(law)
@@ -182,9 +166,7 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     run = track(own, scan_motion(scan, scan.train_m_per_s2), gains, 1)
     assert learner.update(StageMotion(rig, run.columns))
     found = learner.calibration
-    learnt: dict[str, CalibratedParameter] = {
-        parameter.name: parameter for parameter in found.parameter
-    }
+    learnt: dict[str, CalibratedParameter] = {parameter.name: parameter for parameter in found.parameter}
     assert found.fits
     for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
         off = abs(learnt[name].value - true)
@@ -239,8 +221,7 @@ def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
         assert learner.update(run(0.005))
     fresh.update(run(0.005))
     off = [
-        abs(estimator.estimate["scale_1"] - fresh.estimate["scale_1"])
-        for estimator in (forgetful, patient)
+        abs(estimator.estimate["scale_1"] - fresh.estimate["scale_1"]) for estimator in (forgetful, patient)
     ]
     assert off[0] < off[1]
     for learner in (forgetful, patient):

@@ -25,23 +25,12 @@ from anhyst_rigs.study.bearing.linear import (
 RATE = 20e3
 # The example bearing: 80 Hz of unstable pole.
 POINT = LinearBearing(
-    mass=2.0,
-    k_i=123.0,
-    k_s=2.0 * (2.0 * math.pi * 80.0) ** 2,
-    inductance=20e-3,
-    resistance=1.2,
-    damping=3.0,
+    mass=2.0, k_i=123.0, k_s=2.0 * (2.0 * math.pi * 80.0) ** 2, inductance=20e-3, resistance=1.2, damping=3.0
 )
 # Follows its reference as a lag of 2500 Hz.
-AMPLIFIER = AnalogueAmplifier(
-    gain=2.0 * math.pi * 2500.0 * 20e-3, integral_gain=2.0 * math.pi * 2500.0 * 1.2
-)
+AMPLIFIER = AnalogueAmplifier(gain=2.0 * math.pi * 2500.0 * 20e-3, integral_gain=2.0 * math.pi * 2500.0 * 1.2)
 CONTROLLER = Pidd2(
-    rate=RATE,
-    **vars(design(2.0, 120.0, 1.0, virtual_mass=0.2)),
-    cutoff=2000.0,
-    cutoff_2=2000.0,
-    weight=0.3,
+    rate=RATE, **vars(design(2.0, 120.0, 1.0, virtual_mass=0.2)), cutoff=2000.0, cutoff_2=2000.0, weight=0.3
 )
 LOOP = LinearLoop(
     POINT, AMPLIFIER, LoopTiming(RATE, 1.0, 5e3), CONTROLLER, Compensation(POINT.k_i, POINT.k_s)
@@ -106,9 +95,7 @@ def test_a_part_of_a_tick_of_delay_is_exact(delay: float) -> None:
         found.append(float(c @ state))
         state = a @ state + b * command
     small_a, small_b, small_c = replace(
-        LOOP,
-        timing=LoopTiming(RATE * fine, 0.0, 5e3),
-        controller=replace(CONTROLLER, rate=RATE * fine),
+        LOOP, timing=LoopTiming(RATE * fine, 0.0, 5e3), controller=replace(CONTROLLER, rate=RATE * fine)
     ).plant
     late = np.concatenate([np.zeros(round(delay * fine)), np.repeat(commands, fine)])
     state, expected = np.zeros(len(small_b)), []
@@ -166,9 +153,7 @@ def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
 
 
 def scaled(loop: LinearLoop, factor: float) -> LinearLoop:
-    return replace(
-        loop, compensation=replace(loop.compensation, k_i=loop.compensation.k_i / factor)
-    )
+    return replace(loop, compensation=replace(loop.compensation, k_i=loop.compensation.k_i / factor))
 
 
 @pytest.mark.parametrize("compensation", [Compensation(123.0, POINT.k_s), Compensation(100.0)])
@@ -229,12 +214,7 @@ def test_sampling_of_the_plant_agrees_with_scipy() -> None:
         [
             [0.0, 1.0, 0.0, 0.0],
             [k.k_s / k.mass, -k.damping / k.mass, k.k_i / k.mass, 0.0],
-            [
-                0.0,
-                -k.k_i / k.inductance,
-                -(k.resistance + amplifier.gain) / k.inductance,
-                1.0 / k.inductance,
-            ],
+            [0.0, -k.k_i / k.inductance, -(k.resistance + amplifier.gain) / k.inductance, 1.0 / k.inductance],
             [0.0, 0.0, -amplifier.integral_gain, 0.0],
         ]
     )
@@ -250,13 +230,7 @@ def in_laplace(point: LinearBearing, amplifier: AnalogueAmplifier, s: complex) -
     # Unknown: position, i_m, current, voltage, flux linkage.
     equations = np.array(
         [
-            [
-                point.mass * s**2 + point.damping * s - point.k_s,
-                -point.k_i,
-                0.0,
-                0.0,
-                0.0,
-            ],
+            [point.mass * s**2 + point.damping * s - point.k_s, -point.k_i, 0.0, 0.0, 0.0],
             [point.k_i, point.inductance, 0.0, 0.0, -1.0],
             [0.0, 0.0, point.resistance, -1.0, s],
             [0.0, 1.0, -1.0, 0.0, tau / point.inductance * s],
@@ -283,9 +257,7 @@ def test_the_plant_follows_its_equations(eddy_time: float) -> None:
 
 def test_a_digital_current_controller_computes_once_a_tick() -> None:
     """Against the same law in a loop over the ticks, around the plant of a voltage."""
-    digital = DigitalAmplifier(
-        feedforward=1.1, gain=150.0, integral_gain=8.0, sensor_bandwidth=10e3
-    )
+    digital = DigitalAmplifier(feedforward=1.1, gain=150.0, integral_gain=8.0, sensor_bandwidth=10e3)
     chain = LoopTiming(RATE, 1.25, 5e3)
     point, fine = replace(POINT, eddy_time=50e-6), 4
     a, b, c = discretise(point, digital, chain)
@@ -319,6 +291,4 @@ def test_a_digital_current_controller_computes_once_a_tick() -> None:
 
 def test_a_current_that_jumps_with_the_voltage_must_be_read_through_a_lag() -> None:
     with pytest.raises(ValueError, match="through a lag"):
-        discretise(
-            replace(POINT, eddy_time=1e-4), DigitalAmplifier(1.2, 100.0, 1.0), LoopTiming(RATE, 1.0)
-        )
+        discretise(replace(POINT, eddy_time=1e-4), DigitalAmplifier(1.2, 100.0, 1.0), LoopTiming(RATE, 1.0))

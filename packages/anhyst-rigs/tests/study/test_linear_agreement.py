@@ -53,9 +53,7 @@ def soft_rig(folder: Path, mode: str, eddy_time: float) -> BodyRig:
     return read_bearing(path)
 
 
-def linear_loop(
-    rig: BodyRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float
-) -> LinearLoop:
+def linear_loop(rig: BodyRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float) -> LinearLoop:
     """Put the loop together from the rig's numbers."""
     gain, reset = current_controller_gains(rig)
     bandwidth = rig.settings.current_sensor.bandwidth_Hz
@@ -73,9 +71,7 @@ def linear_loop(
     )
 
 
-@pytest.mark.parametrize(
-    ("mode", "eddy_time"), [("current", 0.0), ("current", 50e-6), ("voltage", 20e-6)]
-)
+@pytest.mark.parametrize(("mode", "eddy_time"), [("current", 0.0), ("current", 50e-6), ("voltage", 20e-6)])
 def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: float) -> None:
     rig = soft_rig(tmp_path, mode, eddy_time)
     controller = read_controller(EXAMPLE / "controller.toml").settings

@@ -31,9 +31,7 @@ GAPS = np.linspace(0.36e-3, 0.54e-3, 7).tolist()
     [pytest.param(one, marks=[pytest.mark.slow] * (one != "fixed")) for one in bearings.FORMATS],
 )
 @pytest.mark.parametrize("arrangement", ARRANGEMENTS)
-def test_it_hovers_at_every_gap_and_lands_again(
-    arrangement: str, number_format: NumberFormat
-) -> None:
+def test_it_hovers_at_every_gap_and_lands_again(arrangement: str, number_format: NumberFormat) -> None:
     setup = ARRANGEMENTS[arrangement]("full", number_format)
     for gap in GAPS:
         script = bearings.lifted(setup, gap).hold(0.1)
@@ -131,9 +129,7 @@ def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns()
         [rig.magnet] * 3,
         noise_seed(rig, 0),
     )
-    loop = PlantLoop(
-        plant, setup.make_controller(), [*current_controllers(rig), current_controllers(rig)[0]]
-    )
+    loop = PlantLoop(plant, setup.make_controller(), [*current_controllers(rig), current_controllers(rig)[0]])
     names = [column_name(*signal) for signal in loop.signals]
     events = (scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command)
     rows = dict(zip(names, loop.run(*events).T, strict=True))
@@ -219,9 +215,7 @@ def test_a_pair_is_symmetrical(number_format: NumberFormat) -> None:
         begins.append(script.ticks)
         script.step(GAP + height, 0.1)
     recording = bearings.run_plant(setup, script)
-    halves = [
-        recording.slice_ticks(begin, end) for begin, end in pairwise([*begins[::2], script.ticks])
-    ]
+    halves = [recording.slice_ticks(begin, end) for begin, end in pairwise([*begins[::2], script.ticks])]
     apart = [
         np.abs(out["gap_m"] + back["gap_m"] - 2.0 * GAP).max()
         for out, back in zip(halves[::2], halves[1::2], strict=True)

@@ -71,9 +71,7 @@ def lose(
 
 
 @pytest.mark.parametrize(("name", "count"), [("8", 0), ("10", 0), ("12", 8), ("14", 14)])
-def test_what_can_be_spared_is_what_the_linear_programme_leaves_movable(
-    name: str, count: int
-) -> None:
+def test_what_can_be_spared_is_what_the_linear_programme_leaves_movable(name: str, count: int) -> None:
     assert spare_magnets(laid(name).rig.settings) == (1 << count) - 1
 
 
@@ -168,9 +166,7 @@ def commanded(
 
 
 def poses(run: Recording) -> np.ndarray:
-    return np.column_stack(
-        [run[name] for name in axis_columns("pose", ("x", "y", "z", "rx", "ry", "rz"))]
-    )
+    return np.column_stack([run[name] for name in axis_columns("pose", ("x", "y", "z", "rx", "ry", "rz"))])
 
 
 def phases(run: Recording) -> list[int]:
@@ -221,10 +217,7 @@ def test_without_a_head_the_body_lands_by_the_others_or_is_let_go(way: str) -> N
 
 
 def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
-    controller, forward = (
-        make_axes_controller(laid("10", heads=6)),
-        [0.0, 0.0, 196.2, 0.0, 0.0, 0.0],
-    )
+    controller, forward = (make_axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0])
     told, noise = [0.0] * 10, np.random.default_rng(3)
     for tick in range(200):
         head = (1e-9 * noise.normal(size=6)).tolist()
@@ -236,10 +229,7 @@ def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
 
 
 def test_a_command_out_of_order_is_refused_and_changes_nothing() -> None:
-    controller, forward = (
-        make_axes_controller(laid("10", heads=6)),
-        [0.0, 0.0, 196.2, 0.0, 0.0, 0.0],
-    )
+    controller, forward = (make_axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0])
     noise, found = np.random.default_rng(3), []
     order = [Command.LIFT, Command.RUN, Command.IDLE, Command.LAND, Command.LIFT, Command.LIFT]
     order += [Command.LAND, Command.LAND, Command.LIFT, Command.IDLE, Command.IDLE]

@@ -109,9 +109,7 @@ def test_a_stage_that_holds_is_not_lost() -> None:
 
 
 @pytest.mark.slow
-def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(capsys: pytest.CaptureFixture[str]) -> None:
     study = stages.study()
     own = study.variants["full"]
     once = replace(own, measures=(*own.measures[1:], LOST_MEASURES))
@@ -142,9 +140,7 @@ def test_a_baseline_that_was_lost_is_compared_with_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_an_unstable_piezo_stage_exits_with_1(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unstable_piezo_stage_exits_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (EXAMPLES / "piezo" / "rig.toml").read_text()
     text = text.replace("bandwidth_Hz = 100.0", "bandwidth_Hz = 1000.0")
     (tmp_path / "rig.toml").write_text(text.replace("cycles = 6", "cycles = 3"))

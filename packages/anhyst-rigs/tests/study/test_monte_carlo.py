@@ -61,9 +61,7 @@ def controller(folder: Path) -> ControllerFile:
 
 
 @pytest.fixture(scope="module")
-def whole(
-    rig: BodyRig, controller: ControllerFile, tmp_path_factory: pytest.TempPathFactory
-) -> MonteCarlo:
+def whole(rig: BodyRig, controller: ControllerFile, tmp_path_factory: pytest.TempPathFactory) -> MonteCarlo:
     path = tmp_path_factory.mktemp("whole") / "plants.jsonl"
     return monte_carlo(rig, controller, path, 5, ("linearised", "full"), jobs=1)
 
@@ -143,9 +141,7 @@ def change_rig(rig: BodyRig, controller: ControllerFile) -> tuple[BodyRig, Contr
 
 
 def change_gain(rig: BodyRig, controller: ControllerFile) -> tuple[BodyRig, ControllerFile]:
-    return rig, replace(
-        controller, settings=controller.settings.model_copy(update={"set_point_weight": 0.4})
-    )
+    return rig, replace(controller, settings=controller.settings.model_copy(update={"set_point_weight": 0.4}))
 
 
 @pytest.mark.first(1)
@@ -255,9 +251,7 @@ def test_a_lost_plant_needs_no_figures(linearised: Plants) -> None:
     assert find_fault(lost, linearised) is None
 
 
-def test_a_file_with_such_a_line_is_refused(
-    rig: BodyRig, controller: ControllerFile, tmp_path: Path
-) -> None:
+def test_a_file_with_such_a_line_is_refused(rig: BodyRig, controller: ControllerFile, tmp_path: Path) -> None:
     path = tmp_path / "plants.jsonl"
     monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
     header, _ = path.read_text().splitlines()
@@ -289,9 +283,7 @@ def test_without_drift_a_plant_is_the_nominal_one(
     setup = make_setup(still, controller.settings, knowledge, "full", "f64")
     tried = still.settings
     _, noise = found.plants.draw_plant(0)
-    steps, _ = run_steps(
-        StepRun(setup, tried.gap_m, tuple(tried.step.heights_m), rig.static_load, noise)
-    )
+    steps, _ = run_steps(StepRun(setup, tried.gap_m, tuple(tried.step.heights_m), rig.static_load, noise))
     for place, height in enumerate(tried.step.heights_m):
         pair = [step.figures for step in steps if step.height == pytest.approx(height)]
         worst = max(figures["overshoot_percent"] for figures in pair)
@@ -328,15 +320,9 @@ def test_each_change_of_the_iron_does_what_it_says(rig: BodyRig) -> None:
     assert bearings.drifted(rig, Drift()).settings == rig.settings
 
 
-def test_the_sensor_turns_around_the_operating_gap(
-    rig: BodyRig, controller: ControllerFile
-) -> None:
+def test_the_sensor_turns_around_the_operating_gap(rig: BodyRig, controller: ControllerFile) -> None:
     setup = make_setup(
-        rig,
-        controller.settings,
-        check_inputs(rig, controller).identify_magnet(),
-        "linearised",
-        "f64",
+        rig, controller.settings, check_inputs(rig, controller).identify_magnet(), "linearised", "f64"
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, 1))
@@ -384,17 +370,11 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
 ) -> None:
     place = tmp_path / "law"
     shutil.copytree(folder, place)
-    text = (
-        (place / "rig.toml").read_text().replace('"electromagnet"', '"law"\nmodel = "model.toml"')
-    )
+    text = (place / "rig.toml").read_text().replace('"electromagnet"', '"law"\nmodel = "model.toml"')
     (place / "rig.toml").write_text(text)
     law = read_bearing(place / "rig.toml")
     setup = make_setup(
-        law,
-        controller.settings,
-        check_inputs(law, controller).identify_magnet(),
-        "linearised",
-        "f64",
+        law, controller.settings, check_inputs(law, controller).identify_magnet(), "linearised", "f64"
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
@@ -441,9 +421,7 @@ def test_percentiles_are_values_that_occurred(whole: MonteCarlo) -> None:
 def test_the_verdict_compares_plant_by_plant(whole: MonteCarlo) -> None:
     """Plants differ by more than the methods, but paired differences are significant."""
     assert whole.verdict.level in {"yes", "mixed"}
-    first = MonteCarlo(
-        whole.plants, whole.drifts[:1], {name: runs[:1] for name, runs in whole.runs.items()}
-    )
+    first = MonteCarlo(whole.plants, whole.drifts[:1], {name: runs[:1] for name, runs in whole.runs.items()})
     assert first.verdict.level == "unknown"
 
 

@@ -18,12 +18,7 @@ from anhyst_rigs.rig.magnet_table import MagnetTable
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.tables import SPREADS, SpreadTable
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
-from anhyst_rigs.study.piezo import (
-    find_inverses,
-    first_evaluated_tick,
-    follow_reference,
-    make_reference,
-)
+from anhyst_rigs.study.piezo import find_inverses, first_evaluated_tick, follow_reference, make_reference
 from anhyst_rigs.study.plants import force_plants, piezo_plants, stage_plants, varied_errors
 from tests.refusals import refused
 from tests.repository import ROOT
@@ -105,10 +100,7 @@ def test_a_force_rig_is_run_in_every_trial_of_the_stroke(tmp_path: Path) -> None
     plants = force_plants(forces.example(), truth("solenoid-effective-field-reluctance"))
     plants = replace(plants, methods=("full", "ratio"))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
-    assert {name.split("_")[0] for name in found.plants.figures[0].case_names} == {
-        "positions",
-        "moving",
-    }
+    assert {name.split("_")[0] for name in found.plants.figures[0].case_names} == {"positions", "moving"}
     for case in range(len(found.plants.figures[0].case_names)):
         own, plain = (found.values(name, "rms_N", case) for name in ("full", "ratio"))
         assert max(own) < max(plain)
@@ -122,9 +114,7 @@ def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None
         if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
             taken -= {"conductivity_percent"}
         for key in SpreadTable.model_fields:
-            alone = SpreadTable.model_validate(
-                dict.fromkeys(SpreadTable.model_fields, 0.0) | {key: 0.5}
-            )
+            alone = SpreadTable.model_validate(dict.fromkeys(SpreadTable.model_fields, 0.0) | {key: 0.5})
             given = file.model_copy(update={"spread": alone})
             drawn = sample_drift(given, np.random.default_rng(1)).as_dict()
             assert bool(drawn) == (key in taken), (name, key)

@@ -49,11 +49,7 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     # Play cells remember a wrong state until the field has come over it again, but a good model
     # hardly moves the armature by it.
     remembered = event == "wrong initial state" and variant == "full"
-    assert (
-        (0.0 if remembered else MIN_EXCESS_BAND_M)
-        < found.figures["excess_peak_m"]
-        < RECOVERY_BAND_M
-    )
+    assert (0.0 if remembered else MIN_EXCESS_BAND_M) < found.figures["excess_peak_m"] < RECOVERY_BAND_M
     least, most = (0.0, 0.1) if remembered else (0.002, 0.03)
     assert least <= found.figures["excess_s"] < most
 
@@ -62,18 +58,14 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
 def test_what_does_not_happen_does_not_show(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the event both runs are one, to the bit: what is counted is the event alone."""
     monkeypatch.setattr(experiments, "DROP_SAMPLE_BIT", 0)
-    monkeypatch.setattr(
-        experiments, "SimulatedLoop", lambda setup, seed, _: SimulatedLoop(setup, seed)
-    )
+    monkeypatch.setattr(experiments, "SimulatedLoop", lambda setup, seed, _: SimulatedLoop(setup, seed))
     found = run_event(ExperimentTrial(bearings.single("full"), 0, event))
     assert found is not None
     assert found.figures == {"excess_peak_m": 0.0, "excess_s": 0.0}
 
 
 @pytest.mark.parametrize("event", SHOWN)
-def test_an_armature_that_falls_counts_as_lost(
-    event: Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_armature_that_falls_counts_as_lost(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(experiments, "levitation_loss_time", lambda *_: 0.5)
     assert run_event(ExperimentTrial(bearings.single("single-valued"), 0, event)) is None
 
@@ -113,8 +105,7 @@ def test_a_wrong_initial_state_is_one() -> None:
     setup = bearings.single("full")
     script = bearings.lifted(setup)
     known, unknown = (
-        SimulatedLoop(setup, 0, is_magnetised_first=first).run(script.build())
-        for first in (False, True)
+        SimulatedLoop(setup, 0, is_magnetised_first=first).run(script.build()) for first in (False, True)
     )
     resting = known["state"] <= BREAKAWAY_CODE
     assert not np.array_equal(known["force_N"], unknown["force_N"])

@@ -124,17 +124,14 @@ def test_a_run_that_ended_early_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("peak", "wanted"),
-    [(1.0, "A"), (3.0, "A"), (3.01, "B"), (4.01, "C"), (5.01, "D"), (math.inf, "D")],
+    ("peak", "wanted"), [(1.0, "A"), (3.0, "A"), (3.01, "B"), (4.01, "C"), (5.01, "D"), (math.inf, "D")]
 )
 def test_zones(peak: float, wanted: str) -> None:
     assert find_zone(peak) == wanted
 
 
 def test_zones_end_at_the_decibels_of_the_standard() -> None:
-    assert [20.0 * np.log10(one) for one in ZONE_LIMITS.values()] == pytest.approx(
-        [9.5, 12, 14], abs=0.05
-    )
+    assert [20.0 * np.log10(one) for one in ZONE_LIMITS.values()] == pytest.approx([9.5, 12, 14], abs=0.05)
     assert find_zone(math.nan) == "D"
 
 

@@ -115,9 +115,7 @@ def test_it_writes_the_recording_as_a_table(run: tuple[Path, Simulation, list[fl
     assert lifted["gap_m"].between(0.41e-3, 0.49e-3).all()
 
 
-def test_its_table_and_its_picture_hold_every_variant(
-    run: tuple[Path, Simulation, list[float]],
-) -> None:
+def test_its_table_and_its_picture_hold_every_variant(run: tuple[Path, Simulation, list[float]]) -> None:
     _, found, _ = run
     table = found.to_dataframe()
     assert set(table["variant"]) == set(found.setups)
@@ -126,9 +124,7 @@ def test_its_table_and_its_picture_hold_every_variant(
     assert f"controller: {found.main_variant}" in repr(found)
 
 
-def test_figures_are_json_and_those_that_were_found(
-    run: tuple[Path, Simulation, list[float]],
-) -> None:
+def test_figures_are_json_and_those_that_were_found(run: tuple[Path, Simulation, list[float]]) -> None:
     out, found, done = run
     text = (out / "figures.json").read_text()
 
@@ -155,9 +151,7 @@ def test_figures_are_json_and_those_that_were_found(
     assert 0.0 < done[0] < done[-1] <= 1.0
 
 
-def test_nothing_but_recording_and_figures_is_written(
-    run: tuple[Path, Simulation, list[float]],
-) -> None:
+def test_nothing_but_recording_and_figures_is_written(run: tuple[Path, Simulation, list[float]]) -> None:
     out, _, _ = run
     assert written(out.parent) == {"run.csv", "figures.json"}
 
@@ -349,9 +343,7 @@ def test_a_loop_that_is_late_is_reported(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_variant_that_cannot_be_made_is_reported(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_variant_that_cannot_be_made_is_reported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The law of 1986 has no compensator: the others are compared, and this is said."""
     model = replace(truth("bearing-jiles-atherton"), law="jiles-atherton-1986")
     write_model(model, folder / "model.toml")
@@ -382,9 +374,7 @@ def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: P
 
 
 @pytest.mark.parametrize("name", ["figures.json", "run.csv"])
-def test_a_place_that_cannot_be_written_is_reported_before_the_work(
-    folder: Path, name: str
-) -> None:
+def test_a_place_that_cannot_be_written_is_reported_before_the_work(folder: Path, name: str) -> None:
     (folder / "out" / name).mkdir()
     with refused(f"cannot-be-written EISDIR: {name}"):
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
@@ -403,9 +393,7 @@ def test_a_file_that_is_read_is_not_written_over(folder: Path, name: str) -> Non
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_leaves_what_there_was(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_run_leaves_what_there_was(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "out" / "figures.json").write_text("before")
 
     def stop(*_: object) -> None:

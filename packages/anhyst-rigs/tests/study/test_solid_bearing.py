@@ -67,9 +67,7 @@ def steps(setup: BearingSetup) -> Scenario:
 
 
 @pytest.mark.slow
-def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
-    tmp_path: Path,
-) -> None:
+def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(tmp_path: Path) -> None:
     table = bearings.controller().settings
     setups = [make_setup(solid(), table, known(), method, "fixed") for method in METHODS]
     cells = compare_steps(setups, [bearings.GAP], [STEP], [solid().static_load], [1, 2], jobs=1)
@@ -81,10 +79,7 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
 
     setup, firmware = build_firmware(solid(), bearings.controller(), known(), "library", tmp_path)
     with closing(BearingBench(setup, firmware)) as running:
-        assert (
-            count_differences(SimulatedLoop(setup).run(steps(setup)), running.run(steps(setup)))
-            == 0
-        )
+        assert count_differences(SimulatedLoop(setup).run(steps(setup)), running.run(steps(setup))) == 0
     manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
     block, thin = (block_of(one) for one in (setup, bearings.single()))
     assert manifest["controller"]["state_bytes"] == controller_bytes(1, block)
@@ -101,9 +96,7 @@ def test_a_board_takes_layers_that_it_has_memories_for_and_never_loses_its_own()
     board = PreparedBearing(setup, solid_magnet().model, Path())
     layers = solid_magnet().model.layers
     assert layers is not None
-    fewer, more = (
-        replace(solid_magnet().model, layers=replace(layers, count=count)) for count in (2, 4)
-    )
+    fewer, more = (replace(solid_magnet().model, layers=replace(layers, count=count)) for count in (2, 4))
 
     def layers_of(running: Model, model: Model) -> int:
         block = replace(board, model=running).compile(model).block

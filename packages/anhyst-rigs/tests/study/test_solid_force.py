@@ -139,9 +139,7 @@ def measured(rig: ForceControlRig, sweeps: tuple[float, ...] = SWEEPS, seed: int
             for turn in (TOP, 0.0):
                 magnet.hold(turn, gap)
             path = sweep_path([0.0, TOP, 0.0, TOP, 0.0], sweep * sample)
-            current, force = measure_path(
-                magnet, rig.make_sensors([seed, number], sample), gap, path, sample
-            )
+            current, force = measure_path(magnet, rig.make_sensors([seed, number], sample), gap, path, sample)
             loops.append(
                 Loop(
                     f"{sweep:g}",
@@ -217,9 +215,7 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     assert "full, iron at rest" in page
     rig = read_rig(path)
     worst = {
-        name: worst_of_the_last_cycle(
-            rig, read_model(out / "stroke" / name / "model.toml"), GAPS[0], REACHED
-        )
+        name: worst_of_the_last_cycle(rig, read_model(out / "stroke" / name / "model.toml"), GAPS[0], REACHED)
         for name in ("full", "at-rest")
     }
     assert worst["full"] < 0.2 * worst["at-rest"]
@@ -237,9 +233,7 @@ def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_res
     assert verify(compiled.out, host_steps=2000, target_steps=500).passed
     for gap, most in ((0.3e-3, 0.2), (0.4e-3, 0.2), (0.5e-3, 0.25)):
         reached = force_at(rig, gap)
-        full, still = (
-            worst_of_the_last_cycle(rig, one, gap, reached) for one in (model, model.at_rest)
-        )
+        full, still = (worst_of_the_last_cycle(rig, one, gap, reached) for one in (model, model.at_rest))
         assert full < most * still, gap
 
 
@@ -248,17 +242,11 @@ def force_at(rig: ForceControlRig, gap: float) -> float:
     return rig.magnet().hold(TOP, gap)
 
 
-def worst_of_the_last_cycle(
-    rig: ForceControlRig, model: Model, gap: float, reached: float
-) -> float:
+def worst_of_the_last_cycle(rig: ForceControlRig, model: Model, gap: float, reached: float) -> float:
     """Let a magnet follow triangles of 50 Hz between 10 and 50 % of what it reaches there; N."""
     plan = make_plan(model, CompileRequest("full", "q31", 20e3), 0)
     part = np.arange(1600) / 400.0
-    demand = (
-        reached
-        * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0)))
-        * np.minimum(2.0 * part, 1.0)
-    )
+    demand = reached * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0))) * np.minimum(2.0 * part, 1.0)
     current = make_twin(plan.block, "q31").run(demand, np.full(1600, gap))
     magnet = rig.magnet()
     magnet.hold(0.0, gap)
@@ -292,11 +280,7 @@ def test_a_magnet_of_solid_iron_answers_late_and_one_of_sheets_at_once(tmp_path:
 
 def test_a_model_at_rest_is_compiled_as_one_without_layers(tmp_path: Path) -> None:
     thin = truth("solenoid-held")
-    thick = replace(
-        thin,
-        parameters={**thin.parameters, "gamma": 10.0},
-        layers=Layers(2, 0.2, 0.3),
-    )
+    thick = replace(thin, parameters={**thin.parameters, "gamma": 10.0}, layers=Layers(2, 0.2, 0.3))
     folders = [tmp_path / name for name in ("thin", "thick")]
     alone = build_program("full", thin, 1000.0, "host", folders[0])
     still = build_program("at-rest", thick, 1000.0, "host", folders[1])

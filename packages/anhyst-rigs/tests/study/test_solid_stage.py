@@ -37,9 +37,7 @@ def solid_magnet() -> IdentifiedMagnet:
     """The identified magnet with layers that are set by hand."""
     known = bearings.knowledge()
     parameters = {**known.model.parameters, "gamma": 60.0}
-    return replace(
-        known, model=replace(known.model, parameters=parameters, layers=Layers(3, 0.2, 0.5))
-    )
+    return replace(known, model=replace(known.model, parameters=parameters, layers=Layers(3, 0.2, 0.5)))
 
 
 @pytest.mark.slow
@@ -99,12 +97,7 @@ def test_conductivity_drifts_where_there_is_solid_iron() -> None:
 @pytest.mark.slow
 def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
     """Loops of the plant's own sensors at three speeds."""
-    rig = solid(
-        **{
-            "measurement.fast_A_per_s": [45.0, 450.0],
-            "force_sensor.bandwidth_Hz": 20e3,
-        }
-    )
+    rig = solid(**{"measurement.fast_A_per_s": [45.0, 450.0], "force_sensor.bandwidth_Hz": 20e3})
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     motion, slit = stages.evaluation_set_point(rig), rig.settings.scan.slit_s
 

@@ -30,9 +30,7 @@ SLIT = 0.01
 
 
 @given(st.floats(-1e4, 1e4), st.floats(0.1, 100.0))
-def test_both_magnets_always_pull_and_their_difference_is_the_net_force(
-    net: float, idle: float
-) -> None:
+def test_both_magnets_always_pull_and_their_difference_is_the_net_force(net: float, idle: float) -> None:
     pull = np.array([[1.0], [-1.0]])
     pair = WrenchLayout(pull, [1, 0], Allocation.CLASS_AB, idle, 0.0, 1e5, yields=[1.0])
     (first, second), made = pair.share([net])
@@ -90,9 +88,7 @@ def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
     rig = stages.stage()
     omega, c = 2.0 * np.pi * 130.0, pid_coefficients(rig)
     back = np.exp(-1j * omega * rig.dt)
-    control = (c["b0"] + c["b1"] * back + c["b2"] * back**2) / (
-        1.0 + c["a1"] * back + c["a2"] * back**2
-    )
+    control = (c["b0"] + c["b1"] * back + c["b2"] * back**2) / (1.0 + c["a1"] * back + c["a2"] * back**2)
     gain = control * np.exp(-1.5j * omega * rig.dt) / (10.0 * (1j * omega) ** 2)
     assert abs(gain) == pytest.approx(1.0, rel=5e-3)
     assert 180.0 + np.degrees(np.angle(gain)) - 360.0 * (np.angle(gain) > 0.0) > 35.0
@@ -128,18 +124,16 @@ def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
     own, plain, play = found["full"], found["single-valued"], found["play"]
     for name, reach in (("peak_m", 0.4), ("average_m", 0.2), ("settling_50_s", 0.4)):
         assert own.interval(name).mean <= reach * plain.interval(name).mean, name
-    assert (
-        own.interval("peak_m").mean < play.interval("peak_m").mean < plain.interval("peak_m").mean
-    )
+    assert own.interval("peak_m").mean < play.interval("peak_m").mean < plain.interval("peak_m").mean
 
 
 @pytest.mark.slow
 def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> None:
     def error(format_: str, substeps: int) -> np.ndarray:
         made = stages.setup("full", substeps, format=format_)
-        return track(
-            made, stages.evaluation_set_point(made.rig), stages.study().variants["full"].gains, 1
-        )["error_m"]
+        return track(made, stages.evaluation_set_point(made.rig), stages.study().variants["full"].gains, 1)[
+            "error_m"
+        ]
 
     real = error("f64", 8)
     assert np.abs(error("fixed", 8) - real).max() <= 10e-9
@@ -161,9 +155,7 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
     motion, forward = stages.evaluation_set_point(made.rig), stages.study().variants["full"].gains
 
     def average(drift: Drift) -> float:
-        return measure(
-            track(replace(made, drift=drift), motion, forward, 1), motion, SLIT
-        ).average_m
+        return measure(track(replace(made, drift=drift), motion, forward, 1), motion, SLIT).average_m
 
     right = average(Drift())
     assert average(Drift(gap_offset=2e-6)) > 2.0 * right
@@ -213,9 +205,7 @@ def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
     study = stages.study()
     swapped = dict(study.variants) | {"full": study.variants["single-valued"]}
     found = replace(study, variants=swapped).verdicts["single-valued"]
-    assert found.sentence.startswith(
-        "Not worth it here: alike within the noise: peak 1, moving average 1, "
-    )
+    assert found.sentence.startswith("Not worth it here: alike within the noise: peak 1, moving average 1, ")
     assert "nothing to gain" in limit_texts(replace(study, variants=swapped))[0]
 
 
@@ -253,9 +243,7 @@ def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path)
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.mf4", "run.h5"])
-def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
-    name: str, tmp_path: Path
-) -> None:
+def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(name: str, tmp_path: Path) -> None:
     found = stages.study()
     found.save(tmp_path / name)
     assert (tmp_path / "figures.json").is_file()
@@ -263,9 +251,7 @@ def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
     place = table.source_table.find("error_m")
     place = table.source_table.find("error") if place is None else place
     assert place is not None
-    assert np.array_equal(
-        np.asarray(table.columns[place]), found.variants["full"].recording["error_m"]
-    )
+    assert np.array_equal(np.asarray(table.columns[place]), found.variants["full"].recording["error_m"])
 
 
 @pytest.mark.slow

@@ -36,9 +36,7 @@ def files() -> tuple[str, str]:
         rig = re.sub(rf"^{key} = .*$", f"{key} = {value}", rig, flags=re.MULTILINE)
     controller = (bearings.EXAMPLE / "controller.toml").read_text(encoding="utf-8")
     controller = controller.replace('variant = "full"', 'variant = "linearised"')
-    return rig, controller.replace(
-        'applied = "reference"', 'applied = "reference"\nmodel = "m.toml"'
-    )
+    return rig, controller.replace('applied = "reference"', 'applied = "reference"\nmodel = "m.toml"')
 
 
 @pytest.fixture
@@ -89,9 +87,7 @@ def test_a_tuned_controller_is_written_that_can_be_tuned_again(here: Path) -> No
 
 
 @pytest.mark.slow
-def test_aims_that_cannot_be_met_are_a_negative_result_after_per_cents_of_the_way(
-    here: Path,
-) -> None:
+def test_aims_that_cannot_be_met_are_a_negative_result_after_per_cents_of_the_way(here: Path) -> None:
     given = ("rig.toml", "--out", "tuned", "--budget", 10, "--settling", 1e-3, "--json")
     result = speaking(0.2, "tune", *given, cwd=here)
     assert result.returncode == 1
@@ -110,9 +106,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_after_per_cents_of_the_wa
 
 
 @pytest.mark.slow
-def test_all_variants_are_tuned_alike_and_compared(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_variants_are_tuned_alike_and_compared(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("anhyst_rigs.study.bearing.simulate.COMPARED_VARIANTS", ("ratio", "flux"))
     monkeypatch.chdir(here)
     given = ["tune", "rig.toml", "--out", "tuned", "--budget", "10", "--all-variants"]

@@ -86,14 +86,10 @@ def test_a_loop_is_unstable_where_the_simulated_one_is_lost(part: float, tmp_pat
     for _ in range(30):
         middle = math.sqrt(low * high)
         low, high = (
-            (middle, high)
-            if math.isfinite(at(middle).sensitivity_peak([NOMINAL])[0])
-            else (low, middle)
+            (middle, high) if math.isfinite(at(middle).sensitivity_peak([NOMINAL])[0]) else (low, middle)
         )
     tried = at(part * low)
-    run = piezo.follow_reference(
-        tried.rig, np.minimum(2e-9 * np.arange(20_000.0), 20e-6), loop.inverse
-    )
+    run = piezo.follow_reference(tried.rig, np.minimum(2e-9 * np.arange(20_000.0), 20e-6), loop.inverse)
     assert (run.loss is not None) is (part > 1.0)
     assert (rms(run["error_m"][-2000:]) < 1e-6) is (part < 1.0)
 
@@ -158,15 +154,9 @@ def test_a_tuned_piezo_stage_is_simulated_and_its_plants_do_better(
         inverse = piezo.find_inverses(rig)["full"]
         drawn = [one.plant(rig.settings)[0] for one in CHECK_CONDITIONS]
         wanted = piezo.make_reference(rig)
-        runs = [
-            piezo.follow_reference(rig, wanted, inverse, replace(rig, settings=one))
-            for one in drawn
-        ]
+        runs = [piezo.follow_reference(rig, wanted, inverse, replace(rig, settings=one)) for one in drawn]
         assert all(run.loss is None for run in runs)
         errors.append([rms(run["error_m"][piezo.first_evaluated_tick(rig) :]) for run in runs])
-        assert all(
-            peak_deviation(run["error_m"][piezo.first_evaluated_tick(rig) :]) < 0.5e-6
-            for run in runs
-        )
+        assert all(peak_deviation(run["error_m"][piezo.first_evaluated_tick(rig) :]) < 0.5e-6 for run in runs)
     assert max(errors[1]) < 0.7 * max(errors[0])
     assert np.median(errors[1]) < 0.8 * np.median(errors[0])

@@ -130,14 +130,10 @@ def test_aims_that_no_gains_reach_end_with_the_best_and_what_would_help() -> Non
 
 
 @pytest.mark.slow
-def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = planar()
     few = replace(rig, settings=rig.settings.model_copy(update={"noise_seeds": 2}))
-    several = StageLoop(
-        make_stage(few, bearings.knowledge(), "play"), Feedforward(), max_crossover=250.0
-    )
+    several = StageLoop(make_stage(few, bearings.knowledge(), "play"), Feedforward(), max_crossover=250.0)
     firmer = several.with_gains_at(np.array([0.95, 0.3, 0.5, 0.6]))
     costs = [run_trial(one, (TRAINING,), AIMS).cost for one in (several, firmer)]
     assert costs[1] < 0.7 * costs[0]
@@ -206,9 +202,7 @@ def test_a_tuned_rig_file_is_written_that_is_read_like_any_other(here: Path) -> 
         ({"out": "rig.toml"}, "is-a-file"),
     ],
 )
-def test_bad_input_is_refused_before_any_work(
-    here: Path, given: dict[str, float | str], said: str
-) -> None:
+def test_bad_input_is_refused_before_any_work(here: Path, given: dict[str, float | str], said: str) -> None:
     before = sorted(here.iterdir())
     with refused(said):
         partial(anhyst_rigs.tune, "rig.toml", **{"out": "tuned", **given})()  # type: ignore[arg-type]
@@ -223,9 +217,7 @@ def test_aims_of_a_stage_are_refused_for_a_bearing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_ctrl_c_keeps_the_best_so_far_as_a_rig_file(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_keeps_the_best_so_far_as_a_rig_file(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     attempt = search.GainSearch._evaluate_points
 
     def stop(self: search.GainSearch, *given: object) -> object:
@@ -239,9 +231,7 @@ def test_ctrl_c_keeps_the_best_so_far_as_a_rig_file(
     assert read_stage(here / "tuned" / "rig.toml").settings.tracking.crossover_Hz != 130.0
 
 
-def test_ctrl_c_before_any_gains_writes_nothing(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_before_any_gains_writes_nothing(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(_: object) -> None:
         raise KeyboardInterrupt
 

@@ -18,9 +18,7 @@ from tests.study.small_tuning import HERE, loop, setup
 
 def test_conditions_are_all_gaps_with_two_loads() -> None:
     assert default_conditions(bearings.example()) == tuple(
-        BearingCondition(gap, load)
-        for gap in (0.45e-3, 0.42e-3, 0.48e-3)
-        for load in (150.0, 100.0)
+        BearingCondition(gap, load) for gap in (0.45e-3, 0.42e-3, 0.48e-3) for load in (150.0, 100.0)
     )
 
 
@@ -61,9 +59,7 @@ def test_gains_that_fixed_point_cannot_hold_count_as_lost() -> None:
     assert controller.design is not None
     stiff = controller.design.model_copy(update={"bandwidth_Hz": 6000.0})
     outcome = run_trial(
-        BearingLoop(
-            replace(setup(), controller=controller.model_copy(update={"design": stiff})), HERE
-        ),
+        BearingLoop(replace(setup(), controller=controller.model_copy(update={"design": stiff})), HERE),
         HERE,
         Aims(),
     )

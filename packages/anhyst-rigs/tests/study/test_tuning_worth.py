@@ -26,9 +26,7 @@ def reported(*ones: Any) -> str:
 
 
 def test_a_certain_gain_is_reported_against_the_strongest_baseline_and_flux() -> None:
-    said = reported(
-        tuned("full", 4.0), tuned("ratio", 9.0), tuned("single-valued", 5.0), tuned("flux", 3.9)
-    )
+    said = reported(tuned("full", 4.0), tuned("ratio", 9.0), tuned("single-valued", 5.0), tuned("flux", 3.9))
     assert said == (
         "worth it: 'full' settles in 4.00 ms, the strongest baseline without hysteresis model "
         "('single-valued') in 5.00 ms, 20 % less; measured flux: 3.90 ms"

@@ -50,11 +50,7 @@ def sensed(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what the rig's own sensors say, with their noise."""
     sensors = rig.make_sensors([5], 1.0 / RATE)
-    return (
-        sensors["current"].read(current),
-        sensors["gap"].read(gap),
-        sensors["force"].read(force),
-    )
+    return (sensors["current"].read(current), sensors["gap"].read(gap), sensors["force"].read(force))
 
 
 def cycles(count: int, low: float, high: float) -> FloatArray:
@@ -147,9 +143,7 @@ def test_an_hour_of_noise_is_no_drift(rig: ForceControlRig, model: Model) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("correlation", [0.0, 0.4])
 @pytest.mark.parametrize("shift", [0.0, 4.0])
-def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(
-    correlation: float, shift: float
-) -> None:
+def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(correlation: float, shift: float) -> None:
     rng = np.random.default_rng(3)
     wanted, runs = 300.0, []
     for _ in range(150):

@@ -138,18 +138,12 @@ def test_a_current_that_differs_is_named_with_its_tick(folder: Path, tmp_path: P
     assert "golden vector 7: current 3" in found.first_failure()
 
 
-@pytest.mark.parametrize(
-    "wrong", [7, {}, {"heads": None}, {"free": []}, {"magnets": 0}, {"magnets": 10**9}]
-)
-def test_a_stage_whose_records_have_no_form_is_refused(
-    folder: Path, tmp_path: Path, wrong: object
-) -> None:
+@pytest.mark.parametrize("wrong", [7, {}, {"heads": None}, {"free": []}, {"magnets": 0}, {"magnets": 10**9}])
+def test_a_stage_whose_records_have_no_form_is_refused(folder: Path, tmp_path: Path, wrong: object) -> None:
     place = tmp_path / "out"
     shutil.copytree(folder, place)
     manifest = json.loads((place / "manifest.json").read_text())
-    manifest["stage"] = (
-        {**manifest["stage"], **wrong} if wrong and isinstance(wrong, dict) else wrong
-    )
+    manifest["stage"] = {**manifest["stage"], **wrong} if wrong and isinstance(wrong, dict) else wrong
     manifest["files"]["stage_parameters.h"] = hashlib.sha256(b"").hexdigest()
     (place / "stage_parameters.h").touch()
     (place / "manifest.json").write_text(json.dumps(manifest))
@@ -158,9 +152,7 @@ def test_a_stage_whose_records_have_no_form_is_refused(
 
 
 @pytest.mark.parametrize("which", ["folder", "whole_folder"])
-def test_a_target_on_which_no_stage_runs_is_refused(
-    which: str, request: pytest.FixtureRequest
-) -> None:
+def test_a_target_on_which_no_stage_runs_is_refused(which: str, request: pytest.FixtureRequest) -> None:
     for name in ("avr", "msp430", "cortex-m3-qemu"):
         with refused("target-not-for-this --on"):
             verify(request.getfixturevalue(which), name)

@@ -73,9 +73,7 @@ def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subproce
 
 def shares_said(title: str, message: str) -> list[int]:
     """Return the percentages of the progress lines."""
-    return [
-        int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", message, re.MULTILINE)
-    ]
+    return [int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", message, re.MULTILINE)]
 
 
 def quick(
@@ -110,11 +108,7 @@ def quick(
 def _server() -> subprocess.Popen[str]:
     script = Path(__file__).with_name("warm.py")
     server = subprocess.Popen(
-        [sys.executable, script],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=ENVIRONMENT,
+        [sys.executable, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT
     )
     atexit.register(server.communicate)
     return server

@@ -43,9 +43,7 @@ def inspected(name: str, folder: Path, *options: str) -> dict[str, Any]:
     return found
 
 
-def identified(
-    name: str, folder: Path, *options: str, code: int = 0
-) -> tuple[dict[str, Any], Result]:
+def identified(name: str, folder: Path, *options: str, code: int = 0) -> tuple[dict[str, Any], Result]:
     done = quick("identify", name, "--out", "model.toml", "--json", *options, cwd=folder)
     assert done.returncode == code, done.stderr
     return (json.loads(done.stdout) if done.stdout else {}), done
@@ -60,9 +58,7 @@ def proposal(message: str) -> str:
 @pytest.mark.parametrize(
     ("name", "largest_percent"), [("square_steel_ev0.csv", 2.0), ("two_temperatures.csv", 0.1)]
 )
-def test_identify_fits_what_a_candidate_can_fit(
-    case: Any, name: str, largest_percent: float
-) -> None:
+def test_identify_fits_what_a_candidate_can_fit(case: Any, name: str, largest_percent: float) -> None:
     found, _ = identified(name, case(name))
     assert 100.0 * found["fit"]["rms"] / found["fit"]["largest_output"] < largest_percent
 
@@ -88,9 +84,7 @@ def test_resonance_is_named_and_is_a_negative_result(case: Any) -> None:
 def test_full_scale_is_that_of_identify_and_predict(case: Any) -> None:
     folder = case("displacement_offset.csv")
     found, _ = identified("displacement_offset.csv", folder)
-    done = quick(
-        "predict", "model.toml", "displacement_offset.csv", "--out", "x.csv", "--json", cwd=folder
-    )
+    done = quick("predict", "model.toml", "displacement_offset.csv", "--out", "x.csv", "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
     deviation = json.loads(done.stdout)["deviation"]
     assert deviation["largest"] == pytest.approx(found["fit"]["largest_output"], rel=1e-6)
@@ -199,9 +193,7 @@ def test_overrange_samples_are_left_out_and_counted(case: Any) -> None:
 
 
 def test_settings_beside_the_data_are_named_or_read(case: Any) -> None:
-    done = quick(
-        "inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv")
-    )
+    done = quick("inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv"))
     assert "1200=I_A" not in done.stderr
 
 

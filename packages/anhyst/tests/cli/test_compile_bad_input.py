@@ -36,35 +36,23 @@ def folder(tmp_path: Path) -> Path:
     ("values", "said"),
     [
         pytest.param(
-            {"law": '"jiles-atherton-1986"'},
-            "no-fixed-point-form: 'jiles-atherton-1986'",
-            id="law of 1986",
+            {"law": '"jiles-atherton-1986"'}, "no-fixed-point-form: 'jiles-atherton-1986'", id="law of 1986"
         ),
         pytest.param(
-            {"gap_map": '"free"', "k_A_per_m": "[300.0, 310.0]"},
-            "no-fixed-point-form: 'free'",
-            id="free map",
+            {"gap_map": '"free"', "k_A_per_m": "[300.0, 310.0]"}, "no-fixed-point-form: 'free'", id="free map"
         ),
         pytest.param({"alpha": "0.05"}, "no-fixed-point-form", id="jumps"),
+        pytest.param({"F_N": "[0.0, 5e5]"}, "demand-beyond-saturation flux", id="demand beyond saturation"),
         pytest.param(
-            {"F_N": "[0.0, 5e5]"}, "demand-beyond-saturation flux", id="demand beyond saturation"
+            {"F_N": "[0.0, 1e300]"}, "demand-beyond-saturation flux", id="demand beyond any float of C"
         ),
         pytest.param(
-            {"F_N": "[0.0, 1e300]"},
-            "demand-beyond-saturation flux",
-            id="demand beyond any float of C",
-        ),
-        pytest.param(
-            {"M_s_A_per_m": "1e-300"},
-            "demand-beyond-saturation flux",
-            id="iron without magnetisation",
+            {"M_s_A_per_m": "1e-300"}, "demand-beyond-saturation flux", id="iron without magnetisation"
         ),
         pytest.param({"F_N": "[0.0, 0.0]"}, "range-too-narrow valid", id="no room for a demand"),
         pytest.param({"F_N": "[-5.0, -1.0]"}, "range-too-narrow valid", id="demand below zero"),
         pytest.param({"I_A": "[0.0, 0.0]"}, "range-too-narrow valid", id="no room for a current"),
-        pytest.param(
-            {"gap_m": "[3e-4, 3e-4]"}, "range-too-narrow valid: 0.0003", id="no room for the gap"
-        ),
+        pytest.param({"gap_m": "[3e-4, 3e-4]"}, "range-too-narrow valid: 0.0003", id="no room for the gap"),
         pytest.param(
             {"I_A": "[0.0, 1e300]"},
             "not-computed valid: sample 1; 1.66667e+298",
@@ -83,9 +71,7 @@ def test_a_model_that_cannot_be_compiled(folder: Path, values: dict[str, str], s
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        pytest.param(
-            {"F_0_N": "5000.0"}, "too-large-for-fixed-point: gap_offset; 8.33", id="offset"
-        ),
+        pytest.param({"F_0_N": "5000.0"}, "too-large-for-fixed-point: gap_offset; 8.33", id="offset"),
         pytest.param({"rho": "[0.004, 4e5]"}, "weights-too-uneven current: 23111111", id="arm"),
         pytest.param({"I_0_A": "-3.0"}, "tables-too-steep current: 101", id="field"),
     ],
@@ -105,9 +91,7 @@ def test_a_table_that_would_overflow(folder: Path, values: dict[str, str], said:
         pytest.param({"c": "1.0"}, "no-hysteresis", id="no hysteresis"),
     ],
 )
-def test_a_model_that_no_simplified_law_follows(
-    folder: Path, values: dict[str, str], said: str
-) -> None:
+def test_a_model_that_no_simplified_law_follows(folder: Path, values: dict[str, str], said: str) -> None:
     (folder / "model.toml").write_text(edited(**values))
     refusal = refused(*COMPILE, "--kind", "simplified", cwd=folder)
     assert refusal.startswith("model.toml: ")
@@ -136,17 +120,9 @@ def test_a_model_without_limits(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "culprit", "advice"),
     [
-        (
-            ("--kind", "simplified", "--accuracy", "0.1"),
-            "straight anhysteretic",
-            "compile with --kind full",
-        ),
+        (("--kind", "simplified", "--accuracy", "0.1"), "straight anhysteretic", "compile with --kind full"),
         pytest.param(
-            *(
-                ("--accuracy", "0.001", "--io", "q31"),
-                "tables",
-                "the tables of a block cannot be larger",
-            ),
+            *(("--accuracy", "0.001", "--io", "q31"), "tables", "the tables of a block cannot be larger"),
             marks=pytest.mark.slow,  # also in packages/anhyst/tests/compilation/test_compile.py
         ),
     ],

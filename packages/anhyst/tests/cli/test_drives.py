@@ -37,43 +37,29 @@ def run(folder: Path, content: str, *options: object, verb: str = "predict") -> 
             "column-missing current: drive.csv; H_A_per_m; gap_m; 'I_A'",
             id="wrong quantity",
         ),
+        pytest.param("I_V,gap_m\n0,3e-4\n1,3e-4\n", "bad-header I_V: drive.csv; 'I_A'", id="wrong unit"),
         pytest.param(
-            "I_V,gap_m\n0,3e-4\n1,3e-4\n", "bad-header I_V: drive.csv; 'I_A'", id="wrong unit"
+            "I_A,gap\n0,0.3\n1,0.3\n", "bad-header gap: drive.csv; 'gap_m'; 'gap_mm'", id="gap without a unit"
         ),
         pytest.param(
-            "I_A,gap\n0,0.3\n1,0.3\n",
-            "bad-header gap: drive.csv; 'gap_m'; 'gap_mm'",
-            id="gap without a unit",
+            "I_A,gap_mm\n0,0.3\n1,-0.3\n", "negative-gap gap: drive.csv; line 3; -0.0003 m", id="negative gap"
         ),
         pytest.param(
-            "I_A,gap_mm\n0,0.3\n1,-0.3\n",
-            "negative-gap gap: drive.csv; line 3; -0.0003 m",
-            id="negative gap",
+            "I_A,gap_mm\n0,0.3\nx,0.3\n", "text-in-numbers I_A: drive.csv; line 3; 'x'", id="text in a number"
         ),
-        pytest.param(
-            "I_A,gap_mm\n0,0.3\nx,0.3\n",
-            "text-in-numbers I_A: drive.csv; line 3; 'x'",
-            id="text in a number",
-        ),
-        pytest.param(
-            "I_A,gap_mm\n0,0.3\n1,NaN\n", "not-finite gap_mm: drive.csv; line 3", id="NaN"
-        ),
+        pytest.param("I_A,gap_mm\n0,0.3\n1,NaN\n", "not-finite gap_mm: drive.csv; line 3", id="NaN"),
         pytest.param(
             "I_A,I_mA,gap_m\n0,0,3e-4\n1,0,3e-4\n",
             "column-twice current: drive.csv; 'I_A'; 'I_mA'",
             id="two currents",
         ),
         pytest.param(
-            "I_A,gap_m\n0,3e-4\n1e300,3e-4\n",
-            "not-finite I_A: drive.csv; line 3",
-            id="beyond the tables",
+            "I_A,gap_m\n0,3e-4\n1e300,3e-4\n", "not-finite I_A: drive.csv; line 3", id="beyond the tables"
         ),
         pytest.param("", "empty-file: drive.csv", id="empty"),
         pytest.param("I_A,gap_m\n", "no-data: drive.csv", id="header only"),
         pytest.param(
-            "I_A,gap_m,valid,F_N,F_model_N\n0,3e-4,1,1,1\n",
-            "exists-already F_model_N",
-            id="name taken",
+            "I_A,gap_m,valid,F_N,F_model_N\n0,3e-4,1,1,1\n", "exists-already F_model_N", id="name taken"
         ),
     ],
 )
@@ -102,9 +88,7 @@ def test_a_demand_needs_the_output_of_the_model(folder: Path) -> None:
         (["--columns", "I_A=I_mA"], "units-differ"),
     ],
 )
-def test_options_that_make_no_sense_are_refused(
-    folder: Path, options: list[str], message: str
-) -> None:
+def test_options_that_make_no_sense_are_refused(folder: Path, options: list[str], message: str) -> None:
     assert says(run(folder, table(), *options), message)
 
 
@@ -123,10 +107,7 @@ def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
     (folder / "demand.csv").write_text("F_N,gap_mm\n50,0.3\n-50,0.3\n900,0.3\n50,0.3\n")
     result = quick("invert", "model.toml", "demand.csv", "-o", "out.csv", "--json", cwd=folder)
     assert result.returncode == 0
-    assert (
-        "1 of 4 rows demand an output below that of any drive (first: row 2, -50 N)"
-        in result.stderr
-    )
+    assert "1 of 4 rows demand an output below that of any drive (first: row 2, -50 N)" in result.stderr
     assert "lie outside the valid range of force, 0 to 500 N (first: row 2, -50 N)" in result.stderr
     assert json.loads(result.stdout)["outside"] == 2
     written = np.genfromtxt(folder / "out.csv", delimiter=",", names=True)

@@ -48,9 +48,7 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
     assert "monotone = false" in (tmp_path / "model.toml").read_text()
 
 
-def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(
-    tmp_path: Path,
-) -> None:
+def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(tmp_path: Path) -> None:
     shutil.copy(EXAMPLE / "loops.toml", tmp_path)
     lines = (EXAMPLE / "loops.csv").read_text().splitlines(keepends=True)
     kept = [line for line in lines if line[0] in "#t" or line.split(",")[3] in TWO_GAPS]
@@ -84,10 +82,7 @@ def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
         (["inspect", "none.csv"], "no-such-file: none.csv"),
         (["inspect", "x.csv", "--plot", "x.gif"], "wrong-ending"),
         (["inspect", "x.csv", "--columns", "I_A"], "not-name-value columns: 'I_A'"),
-        (
-            ["inspect", EXAMPLE / "loops.csv", "--clean", "wash"],
-            "unknown-cleaning-step wash",
-        ),
+        (["inspect", EXAMPLE / "loops.csv", "--clean", "wash"], "unknown-cleaning-step wash"),
         (["identify", "x.csv", "--out", "none/m.toml"], "cannot-be-written: none/m.toml"),
     ],
 )

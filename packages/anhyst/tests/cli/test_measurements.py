@@ -75,53 +75,33 @@ def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
         pytest.param("1,2,3\n4,5,6\n", "no-header: loops.csv; line 1", id="no header"),
         pytest.param("I_A\n1\n2\n1\n", "single-column: loops.csv; line 1; 'I_A'", id="one column"),
         pytest.param(
-            table().replace("F_N", "F_stone"),
-            "bad-header F_stone: loops.csv; 'F_N'",
-            id="unknown unit",
+            table().replace("F_N", "F_stone"), "bad-header F_stone: loops.csv; 'F_N'", id="unknown unit"
         ),
         pytest.param(
-            table().replace("F_N", "F_A"),
-            "bad-header F_A: loops.csv",
-            id="unit of another quantity",
+            table().replace("F_N", "F_A"), "bad-header F_A: loops.csv", id="unit of another quantity"
         ),
         pytest.param(table().replace("F_N", "F"), "bad-header F: loops.csv", id="no unit"),
+        pytest.param(table().replace("F_N", "thing"), "column-missing: loops.csv", id="unknown quantity"),
         pytest.param(
-            table().replace("F_N", "thing"), "column-missing: loops.csv", id="unknown quantity"
+            changed(18, 2, "oops"), "text-in-numbers F_N: loops.csv; line 18; 'oops'", id="text in a number"
         ),
-        pytest.param(
-            changed(18, 2, "oops"),
-            "text-in-numbers F_N: loops.csv; line 18; 'oops'",
-            id="text in a number",
-        ),
-        pytest.param(
-            changed(18, 1, ""), "not-finite I_A: loops.csv; line 18; --drop invalid", id="empty"
-        ),
+        pytest.param(changed(18, 1, ""), "not-finite I_A: loops.csv; line 18; --drop invalid", id="empty"),
         pytest.param(changed(18, 2, "NaN"), "not-finite F_N: loops.csv; line 18", id="NaN"),
         pytest.param(changed(18, 1, "-inf"), "not-finite I_A: loops.csv; line 18", id="Inf"),
-        pytest.param(
-            changed(18, 1, "1e99"),
-            "not-finite I_A: loops.csv; line 18",
-            id="overflow of a logger",
-        ),
+        pytest.param(changed(18, 1, "1e99"), "not-finite I_A: loops.csv; line 18", id="overflow of a logger"),
         pytest.param(changed(18, 3, "0.3e-3,7"), "fields-missing: loops.csv; line 18", id="ragged"),
         pytest.param(
-            changed(18, 0, "0.05"),
-            "time-backwards: loops.csv; line 18; 0.05 s; 0.15 s",
-            id="time backwards",
+            changed(18, 0, "0.05"), "time-backwards: loops.csv; line 18; 0.05 s; 0.15 s", id="time backwards"
         ),
         pytest.param(
-            changed(18, 3, "-0.3e-3"),
-            "negative-gap: loops.csv; line 18; -0.0003 m",
-            id="negative gap",
+            changed(18, 3, "-0.3e-3"), "negative-gap: loops.csv; line 18; -0.0003 m", id="negative gap"
         ),
         pytest.param(
             each(lambda row: [row[0], "1.5", *row[2:]]),
             "input-constant 1: loops.csv; 1.5",
             id="constant current",
         ),
-        pytest.param(
-            table([[*row[:2], "0", row[3]] for row in rows(GAPS[:1])]), "no-output", id="no force"
-        ),
+        pytest.param(table([[*row[:2], "0", row[3]] for row in rows(GAPS[:1])]), "no-output", id="no force"),
         pytest.param(
             table().replace("I_A,F_N", "F_N,I_A"), "columns-swapped", id="current and force swapped"
         ),
@@ -130,13 +110,9 @@ def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
             "force-negative",
             id="sign of the force flipped",
         ),
-        pytest.param(
-            table(rows()[:40]), "no-reversal: loops.csv; '1'; 0.3 mm", id="never reverses"
-        ),
+        pytest.param(table(rows()[:40]), "no-reversal: loops.csv; '1'; 0.3 mm", id="never reverses"),
         pytest.param(table(rows()[:2]), "too-few-samples 1: loops.csv", id="two samples"),
-        pytest.param(
-            each(lambda row: ["1", *row[1:]]), "time-stands-still 1", id="time stands still"
-        ),
+        pytest.param(each(lambda row: ["1", *row[1:]]), "time-stands-still 1", id="time stands still"),
         pytest.param(
             each(lambda row: [*row[:3], row[3].replace("e-3", "")]).replace("gap_m", "gap"),
             "bad-header gap: loops.csv; 'gap_m'; 'gap_mm'",
@@ -151,31 +127,17 @@ def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, me
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        pytest.param(
-            np.random.default_rng(1).bytes(50_000),
-            "not-a-text",
-            id="noise",
-        ),
+        pytest.param(np.random.default_rng(1).bytes(50_000), "not-a-text", id="noise"),
         pytest.param(gzip.compress(table().encode()), "not-a-text", id="gzip"),
-        pytest.param(
-            b"PK\x03\x04" + bytes(200),
-            "not-a-text",
-            id="workbook",
-        ),
+        pytest.param(b"PK\x03\x04" + bytes(200), "not-a-text", id="workbook"),
         pytest.param(
             table().encode() + np.random.default_rng(2).bytes(50_000),
             "fields-missing: loops.csv; line 160",
             id="rubbish behind good lines",
         ),
+        pytest.param(b"I_A,F_N\n" + b"1" * 5_000_000, "no-table", id="endless line"),
         pytest.param(
-            b"I_A,F_N\n" + b"1" * 5_000_000,
-            "no-table",
-            id="endless line",
-        ),
-        pytest.param(
-            b"I_A,F_N\n0,0\n" + b"1" * 9_000_000,
-            "line-too-long",
-            id="endless line behind good ones",
+            b"I_A,F_N\n0,0\n" + b"1" * 9_000_000, "line-too-long", id="endless line behind good ones"
         ),
     ],
 )
@@ -215,9 +177,7 @@ def test_millimetres_in_a_column_of_metres_are_warned_of(tmp_path: Path) -> None
     for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "-o", "model.toml", *PLAIN]):
         reported = fitted(quick(*verb, cwd=tmp_path))
         advice = "anhyst: warning: gaps up to 500 mm are very wide for an electromagnet; if the"
-        assert any(
-            text.startswith(advice) and "name the column 'gap_mm'" in text for text in reported
-        )
+        assert any(text.startswith(advice) and "name the column 'gap_mm'" in text for text in reported)
 
 
 def test_gaps_that_are_all_but_the_same_are_warned_of(tmp_path: Path) -> None:
@@ -303,9 +263,7 @@ def test_few_samples_are_warned_of(tmp_path: Path) -> None:
         ("columns = { I = 'I_A' }", "no-such-column I: loops.csv"),
     ],
 )
-def test_a_sidecar_that_makes_no_sense_is_refused(
-    tmp_path: Path, content: str, message: str
-) -> None:
+def test_a_sidecar_that_makes_no_sense_is_refused(tmp_path: Path, content: str, message: str) -> None:
     write(tmp_path, content, "loops.toml")
     assert says(identify(write(tmp_path, table())), message)
 

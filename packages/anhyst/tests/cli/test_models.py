@@ -30,9 +30,7 @@ def edited(key: str, value: str) -> str:
 
 
 def line_of(text: str, beginning: str) -> int:
-    return next(
-        number for number, line in enumerate(text.split("\n"), 1) if line.startswith(beginning)
-    )
+    return next(number for number, line in enumerate(text.split("\n"), 1) if line.startswith(beginning))
 
 
 @pytest.fixture
@@ -60,38 +58,24 @@ def test_the_good_model_is_good(folder: Path) -> None:
     [
         pytest.param("version", "2", "wrong-version version", id="another version"),
         pytest.param("format", '"recipe"', "wrong-format format", id="another format"),
-        pytest.param(
-            "law", '"preisach"', "unknown-choice law: 'effective-field'", id="unknown law"
-        ),
-        pytest.param(
-            "gap_map", '"spline"', "literal-error gap_map: 'none'; 'scaling'", id="unknown map"
-        ),
-        pytest.param(
-            "history", '"virgin"', "unknown-history history: 'virgin'", id="unknown history"
-        ),
+        pytest.param("law", '"preisach"', "unknown-choice law: 'effective-field'", id="unknown law"),
+        pytest.param("gap_map", '"spline"', "literal-error gap_map: 'none'; 'scaling'", id="unknown map"),
+        pytest.param("history", '"virgin"', "unknown-history history: 'virgin'", id="unknown history"),
         pytest.param("k_A_per_m", "nan", "not-a-number parameters.k_A_per_m", id="NaN"),
         pytest.param("M_s_A_per_m", "inf", "not-a-number parameters.M_s_A_per_m", id="Inf"),
         pytest.param(
             "a_A_per_m", "1" + "0" * 400, "not-a-number parameters.a_A_per_m", id="beyond any float"
         ),
-        pytest.param(
-            "k_A_per_m", '"300"', "not-a-number parameters.k_A_per_m", id="text in a number"
-        ),
-        pytest.param(
-            "k_A_per_m", "-300.0", "out-of-range parameters.k_A_per_m: -300", id="negative"
-        ),
+        pytest.param("k_A_per_m", '"300"', "not-a-number parameters.k_A_per_m", id="text in a number"),
+        pytest.param("k_A_per_m", "-300.0", "out-of-range parameters.k_A_per_m: -300", id="negative"),
         pytest.param("c", "1.5", "out-of-range parameters.c: 1.5", id="out of range"),
         pytest.param("alpha", "1.0", "out-of-range parameters.alpha", id="runaway"),
         pytest.param(
             "rho", "[0.004, -0.008]", "out-of-range parameters.rho: -0.008", id="negative at a node"
         ),
         pytest.param("rho", "[0.004]", "length-differs parameters.rho", id="too few values"),
-        pytest.param(
-            "nodes_m", "[0.6e-3, 0.3e-3]", "not-ascending schedule.nodes_m", id="nodes descend"
-        ),
-        pytest.param(
-            "nodes_m", "[0.3e-3, 0.3e-3]", "not-ascending schedule.nodes_m", id="duplicate gaps"
-        ),
+        pytest.param("nodes_m", "[0.6e-3, 0.3e-3]", "not-ascending schedule.nodes_m", id="nodes descend"),
+        pytest.param("nodes_m", "[0.3e-3, 0.3e-3]", "not-ascending schedule.nodes_m", id="duplicate gaps"),
         pytest.param("I_A", "[2.0, 0.0]", "range-reversed valid.I_A", id="empty range"),
     ],
 )
@@ -112,9 +96,7 @@ def test_a_wrong_value_is_reported_with_its_line_and_key(
         pytest.param("\nk_A_per_m", "\nk_Oe", "unit-missing parameters.k_Oe", id="another unit"),
         pytest.param('unit = "A"', 'unit = "mA"', "unit-not-si input.unit: 'mA'", id="not SI"),
         pytest.param('unit = "N"', "", "missing output.unit", id="no unit of the output"),
-        pytest.param(
-            "alpha = ", "alfa = ", "extra-forbidden parameters.alfa: alpha", id="misspelt key"
-        ),
+        pytest.param("alpha = ", "alfa = ", "extra-forbidden parameters.alfa: alpha", id="misspelt key"),
         pytest.param("[valid]", "[walid]", "extra-forbidden walid", id="unknown table"),
         pytest.param("\nk_A_per_m", "\n#", "missing parameters.k_A_per_m", id="missing key"),
         pytest.param("version = 1", "", "wrong-version version", id="no version"),
@@ -136,11 +118,7 @@ def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, message: str)
         pytest.param(GOOD.encode("utf-16"), "not-utf8: model.toml", id="UTF-16"),
         pytest.param(bytes(range(256)) * 9, "not-utf8: model.toml", id="binary"),
         pytest.param(table(), "damaged-toml: model.toml:1:", id="measurements"),
-        pytest.param(
-            "a = " + "[" * 9000,
-            "damaged-toml: model.toml",
-            id="endless brackets",
-        ),
+        pytest.param("a = " + "[" * 9000, "damaged-toml: model.toml", id="endless brackets"),
         pytest.param("a = " + "9" * 9000, "damaged-toml: model.toml", id="endless number"),
     ],
 )

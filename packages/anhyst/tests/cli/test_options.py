@@ -64,9 +64,7 @@ def test_wrong_usage_is_refused(folder: Path, arguments: list[str], message: str
         (["inspect", "loops.csv", "--plot", "loops.gif"], "wrong-ending"),
     ],
 )
-def test_an_option_that_does_not_fit_is_refused(
-    folder: Path, arguments: list[str], message: str
-) -> None:
+def test_an_option_that_does_not_fit_is_refused(folder: Path, arguments: list[str], message: str) -> None:
     assert says(refused(*arguments, cwd=folder), message)
 
 
@@ -83,15 +81,12 @@ def test_what_is_read_is_not_written_over(folder: Path) -> None:
     (folder / "loops.toml").write_text('history = "settled"\n')
     (folder / "link.csv").symlink_to("loops.csv")
     for out in ("loops.csv", "link.csv", "loops.toml", "../" + folder.name + "/loops.csv"):
-        assert says(
-            refused("identify", "loops.csv", "-o", out, cwd=folder), f"writes-over-input: {out}"
-        )
+        assert says(refused("identify", "loops.csv", "-o", out, cwd=folder), f"writes-over-input: {out}")
     for out in ("loops.csv", "model.toml"):
         reported = refused("predict", "model.toml", "loops.csv", "-o", out, cwd=folder)
         assert says(reported, f"writes-over-input: {out}")
     assert says(
-        refused("report", "model.toml", "-o", "model.toml", cwd=folder),
-        "writes-over-input: model.toml",
+        refused("report", "model.toml", "-o", "model.toml", cwd=folder), "writes-over-input: model.toml"
     )
 
 

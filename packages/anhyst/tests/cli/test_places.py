@@ -13,15 +13,7 @@ import pytest
 
 from tests.refusals import says
 
-from .command import (
-    COMMAND,
-    ENVIRONMENT,
-    PATIENCE,
-    contents,
-    quick,
-    refused,
-    said_in_one_line,
-)
+from .command import COMMAND, ENVIRONMENT, PATIENCE, contents, quick, refused, said_in_one_line
 from .records import PLAIN, model, table
 from .warm import as_ordinary_user
 
@@ -156,9 +148,7 @@ def test_a_disk_that_is_really_full_is_reported(folder: Path) -> None:
         [*COMMAND, "predict", "good.toml", "long.csv", "--out", "disk/force.csv", *options],
         read_only=False,
     )
-    assert says(
-        message, "cannot-be-written: disk/force.csv; No space left on device; free some space"
-    )
+    assert says(message, "cannot-be-written: disk/force.csv; No space left on device; free some space")
 
 
 def test_a_read_only_disk_is_reported(folder: Path) -> None:

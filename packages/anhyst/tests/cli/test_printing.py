@@ -14,9 +14,7 @@ from .command import quick, unwrapped
 EXAMPLES = ROOT / "examples"
 
 
-def printed(
-    capsys: pytest.CaptureFixture[str], printer: Printer, *parts: str | TerminalTable
-) -> list[str]:
+def printed(capsys: pytest.CaptureFixture[str], printer: Printer, *parts: str | TerminalTable) -> list[str]:
     printer.print(parts)
     printer.finish()
     return capsys.readouterr().out.splitlines()
@@ -86,9 +84,7 @@ def test_printer_keeps_to_its_lines(count: int, capsys: pytest.CaptureFixture[st
     assert lines == [f"line {n}" for n in range(len(lines))]
 
 
-def test_printer_prints_a_sentence_as_a_whole_or_not_at_all(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_printer_prints_a_sentence_as_a_whole_or_not_at_all(capsys: pytest.CaptureFixture[str]) -> None:
     short = [f"line {n}" for n in range(MAX_LINES - 3)]
     lines = printed(capsys, Printer(), *short, "word " * 60, "after")
     assert lines[:-1] == short

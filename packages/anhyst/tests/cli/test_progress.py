@@ -31,9 +31,7 @@ def test_off_a_terminal_lines_come_on_standard_error_and_json_stays_clean(here: 
     result = speaking(0.1, "identify", "loops.csv", *SHORT, "--json", cwd=here)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["law"]
-    message = [
-        line for line in result.stderr.splitlines() if line.startswith("anhyst: searching: ")
-    ]
+    message = [line for line in result.stderr.splitlines() if line.startswith("anhyst: searching: ")]
     assert message
     shares = shares_said("searching", result.stderr)
     assert len(shares) == len(message)
@@ -103,9 +101,7 @@ def test_the_share_never_falls_and_ends_at_one() -> None:
     assert shares == [0.0, 0.25, 0.25, 1.0, 1.0]
 
 
-@pytest.mark.parametrize(
-    ("seconds", "words"), [(40.0, "40 s"), (300.0, "5 min"), (8000.0, "2 h 13 min")]
-)
+@pytest.mark.parametrize(("seconds", "words"), [(40.0, "40 s"), (300.0, "5 min"), (8000.0, "2 h 13 min")])
 def test_times_are_written_as_people_say_them(seconds: float, words: str) -> None:
     clock = Clock()
     pace = ProgressEstimate(clock)

@@ -57,9 +57,7 @@ def test_identify_and_predict_refer_to_one_full_scale(cases: Path, tmp_path: Pat
     assert apart["of"] == "the range of the displacement (0.0196 m)"
 
 
-def test_voltage_of_a_coil_is_a_lag_and_its_worst_error_is_named(
-    cases: Path, tmp_path: Path
-) -> None:
+def test_voltage_of_a_coil_is_a_lag_and_its_worst_error_is_named(cases: Path, tmp_path: Path) -> None:
     looked = quick("inspect", cases / "voltage.csv", "--json", cwd=tmp_path)
     verdict = json.loads(looked.stdout)["verdict"]
     assert verdict["level"] == "unknown"

@@ -61,8 +61,7 @@ def test_a_folder_that_compile_did_not_write(folder: Path) -> None:
     assert says(refused("verify", "other", cwd=folder), "no-manifest: other")
     assert says(refused("verify", "none", cwd=folder), "no-such-folder: none")
     assert says(
-        refused("verify", "model.toml", cwd=folder),
-        "wrong-kind: model.toml; this is a model; verify",
+        refused("verify", "model.toml", cwd=folder), "wrong-kind: model.toml; this is a model; verify"
     )
 
 
@@ -73,10 +72,7 @@ def test_a_manifest_that_was_edited(folder: Path) -> None:
         ("{", "damaged-manifest: c/manifest.json"),
         (json.dumps({**right, "format": 1}), "damaged-manifest format: c/manifest.json"),
         (json.dumps({**right, "io": "q7"}), "not-verifiable io: c/manifest.json; q7"),
-        (
-            json.dumps({**right, "files": {}}),
-            "damaged-manifest files: c/manifest.json; magnet_parameters.h",
-        ),
+        (json.dumps({**right, "files": {}}), "damaged-manifest files: c/manifest.json; magnet_parameters.h"),
         (
             json.dumps({**right, "files": {**right["files"], "src/compensator/full.c": "0"}}),
             "changed-since: c/src/compensator/full.c",

@@ -56,8 +56,7 @@ def run(request: dict[str, Any]) -> tuple[int, str, str]:
             become(request["arguments"], request["cwd"], out, err)
         _, status = os.waitpid(child, 0)
         printed, message = (
-            os.pread(stream.fileno(), os.fstat(stream.fileno()).st_size, 0).decode()
-            for stream in (out, err)
+            os.pread(stream.fileno(), os.fstat(stream.fileno()).st_size, 0).decode() for stream in (out, err)
         )
     return os.waitstatus_to_exitcode(status), printed, message
 

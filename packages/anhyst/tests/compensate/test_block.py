@@ -19,13 +19,7 @@ from tests.actuators import compiled
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 Words = NDArray[Any]
 
-GAP_TABLES = {
-    "GAP_GAIN": 1,
-    "GAP_OFFSET": -32767,
-    "GAP_BIAS": -32767,
-    "GAP_FLUX_ARM": 0,
-    "GAP_FIELD_ARM": 1,
-}
+GAP_TABLES = {"GAP_GAIN": 1, "GAP_OFFSET": -32767, "GAP_BIAS": -32767, "GAP_FLUX_ARM": 0, "GAP_FIELD_ARM": 1}
 """Smallest entry of each gap table; flux coefficients of the full law may be negative."""
 
 RISING: dict[Kind, dict[str, int]] = {
@@ -150,10 +144,7 @@ def test_words_out_of_range_are_refused_and_those_at_its_ends_taken(kind: Kind) 
 def test_limits_the_wrong_way_round_are_refused(kind: Kind) -> None:
     block = compiled(kind)
     for name in ("DEMAND", "CURRENT"):
-        low, high = (
-            WORD_INDEX_OF_KIND[kind][f"{name}_LOW"],
-            WORD_INDEX_OF_KIND[kind][f"{name}_HIGH"],
-        )
+        low, high = (WORD_INDEX_OF_KIND[kind][f"{name}_LOW"], WORD_INDEX_OF_KIND[kind][f"{name}_HIGH"])
         assert not taken(kind, changed(block, low, int(block.words[high]) + 1))
         assert taken(kind, changed(block, low, int(block.words[high])))
 
@@ -185,9 +176,7 @@ ENDS = [
 
 
 @pytest.mark.parametrize(("kind", "segments", "table"), ENDS)
-def test_more_segments_than_the_block_has_room_for_are_refused(
-    kind: Kind, segments: str, table: str
-) -> None:
+def test_more_segments_than_the_block_has_room_for_are_refused(kind: Kind, segments: str, table: str) -> None:
     block = compiled(kind)
     first = block.words.size - block.tables[table][1]
     words = changed(block, WORD_INDEX_OF_KIND[kind][table], first)

@@ -140,14 +140,10 @@ def demands(name: str, top: float) -> tuple[FloatArray, FloatArray]:
     return top * (0.15 + 0.8 * part), GAPS[0] + span * gap
 
 
-def worst(
-    twin: FixedTwin | RealTwin, oracle: DirectSums, demand: FloatArray, gap: FloatArray
-) -> float:
+def worst(twin: FixedTwin | RealTwin, oracle: DirectSums, demand: FloatArray, gap: FloatArray) -> float:
     current = twin.run(demand, gap)
     free = (current > -0.4 + 1e-3) & (current < 2.0 - 1e-3)
-    force = np.array(
-        [oracle.force(*one) for one in zip(current.tolist(), gap.tolist(), strict=True)]
-    )
+    force = np.array([oracle.force(*one) for one in zip(current.tolist(), gap.tolist(), strict=True)])
     assert free.mean() > 0.8
     return float(np.abs(force - demand)[free].max())
 
@@ -166,9 +162,7 @@ def test_the_force_is_what_was_demanded(name: str, io: str) -> None:
 @pytest.mark.parametrize(
     ("gap_map", "law"), [("circuit", "play-cells"), ("reluctance", "play-cells-langevin")]
 )
-def test_the_same_where_iron_counts_against_the_air_and_on_langevin_curves(
-    gap_map: GapMap, law: str
-) -> None:
+def test_the_same_where_iron_counts_against_the_air_and_on_langevin_curves(gap_map: GapMap, law: str) -> None:
     demand, gap = demands("walk", largest(gap_map, law))
     twin = FixedTwin(block(gap_map, law), "q31")
     found = worst(twin, DirectSums(cells(gap_map, law)), demand, gap)
@@ -279,10 +273,7 @@ def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
     assert abs(memory[1]) < ONE
     memory[2] = 0  # the number of moving cells is unknown: all resting cells are summed
     moving = abs(int(core.memory[2]))
-    sign, r = (
-        (1 if core.memory[2] > 0 else -1),
-        block().table("CELLS_THRESHOLDS").astype(int) * 2**15,
-    )
+    sign, r = ((1 if core.memory[2] > 0 else -1), block().table("CELLS_THRESHOLDS").astype(int) * 2**15)
     for cell in range(1, moving):
         memory[4 + cell] = int(memory[0]) - sign * int(r[cell - 1])
     fresh.set_memory(memory)

@@ -9,25 +9,10 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, Kind, TableSizes
 from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.plan import (
-    difference_after_start_up,
-    find_limits,
-    find_scales,
-    plan_start_up,
-)
+from anhyst.compensate.plan import difference_after_start_up, find_limits, find_scales, plan_start_up
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
-from tests.actuators import (
-    CURRENTS,
-    GAPS,
-    WIDE,
-    compiled,
-    largest_force,
-    magnet,
-    nested,
-    ranges,
-    reversals,
-)
+from tests.actuators import CURRENTS, GAPS, WIDE, compiled, largest_force, magnet, nested, ranges, reversals
 from tests.truths import truth
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
@@ -126,10 +111,7 @@ def test_a_swap_keeps_the_memory_and_goes_on_with_the_other_block(kind: Kind) ->
     here, there = compiled(kind), other_block(kind)
     swapped, fresh = FixedCompensator(kind, here.words), FixedCompensator(kind, there.words)
     demand, gap = wandering()
-    codes, places = (
-        FixedTwin(here).demand_codes(demand),
-        FixedTwin(here).gap_codes(gap, demand.size),
-    )
+    codes, places = (FixedTwin(here).demand_codes(demand), FixedTwin(here).gap_codes(gap, demand.size))
     swapped.run(codes, places, False)
     known = swapped.memory[: 3 if kind == "full" else 2]
     swapped.solve_q31(int(codes[0]), int(places[0]))
@@ -145,10 +127,7 @@ def other_block(kind: Kind) -> Block:
 
 
 def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() -> None:
-    here, there = (
-        compiled("full"),
-        compiled("full", "reluctance", 0.0, TableSizes(curve_segments=5)),
-    )
+    here, there = (compiled("full"), compiled("full", "reluctance", 0.0, TableSizes(curve_segments=5)))
     swapped, fresh = FixedCompensator("full", here.words), FixedCompensator("full", there.words)
     current = swapped.solve_q31(600_000_000, 0)
     swapped.swap(there.words)
@@ -162,12 +141,7 @@ def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() ->
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "reach", "most"),
-    [
-        ("simplified", 1.0, 2**-15),
-        ("euler", 1.0, 2**-15),
-        ("full", 0.2, 2**-15),
-        ("full", 1.0, 4e-4),
-    ],
+    [("simplified", 1.0, 2**-15), ("euler", 1.0, 2**-15), ("full", 0.2, 2**-15), ("full", 1.0, 4e-4)],
 )
 def test_more_is_not_answered_with_less(kind: Kind, reach: float, most: float) -> None:
     """From any state, a larger demand does not reduce the current.
@@ -206,9 +180,7 @@ def test_flags_show_which_limit_was_met() -> None:
     assert twin.flags & 1
     twin.solve(limits.demand[0] - 1.0, GAPS[0])
     assert twin.flags & 1
-    assert (
-        twin.solve(0.999 * limits.demand[1], GAPS[-1]) <= limits.current[1] + scales.current / 2**15
-    )
+    assert twin.solve(0.999 * limits.demand[1], GAPS[-1]) <= limits.current[1] + scales.current / 2**15
     assert twin.flags & ~UNCOMMITTED == 2
     twin.solve(0.5 * HIGH, WIDE)
     assert twin.flags == UNCOMMITTED
@@ -234,9 +206,7 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
     cycles, ramp = 2, 50
     block = compiled(kind)
     if kind == "full":
-        block = build_block(
-            magnet(), "full", scales, limits, conditioning=Conditioning(cycles, ramp)
-        )
+        block = build_block(magnet(), "full", scales, limits, conditioning=Conditioning(cycles, ramp))
     twin = FixedTwin(block)
     core = FixedCompensator(kind, block.words)
     cycles, ramp = block.integer("CONDITION_CYCLES"), block.integer("CONDITION_TICKS")

@@ -74,11 +74,7 @@ def block_words(kind: RealKind, io: RealIo) -> NDArray[Any]:
 
 
 def every_real() -> list[Real]:
-    drives: list[Real] = [
-        of_map(ForceController),
-        of_map(ForceControllerF32),
-        of_flux(0.5, 0.1, 0.2, 0.5),
-    ]
+    drives: list[Real] = [of_map(ForceController), of_map(ForceControllerF32), of_flux(0.5, 0.1, 0.2, 0.5)]
     for kind in KINDS:
         drives += [
             ForceController.compensator(kind, block_words(kind, "f64")),
@@ -118,9 +114,7 @@ def test_a_map_is_straight_between_its_entries(
 
 
 @pytest.mark.parametrize("drive", [ForceController, ForceControllerF32])
-def test_a_map_ends_where_its_table_does(
-    drive: type[ForceController] | type[ForceControllerF32],
-) -> None:
+def test_a_map_ends_where_its_table_does(drive: type[ForceController] | type[ForceControllerF32]) -> None:
     wide = drive.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
     corner = wide.solve(FORCE, GAP_HIGH, NAN)
     assert wide.solve(FORCE, 1.0, NAN) == corner == pytest.approx(3.0)
@@ -297,9 +291,7 @@ def test_conditioning_comes_from_the_compensator_alone() -> None:
     currents = [drive.conditioning(tick) for tick in range(ticks)]
     assert (min(currents), max(currents)) == pytest.approx(CURRENTS, rel=1e-15)
     scale = ranges("reluctance")[0].current / ONE
-    assert [scale * fixed.conditioning(tick) for tick in range(ticks)] == pytest.approx(
-        currents, abs=2e-4
-    )
+    assert [scale * fixed.conditioning(tick) for tick in range(ticks)] == pytest.approx(currents, abs=2e-4)
     for without in (of_map(ForceController), of_flux(0.5, 0.1, 0.2, 0.5), every_fixed()[0]):
         assert without.conditioning_length() == 0
         assert without.conditioning(0) == 0.0

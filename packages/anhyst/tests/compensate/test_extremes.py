@@ -69,17 +69,13 @@ def header(block: Block, law: str, io: RealIo) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["f32", "f64"])
 @pytest.mark.parametrize("law", LAWS)
-def test_any_signal_in_any_order_gives_currents_within_limits(
-    law: str, io: RealIo, tmp_path: Path
-) -> None:
+def test_any_signal_in_any_order_gives_currents_within_limits(law: str, io: RealIo, tmp_path: Path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or not can_sanitize(compiler, tmp_path):
         pytest.skip("a C compiler with sanitizers is not installed")
     block, core = block_of(law, io), core_folder()
     (tmp_path / "block.h").write_text(header(block, law, io), encoding="utf-8")
-    sources = [
-        str(core / "src" / name.replace("_f32", f"_{io}")) for name in KIND_SOURCES_F32[block.kind]
-    ]
+    sources = [str(core / "src" / name.replace("_f32", f"_{io}")) for name in KIND_SOURCES_F32[block.kind]]
     checks = "address,undefined,float-cast-overflow,float-divide-by-zero"
     options = ["-std=c99", "-O1", "-ffp-contract=off", f"-fsanitize={checks}"]
     options += ["-fno-sanitize-recover=all", f"-DANHYST_MEMORIES={block.memory_count}"]

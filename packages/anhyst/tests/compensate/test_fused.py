@@ -43,9 +43,7 @@ def plain(kind: RealKind, single: bool = False) -> tuple[Real, float]:
     return made, block.scales.demand
 
 
-def fused(
-    kind: RealKind, *loop: float, single: bool = False, high: float = 2.0, most: float = 9.0
-) -> Real:
+def fused(kind: RealKind, *loop: float, single: bool = False, high: float = 2.0, most: float = 9.0) -> Real:
     """Return the compensator with a flux loop."""
     made, full = plain(kind, single)
     table = np.tile([0.0, DENSITY], (2, 1))
@@ -77,9 +75,7 @@ def test_a_flux_that_follows_as_expected_leaves_the_currents_of_the_compensator(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(
-    kind: RealKind,
-) -> None:
+def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(kind: RealKind) -> None:
     """The iron gives 10 % less flux than the law."""
     drive, (law, full) = fused(kind, 0.2, 0.1, 0.2, 1.0), plain(kind)
     demand, density = 0.4 * full, 0.0

@@ -65,9 +65,7 @@ def test_play_cells_and_the_simplified_law_follow_a_lag_too() -> None:
     for model, kind in ((late_cells(), "full"), (late_magnet(), "simplified")):
         plan = plan_of(model, "q31", kind)
         slow = worst_error(plan, plan.block, 2.0)
-        followed, still = (
-            worst_error(plan, block, 100.0) for block in (plan.block, plan.static_block)
-        )
+        followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.static_block))
         assert still > slow + 2.0
         assert followed < slow + 0.2 * (still - slow)
 

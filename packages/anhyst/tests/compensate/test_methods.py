@@ -79,13 +79,7 @@ def known() -> tuple[Loops, Model, FluxCalibration]:
             force = model.predict(drive, gap, history="demagnetised").output
             at = np.full(401, gap)
             loops.append(
-                Loop(
-                    f"{low:g} to {high:g}",
-                    drive[-401:],
-                    force[-401:],
-                    at,
-                    history=History("settled"),
-                )
+                Loop(f"{low:g} to {high:g}", drive[-401:], force[-401:], at, history=History("settled"))
             )
         forces.append(force[-401:])
     series = np.concatenate(forces)
@@ -149,9 +143,9 @@ def test_constants_of_a_magnet_that_is_linear_are_its_own() -> None:
             force, gap
         ) == pytest.approx(current, abs=1e-6)
         there = float(lines(np.array(force), POINT.gap))  # a ratio does not depend on the gap
-        assert make_compensator("ratio", Sources(POINT, loops), "f64").solve(
-            force, gap
-        ) == pytest.approx(there, abs=1e-6)
+        assert make_compensator("ratio", Sources(POINT, loops), "f64").solve(force, gap) == pytest.approx(
+            there, abs=1e-6
+        )
     numbers = make_compensator("linearised", Sources(POINT, loops), "f64").parameters.constants
     assert numbers["k_i_N_per_A"] == pytest.approx(1.0 / 0.012, rel=1e-6)
     assert numbers["k_s_N_per_m"] == pytest.approx(800.0 / 0.012, rel=1e-6)
@@ -164,13 +158,9 @@ def test_constants_of_a_magnet_are_its_slopes_at_the_operating_point() -> None:
     per_force = (current(50.1, POINT.gap) - current(49.9, POINT.gap)) / 0.2
     per_gap = (current(50.0, POINT.gap + 1e-6) - current(50.0, POINT.gap - 1e-6)) / 2e-6
     for variant in MAPS[:3:2]:
-        numbers = make_compensator(
-            variant, Sources(POINT, around(roots)), "f64"
-        ).parameters.constants
+        numbers = make_compensator(variant, Sources(POINT, around(roots)), "f64").parameters.constants
         assert numbers["k_i_N_per_A"] == pytest.approx(1.0 / per_force, rel=0.04)
-    numbers = make_compensator(
-        "linearised", Sources(POINT, around(roots)), "f64"
-    ).parameters.constants
+    numbers = make_compensator("linearised", Sources(POINT, around(roots)), "f64").parameters.constants
     assert numbers["k_s_N_per_m"] == pytest.approx(per_gap / per_force, rel=0.04)
     assert per_gap > 0.0  # an opening gap needs more current
 
@@ -356,9 +346,7 @@ def test_what_does_not_fit_is_refused() -> None:
         ({"current_max": 0.0}, "not-above-zero"),
     ],
 )
-def test_an_operating_point_beyond_its_limits_is_refused(
-    changes: dict[str, float], match: str
-) -> None:
+def test_an_operating_point_beyond_its_limits_is_refused(changes: dict[str, float], match: str) -> None:
     with refused(match):
         replace(POINT, **changes)  # type: ignore[arg-type]
 
@@ -372,9 +360,7 @@ def test_an_operating_point_beyond_its_limits_is_refused(
         ({"lag": -1e-6}, "delay-not-above-zero"),
     ],
 )
-def test_a_calibration_that_does_not_hold_together_is_refused(
-    changes: dict[str, object], match: str
-) -> None:
+def test_a_calibration_that_does_not_hold_together_is_refused(changes: dict[str, object], match: str) -> None:
     one = np.array([1.0])
     given: dict[str, object] = {"gap": one, "force": one, "flux_density": one}
     given |= {"delay": 5e-5, "lag": 0.0}

@@ -18,9 +18,7 @@ DEMAND_LIMITED, CURRENT_LIMITED = 1, 2
 
 def block_with(knee: int) -> tuple[FixedTwin, float]:
     """Return a compensator and its full-scale demand."""
-    twin = FixedTwin(
-        compiled("full", sizes=TableSizes(iterations=SIZES.iterations, root_knee=knee))
-    )
+    twin = FixedTwin(compiled("full", sizes=TableSizes(iterations=SIZES.iterations, root_knee=knee)))
     return twin, twin.block.scales.demand
 
 

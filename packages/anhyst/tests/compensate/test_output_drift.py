@@ -56,9 +56,7 @@ def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "force"), [("electromagnet", 87.5), ("bearing", 215.0), ("solenoid", 20.0)]
-)
+@pytest.mark.parametrize(("name", "force"), [("electromagnet", 87.5), ("bearing", 215.0), ("solenoid", 20.0)])
 @pytest.mark.parametrize("swing", [1.0 / 60.0, 1.0 / 6.0])
 def test_a_force_is_held_while_the_gap_vibrates(name: str, force: float, swing: float) -> None:
     """Vibrations of 5 and 50 um of 0.3 mm at 100 Hz: without dead band the error is 2.7 and 3.1 %
@@ -111,9 +109,7 @@ def test_foreign_magnets_are_held_too(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_is_lost_by_ending_where_all_repeats_itself(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_nothing_is_lost_by_ending_where_all_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = plan_of("electromagnet")
     short = measure_drift(plan)
     monkeypatch.setattr(output_drift._CompensatedModel, "has_returned", lambda *_: False)

@@ -40,9 +40,7 @@ def test_block_states_its_kind_and_values_and_is_accepted(number_format: NumberF
     assert words[WORD_INDEX["LENGTH"]] == words.size
     assert words[WORD_INDEX["MODEL"]] == 0x5678
     current = words[int(words[WORD_INDEX["PLAY_CURRENT"]])]
-    assert current == pytest.approx(
-        0.2 * (32768.0 / 4.0 if number_format == "fixed" else 1.0), 1e-2
-    )
+    assert current == pytest.approx(0.2 * (32768.0 / 4.0 if number_format == "fixed" else 1.0), 1e-2)
     kept = np.delete(words, [WORD_INDEX["CRC"], WORD_INDEX["CRC"] + 1])
     crc = zlib.crc32(kept.astype(kept.dtype.newbyteorder("<")).tobytes())
     low, high = (int(word) & 0xFFFF for word in words[WORD_INDEX["CRC"] :][:2])

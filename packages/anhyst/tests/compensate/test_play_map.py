@@ -79,12 +79,8 @@ def walk(ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @pytest.mark.first(2)
-@pytest.mark.parametrize(
-    ("number_format", "bound"), [("f64", 1e-9), ("f32", 2e-6), ("fixed", 1.5 * LAST)]
-)
-def test_every_format_is_the_law_as_it_is_written(
-    number_format: NumberFormat, bound: float
-) -> None:
+@pytest.mark.parametrize(("number_format", "bound"), [("f64", 1e-9), ("f32", 2e-6), ("fixed", 1.5 * LAST)])
+def test_every_format_is_the_law_as_it_is_written(number_format: NumberFormat, bound: float) -> None:
     """Currents and expected forces agree for hundreds of ticks without a reset."""
     drive, oracle, scales = controller(number_format), Oracle(fitted()), fitted().scales
     for force, gap, off in zip(*(row.tolist() for row in walk(200)), strict=True):

@@ -84,9 +84,7 @@ def moving(samples: int) -> FloatArray:
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("play", [0.0, 40.0])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "circuit"])
-def test_full_with_fine_tables_gives_the_demanded_force(
-    gap_map: GapMap, play: float, io: RealIo
-) -> None:
+def test_full_with_fine_tables_gives_the_demanded_force(gap_map: GapMap, play: float, io: RealIo) -> None:
     demand = demanding(largest_force(gap_map, play, GAPS[-1]))
     gap = moving(demand.size)
     drive = RealTwin(real("full", gap_map, play, io=io)).run(demand, gap)
@@ -112,9 +110,7 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
-def test_fixed_point_with_the_same_tables_differs_by_its_rounding(
-    kind: RealKind, gap_map: GapMap
-) -> None:
+def test_fixed_point_with_the_same_tables_differs_by_its_rounding(kind: RealKind, gap_map: GapMap) -> None:
     """The force differs by the 16-bit words of tables and coefficients, and by the last digits of
     root and field."""
     demand = demanding(largest_force(gap_map, 0.0, GAPS[-1]))
@@ -255,9 +251,7 @@ def test_other_parameters_go_on_from_where_the_iron_is() -> None:
     twin._core.swap(other.words)
     assert twin.output == pytest.approx(before, rel=1e-12)
     goal = 0.85 * HIGH
-    assert twin.solve(goal, WIDE) == pytest.approx(
-        RealTwin(one).run([*up, goal], WIDE)[-1], rel=3e-3
-    )
+    assert twin.solve(goal, WIDE) == pytest.approx(RealTwin(one).run([*up, goal], WIDE)[-1], rel=3e-3)
     with pytest.raises(ValueError, match="not valid"):
         twin._core.swap(real("simplified", io="f64").words)
 
@@ -335,9 +329,7 @@ def test_tables_that_fall_or_hold_no_numbers_are_refused(kind: RealKind, wrong: 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_single_flipped_bit_of_a_block_in_single_precision_is_refused(kind: RealKind) -> None:
-    few = TableSizes(
-        gap_segments=0, curve_segments=3, inverse_segments=3, octaves=6, octave_segments=2
-    )
+    few = TableSizes(gap_segments=0, curve_segments=3, inverse_segments=3, octaves=6, octave_segments=2)
     block = real(kind, sizes=few)
     make_real_core(block)
     for at in range(block.words.size):
@@ -393,17 +385,13 @@ int main(void)
 @pytest.mark.first(3)
 @pytest.mark.parametrize("level", ["-O0", "-O3"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_c_that_is_written_out_gives_the_same_bits(
-    kind: RealKind, level: str, tmp_path: Path
-) -> None:
+def test_the_c_that_is_written_out_gives_the_same_bits(kind: RealKind, level: str, tmp_path: Path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("gcc is not installed")
     block = real(kind, sizes=TableSizes())
     core = core_folder()
-    parameters = define_parameters(
-        "magnet", "WORDS", block, SignalUnits("N", "A"), magnet().schedule
-    )
+    parameters = define_parameters("magnet", "WORDS", block, SignalUnits("N", "A"), magnet().schedule)
     source, program = tmp_path / "all.c", tmp_path / "all"
     head = (
         '#include "anhyst/compensator/compensator_f32.h"\n'

@@ -140,9 +140,7 @@ def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
     model = magnet(LAYERS["three and sheets"])
     demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
     gap = np.full(demand.size, 4e-4)
-    late, still = (
-        RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True))
-    )
+    late, still = (RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True)))
     assert late[199] > 1.02 * still[199]
     assert late[-1] == pytest.approx(still[-1], rel=0.02)  # the surface had a larger field
     assert abs(late[-1] - late[-2]) < 1e-9
@@ -151,9 +149,7 @@ def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
 def test_without_diffusion_all_layers_are_the_iron_at_rest() -> None:
     model = magnet(Layers(3, 0.1), gamma=1e-12)
     demand, gap = ramps(4)
-    late, still = (
-        RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True))
-    )
+    late, still = (RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True)))
     assert np.sqrt(np.mean((late - still) ** 2)) < 2e-4 * 6.0
 
 

@@ -39,9 +39,7 @@ SIZES = TableSizes(gap_segments=4, curve_segments=5, cells=10)
 def block(model: Model, *, still: bool = False, rate: float = RATE) -> Block:
     scales = Scales(300.0, 8.0, *GAPS)
     limits = DemandLimits((0.0, TOP), (0.0, 6.0))
-    return build_block(
-        model, "cells", scales, limits, SIZES, Conditioning(1, 100, rate), is_static=still
-    )
+    return build_block(model, "cells", scales, limits, SIZES, Conditioning(1, 100, rate), is_static=still)
 
 
 def refuses(block: Block, word: str, value: int) -> bool:

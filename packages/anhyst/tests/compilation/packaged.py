@@ -63,9 +63,7 @@ def model_file(place: Path, model: Any) -> Path:
 
 def _cells(place: Path) -> Plain:
     request = CompileRequest("full", "q15", 1e4, accuracy=2.0, name="upper_2")
-    return recorded(
-        output, lambda: compile_model(path_of("cells-play-cells"), place / "c", request)
-    )
+    return recorded(output, lambda: compile_model(path_of("cells-play-cells"), place / "c", request))
 
 
 def _single(place: Path) -> Plain:

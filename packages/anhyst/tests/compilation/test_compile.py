@@ -32,16 +32,7 @@ from tests.firmware.build import tool as avr_gcc
 from tests.refusals import refused, says
 from tests.repository import ROOT
 
-WARNINGS = (
-    "-std=c99",
-    "-O2",
-    "-Wall",
-    "-Wextra",
-    "-Wconversion",
-    "-Wpedantic",
-    "-Wshadow",
-    "-Werror",
-)
+WARNINGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
 CASES = tuple(product(("full", "simplified"), ("q15", "q31", "f32")))
 QUICK = {("full", "q15"), ("simplified", "q31"), ("full", "f32")}
 """Every kind and every format once; the other combinations belong to a slow sweep."""
@@ -71,9 +62,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def compiled(folder: Path, request: pytest.FixtureRequest) -> Compiled:
     kind, io = request.param
-    return compile_model(
-        folder / "magnet.toml", folder / f"{kind}-{io}", CompileRequest(kind, io, 1e4)
-    )
+    return compile_model(folder / "magnet.toml", folder / f"{kind}-{io}", CompileRequest(kind, io, 1e4))
 
 
 @cache
@@ -170,9 +159,7 @@ def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
 @pytest.mark.slow
 def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     first = full(folder)
-    again = compile_model(
-        folder / "magnet.toml", tmp_path / "again", CompileRequest("full", "q15", 1e4)
-    )
+    again = compile_model(folder / "magnet.toml", tmp_path / "again", CompileRequest("full", "q15", 1e4))
     assert sorted(again.files) == sorted(first.files)
     for name in first.files:
         assert (again.out / name).read_bytes() == (first.out / name).read_bytes()
@@ -246,10 +233,7 @@ def compiles_alone_on_16_bits(folder: Path) -> None:
         if path.suffix == ".h":
             options.append("-Wno-pedantic")  # this flag requires a declaration in every file
         done = subprocess.run(
-            [avr_gcc("avr-gcc"), *options, *include, str(path)],
-            capture_output=True,
-            text=True,
-            check=False,
+            [avr_gcc("avr-gcc"), *options, *include, str(path)], capture_output=True, text=True, check=False
         )
         assert (done.returncode, done.stderr) == (0, ""), path
 
@@ -265,9 +249,7 @@ def test_the_core_is_shipped_as_it_is(compiled: Compiled) -> None:
     for name in core:
         assert (compiled.out / name).read_bytes() == (core_folder() / name).read_bytes(), name
     others = {"full", "simplified", "euler"} - {kind}
-    laws = {
-        name for name in core if re.search(r"src/compensator/(full|simplified|euler)\w*\.c", name)
-    }
+    laws = {name for name in core if re.search(r"src/compensator/(full|simplified|euler)\w*\.c", name)}
     assert laws
     assert all(f"src/compensator/{kind}" in name for name in laws)
     assert not any(re.search(rf"src/.*({'|'.join(others)})", name) for name in core)
@@ -289,10 +271,7 @@ def test_generated_c_is_formatted_as_the_core_is(folder: Path) -> None:
     for name in ("magnet_parameters.h", "magnet_parameters.c", "main.c", "example/interrupt.c"):
         style = f"--style=file:{ROOT / '.clang-format'}"
         done = subprocess.run(
-            [tool("clang-format"), style, str(out / name)],
-            capture_output=True,
-            text=True,
-            check=False,
+            [tool("clang-format"), style, str(out / name)], capture_output=True, text=True, check=False
         )
         text = (out / name).read_text()
         assert done.stdout == text
@@ -346,14 +325,7 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
         f'int main(void) {{ printf("%zu", sizeof(anhyst_compensator{suffix})); }}\n'
     )
     program = tmp_path / "size"
-    command = [
-        tool("cc"),
-        "-std=c99",
-        f"-I{place}/include",
-        str(tmp_path / "size.c"),
-        "-o",
-        str(program),
-    ]
+    command = [tool("cc"), "-std=c99", f"-I{place}/include", str(tmp_path / "size.c"), "-o", str(program)]
     subprocess.run(command, check=True)
     said = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
     assert said == -(-(manifest["memory"]["state_bytes"] + 4 * 2) // 8) * 8
@@ -362,19 +334,14 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
 @pytest.mark.slow
 def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> None:
     write_model(measured(ring(), -120.0, 120.0), tmp_path / "ring.toml")
-    compiled = compile_model(
-        tmp_path / "ring.toml", tmp_path / "out", CompileRequest("full", "q31", 1e3)
-    )
+    compiled = compile_model(tmp_path / "ring.toml", tmp_path / "out", CompileRequest("full", "q31", 1e3))
     assert compiled.manifest["signals"]["gap"] is None
     assert compiled.plan.block.limits.demand[0] < 0.0
     assert compiled.budget.compiled.worst is not None
     assert compiled.budget.compiled.worst <= compiled.plan.allowance
     program = built(compiled.out, tool("cc"), tmp_path / "example")
     with (compiled.out / "vectors.csv").open() as vectors:
-        assert (
-            subprocess.run([program], stdin=vectors, capture_output=True, check=False).returncode
-            == 0
-        )
+        assert subprocess.run([program], stdin=vectors, capture_output=True, check=False).returncode == 0
 
 
 @pytest.mark.slow
@@ -393,8 +360,7 @@ def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     [
         (CompileRequest("simplified", "q15", 1e4, 0.5), "straight anhysteretic", "--kind full"),
         pytest.param(
-            *(CompileRequest("full", "q31", 1e4, 0.001), "tables", "hold no more"),
-            marks=pytest.mark.slow,
+            *(CompileRequest("full", "q31", 1e4, 0.001), "tables", "hold no more"), marks=pytest.mark.slow
         ),
     ],
 )
@@ -412,10 +378,7 @@ def test_unreachable_accuracy_names_its_cause(
         ({"law": "jiles-atherton-1986"}, "no-fixed-point-form"),
         ({"valid": None}, "no-valid-range valid"),
         ({"parameters": {"alpha": 0.05}}, "no-fixed-point-form"),
-        (
-            {"gap_map": "free", "parameters": {"k": (300.0, 310.0, 320.0)}},
-            "no-fixed-point-form: 'free'",
-        ),
+        ({"gap_map": "free", "parameters": {"k": (300.0, 310.0, 320.0)}}, "no-fixed-point-form: 'free'"),
     ],
 )
 def test_what_cannot_be_compiled_is_reported_in_a_line(

@@ -39,9 +39,7 @@ def test_the_example_builds_without_a_warning_and_gives_the_golden_currents(
     sources = ["main.c", "upper_parameters.c", *map(str, compiled.out.glob("src/*/*.c"))]
     program = tmp_path / "example"
     subprocess.run(
-        [tool("cc"), *WARNINGS, "-Iinclude", "-I.", *sources, "-o", program],
-        cwd=compiled.out,
-        check=True,
+        [tool("cc"), *WARNINGS, "-Iinclude", "-I.", *sources, "-o", program], cwd=compiled.out, check=True
     )
     with (compiled.out / "vectors.csv").open() as vectors:
         run = subprocess.run([program], stdin=vectors, capture_output=True, text=True, check=False)
@@ -64,9 +62,7 @@ def test_the_folder_refuses_a_damaged_block(compiled: CompiledPlay, tmp_path: Pa
     damaged = tmp_path / "upper_parameters.c"
     last = str(int(words[-1]))
     at = table.rindex(last)
-    damaged.write_text(
-        f"{head}*/{table[:at]}{int(words[-1]) ^ 1}{table[at + len(last) :]}", encoding="utf-8"
-    )
+    damaged.write_text(f"{head}*/{table[:at]}{int(words[-1]) ^ 1}{table[at + len(last) :]}", encoding="utf-8")
     program = tmp_path / "example"
     sources = ["main.c", str(damaged), *map(str, compiled.out.glob("src/*/*.c"))]
     command = [tool("cc"), "-std=c99", "-Iinclude", "-I.", *sources, "-o", str(program)]
@@ -97,9 +93,7 @@ def test_every_target_gives_the_bits_of_the_host(
         verify(compiled.out, "cortex-m3-qemu")
 
 
-def test_what_it_says_of_its_accuracy_is_what_the_play_gains(
-    place: Path, compiled: CompiledPlay
-) -> None:
+def test_what_it_says_of_its_accuracy_is_what_the_play_gains(place: Path, compiled: CompiledPlay) -> None:
     play, without = compiled.errors["play"], compiled.errors["single-valued"]
     assert rms(play.major) < 0.3 * rms(without.major)
     assert rms(play.small) < rms(without.small)
@@ -118,10 +112,7 @@ def test_what_it_says_of_its_accuracy_is_what_the_play_gains(
         (["magnet.toml", "--io", "q15"], "option-not-for-this --io"),
         (["magnet.toml", "--io", "q31", "--accuracy", "1"], "option-not-for-this --accuracy"),
         (["ring.toml", "--io", "q31"], "option-not-for-this --kind"),
-        (
-            ["magnet.toml", "--io", "q31", "--controller", "x"],
-            "option-not-for-this --controller",
-        ),
+        (["magnet.toml", "--io", "q31", "--controller", "x"], "option-not-for-this --controller"),
     ],
 )
 def test_what_does_not_fit_is_refused(

@@ -119,16 +119,12 @@ def test_every_example_of_the_drop_in_guide_compiles(folder: Path, tmp_path: Pat
     compiles(folder, source, tool("cc"))
 
 
-def test_the_commands_at_the_head_of_the_example_run_as_printed(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_the_commands_at_the_head_of_the_example_run_as_printed(folder: Path, tmp_path: Path) -> None:
     place = Path(shutil.copytree(folder, tmp_path / "folder"))
     head = (place / "main.c").read_text().split("*/", 2)[1]
     commands = "\n".join(re.findall(r"(?m)^     .*$", head))
     assert "play_vectors <" in commands
-    done = subprocess.run(
-        ["sh", "-ec", commands], cwd=place, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run(["sh", "-ec", commands], cwd=place, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.endswith(" rows, 0 differ\n")
 
@@ -175,9 +171,7 @@ def test_the_interrupt_example_starts_up_and_controls(folder: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("fault", ["gap", "current"])
-def test_the_interrupt_example_switches_off_on_a_fault(
-    folder: Path, tmp_path: Path, fault: str
-) -> None:
+def test_the_interrupt_example_switches_off_on_a_fault(folder: Path, tmp_path: Path, fault: str) -> None:
     """It switches off within 21 ticks of a broken gap sensor or of a current that reads zero."""
     assert run_interrupt(folder, tmp_path, fault) == "off at 32020"
 
@@ -190,9 +184,7 @@ def test_header_states_the_limits_of_the_block(folder: Path) -> None:
     """The header also lists every function with its permitted context."""
     text = (folder / "magnet_parameters.h").read_text(encoding="utf-8")
     for signal in ("DEMAND", "CURRENT", "GAP"):
-        low, high = (
-            re.search(rf"#define MAGNET_{signal}_{end} (\S+)", text) for end in ("MIN", "MAX")
-        )
+        low, high = (re.search(rf"#define MAGNET_{signal}_{end} (\S+)", text) for end in ("MIN", "MAX"))
         assert low is not None
         assert high is not None
         numbers = [float(found[1].strip("()").rstrip("f")) for found in (low, high)]

@@ -18,13 +18,7 @@ import anhyst
 from anhyst.cli.app import main
 from anhyst.cli.docstring import read_docstring
 from anhyst.compilation.manifest import write_folder
-from anhyst.compilation.packages import (
-    PACKAGES,
-    Ecosystem,
-    check_package,
-    license_text,
-    make_package_files,
-)
+from anhyst.compilation.packages import PACKAGES, Ecosystem, check_package, license_text, make_package_files
 from anhyst.verification.bundle import read_bundle
 from tests.actuators import magnet
 from tests.compilation.packaged import Plain, model_file, passed, plain
@@ -34,9 +28,7 @@ from tests.repository import ROOT
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_every_package_has_licence_readme_and_every_c_file(
-    place: Path, package: str, tmp_path: Path
-) -> None:
+def test_every_package_has_licence_readme_and_every_c_file(place: Path, package: str, tmp_path: Path) -> None:
     one = plain(place, "cells")
     folder = one.write(package, tmp_path / "out")
     assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
@@ -46,9 +38,7 @@ def test_every_package_has_licence_readme_and_every_c_file(
     files = {path for path in folder.rglob("*") if path.is_file()}
     written = {path.name for path in files}
     guide = next(path for path in files if path.name == "DROP_IN.md").read_text()
-    assert [
-        name for name in ("anhyst.mk", "anhyst.cmake", "main.c", "example/") if name in guide
-    ] == []
+    assert [name for name in ("anhyst.mk", "anhyst.cmake", "main.c", "example/") if name in guide] == []
     assert "interrupt.c" in written
     for name in one.files:
         if name.startswith(("include/", "src/", "upper_2_")):

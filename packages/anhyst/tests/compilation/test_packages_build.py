@@ -103,9 +103,7 @@ def test_the_cmsis_pack_plays_the_golden_vectors(case: Plain, tmp_path: Path) ->
     assert subprocess.run([spoiled], check=False).returncode == 1
 
 
-def test_the_pack_compiles_with_the_instructions_of_a_cortex_m4(
-    place: Path, tmp_path: Path
-) -> None:
+def test_the_pack_compiles_with_the_instructions_of_a_cortex_m4(place: Path, tmp_path: Path) -> None:
     folder = plain(place, "cells").write("cmsis-pack", tmp_path / "out")
     (file,) = folder.glob("*.pdsc")
     (port,) = ElementTree.parse(file).findall(".//component[@Cvariant='Cortex-M4']")
@@ -171,9 +169,7 @@ def fma_count(source: Path, include: Path, *flags: str) -> int:
 
 
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="looks at instructions of x86-64")
-def test_sources_in_single_precision_fuse_no_products_without_a_flag(
-    place: Path, tmp_path: Path
-) -> None:
+def test_sources_in_single_precision_fuse_no_products_without_a_flag(place: Path, tmp_path: Path) -> None:
     """Arduino passes no flags of a library; the pragma in each source has the same effect."""
     folder = plain(place, "single").write("arduino", tmp_path / "out") / "src"
     source = folder / "compensator" / "compensator_f32.c"
@@ -216,9 +212,7 @@ def both(place: Path, package: str, folder: Path) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize(("package", "part"), [("platformio", "include"), ("arduino", "src")])
-def test_two_libraries_link_as_archives(
-    place: Path, package: str, part: str, tmp_path: Path
-) -> None:
+def test_two_libraries_link_as_archives(place: Path, package: str, part: str, tmp_path: Path) -> None:
     archives: list[Path] = []
     folders = both(place, package, tmp_path)
     for number, folder in enumerate(folders):
@@ -233,9 +227,7 @@ def test_two_libraries_link_as_archives(
     run(built(tmp_path / "turned", [tmp_path / "main.c", *reversed(archives)], include))
 
 
-def test_two_zephyr_modules_share_a_core_of_the_same_version_only(
-    place: Path, tmp_path: Path
-) -> None:
+def test_two_zephyr_modules_share_a_core_of_the_same_version_only(place: Path, tmp_path: Path) -> None:
     modules = both(place, "zephyr", tmp_path)
     (tmp_path / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.20)\n"
@@ -332,9 +324,7 @@ def test_a_crate_reserves_enough_memory_on_32_bits(case: Plain, tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.needs("arduino-builder", "simavr", "avr-gcc")
-def test_the_arduino_builder_and_an_avr_give_the_golden_vectors(
-    place: Path, tmp_path: Path
-) -> None:
+def test_the_arduino_builder_and_an_avr_give_the_golden_vectors(place: Path, tmp_path: Path) -> None:
     folder = plain(place, "cells").write("arduino", tmp_path / "libraries" / "anhyst_upper_2")
     hardware = "/usr/share/arduino/hardware"
     ctags = (

@@ -91,9 +91,7 @@ def test_cmake_files_of_thin_and_solid_iron_build_one_program(
 
 def test_thin_core_before_solid_parameters_does_not_compile(folders: Path, tmp_path: Path) -> None:
     (tmp_path / "main.c").write_text(PROGRAM.format(first="thin", second="solid"), encoding="utf-8")
-    include = [
-        f"-I{folders}/{name}/{part}" for name in ("thin", "solid") for part in ("include", "")
-    ]
+    include = [f"-I{folders}/{name}/{part}" for name in ("thin", "solid") for part in ("include", "")]
     command = [compiler(), "-std=c99", "-fsyntax-only", *include, str(tmp_path / "main.c")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0

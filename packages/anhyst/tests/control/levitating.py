@@ -16,14 +16,7 @@ from anhyst._core import (
     Position,
     PositionF32,
 )
-from anhyst.control import (
-    Levitation,
-    Pidd2,
-    PositionControl,
-    PositionLimits,
-    ReferenceConverter,
-    design,
-)
+from anhyst.control import Levitation, Pidd2, PositionControl, PositionLimits, ReferenceConverter, design
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
@@ -92,9 +85,7 @@ def table() -> FloatArray:
     return np.asarray(np.sqrt(forces / CONSTANT) * gaps[:, None])
 
 
-def make_drive(
-    number_format: NumberFormat,
-) -> ForceController | ForceControllerF32 | FixedForceController:
+def make_drive(number_format: NumberFormat) -> ForceController | ForceControllerF32 | FixedForceController:
     if number_format == "fixed":
         words = np.round(table() / SCALES.current * 2.0**15).clip(max=2**15 - 1)
         return FixedForceController.map(words.astype(np.int16), 0, 2**31 - 1)
@@ -127,9 +118,7 @@ class Rig:
 
     def tick(self, target: float = TARGET, command: int = 0, feed: float = 0.0) -> Tick:
         """Run the controller for a tick, and then the mass."""
-        answer = self.controller.tick(
-            self.hidden(self.gap), target, feed, self.current, command=command
-        )
+        answer = self.controller.tick(self.hidden(self.gap), target, feed, self.current, command=command)
         pull = force(self.current[0], self.gap)
         if self.gap_total is not None:
             pull -= force(self.current[1], self.gap_total - self.gap)

@@ -240,10 +240,7 @@ class Oracle:
     """Oracle of ``anhyst_position_q31``, with one or two magnets."""
 
     def __init__(
-        self,
-        gains: NDArray[np.int32],
-        drives: list[FixedForceController],
-        settings: Mapping[str, float],
+        self, gains: NDArray[np.int32], drives: list[FixedForceController], settings: Mapping[str, float]
     ) -> None:
         self.given, self.drives = settings, drives
         self.pidd2 = Pidd2([int(word) for word in gains])
@@ -270,9 +267,7 @@ class Oracle:
         levitation = self.levitation
         length = max(drive.conditioning_length() for drive in self.drives)
         levitation.tick(sample, self.demand, length, all(i == self.zero for i in self.current))
-        self.flags = 8 * ("implausible" in levitation.events) + 16 * (
-            "refused" in levitation.events
-        )
+        self.flags = 8 * ("implausible" in levitation.events) + 16 * ("refused" in levitation.events)
         for i in range(len(self.drives)):
             factor = self.number(f"gap_mantissa_{i + 1}"), self.number(f"gap_shift_{i + 1}")
             part = limited(2 * product(levitation.position, factor))
@@ -287,13 +282,7 @@ class Oracle:
         if not self.given["measured"]:
             self.commit(self.current)
         reference = levitation.reference if levitation.phase in LEVITATING else levitation.position
-        return (
-            self.current,
-            reference,
-            self.demand,
-            16 * levitation.state + levitation.phase,
-            self.flags,
-        )
+        return (self.current, reference, self.demand, 16 * levitation.state + levitation.phase, self.flags)
 
     def wanted(self, sample: Sample) -> list[int]:
         levitation, release = self.levitation, self.number("release")
@@ -314,9 +303,7 @@ class Oracle:
             first = limited(self.number("bias") + self.demand // 2)
             forces = [first, limited(first - self.demand)]
         found = []
-        for drive, force, gap, flux in zip(
-            self.drives, forces, self.gap, sample.flux, strict=False
-        ):
+        for drive, force, gap, flux in zip(self.drives, forces, self.gap, sample.flux, strict=False):
             found.append(drive.solve(force, gap, flux))
             self.flags |= drive.flags
         return found

@@ -39,11 +39,7 @@ def _push(mass: float, gains: Gains) -> np.ndarray:
     """Return the position of the mass under a constant load, from the equation of motion."""
     total = mass + gains.K_dd
     motion = np.array(
-        [
-            [0.0, 1.0, 0.0],
-            [-gains.K_p / total, -gains.K_d / total, -gains.K_i / total],
-            [1.0, 0.0, 0.0],
-        ]
+        [[0.0, 1.0, 0.0], [-gains.K_p / total, -gains.K_d / total, -gains.K_i / total], [1.0, 0.0, 0.0]]
     )
     system = StateSpace(motion, [[0.0], [1.0 / total], [0.0]], [[1.0, 0.0, 0.0]], [[0.0]])
     return np.asarray(step(system, T=np.linspace(0.0, 0.02, 400))[1])

@@ -87,9 +87,7 @@ def test_fixed_point_answers_as_python_control_says_of_its_words() -> None:
     scales = FullScales(position=0.4e-3, output=1024.0, load=200.0)
     fixed = GAINS.fixed(scales)
     full = (scales.position, scales.position, scales.load)
-    codes = [
-        np.round(row / one * 2**31).astype(int) for row, one in zip(signals(), full, strict=True)
-    ]
+    codes = [np.round(row / one * 2**31).astype(int) for row, one in zip(signals(), full, strict=True)]
     inputs = tuple(row * (one / 2**31) for row, one in zip(codes, full, strict=True))
     transfer = to_control(fixed)
     expected = sum(

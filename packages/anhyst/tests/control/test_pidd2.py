@@ -19,15 +19,7 @@ from tests.refusals import refused
 
 SCALES = FullScales(position=0.5e-3, output=400.0, load=200.0)
 GAINS = Pidd2(
-    rate=10e3,
-    K_p=6e5,
-    K_i=2e7,
-    K_d=900.0,
-    K_dd=0.12,
-    K_load=-0.8,
-    cutoff=1500.0,
-    cutoff_2=1000.0,
-    weight=0.7,
+    rate=10e3, K_p=6e5, K_i=2e7, K_d=900.0, K_dd=0.12, K_load=-0.8, cutoff=1500.0, cutoff_2=1000.0, weight=0.7
 )
 Q28, Q30, Q31 = 2.0**28, 2.0**30, 2.0**31
 LOW, HIGH = -(2**31), 2**31 - 1
@@ -131,8 +123,7 @@ def test_gains_that_do_not_fit_are_refused(change: dict[str, float], text: str) 
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"rate": 0.0}, {"K_i": -1.0}, {"weight": 1.1}, {"cutoff_2": math.nan}, {"low": 2, "high": 1}],
+    "change", [{"rate": 0.0}, {"K_i": -1.0}, {"weight": 1.1}, {"cutoff_2": math.nan}, {"low": 2, "high": 1}]
 )
 def test_gains_without_a_meaning_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(InputError):

@@ -107,18 +107,12 @@ def test_a_dropped_sample_is_bridged(number_format: NumberFormat) -> None:
 
 
 @each_format
-def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(
-    number_format: NumberFormat,
-) -> None:
+def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     last = rig.hover()[-1]
     rig.hidden = lambda _: math.nan
     rows = rig.run(3 + 201 + 2000)
-    assert path(rows) == [
-        (State.RUN, Phase.HOVER),
-        (State.FAULT, Phase.FALL),
-        (State.FAULT, Phase.REST),
-    ]
+    assert path(rows) == [(State.RUN, Phase.HOVER), (State.FAULT, Phase.FALL), (State.FAULT, Phase.REST)]
     assert rig.controller.fault == Fault.POSITION_MISSING
     falls = [row for row in rows if place(row)[1] == Phase.FALL]
     assert len(falls) == 200
@@ -167,9 +161,7 @@ def test_position_that_comes_back_lands(number_format: NumberFormat) -> None:
         (0.345e-3, Fault.POSITION_STEP),
     ],
 )
-def test_what_cannot_be_is_not_believed(
-    number_format: NumberFormat, wrong: float, reason: Fault
-) -> None:
+def test_what_cannot_be_is_not_believed(number_format: NumberFormat, wrong: float, reason: Fault) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     rig.hidden = lambda _: wrong
@@ -335,9 +327,7 @@ def saturate(measured: float | None) -> float:
     `measured`: real current, if the controller uses it.
     """
     control = replace(
-        CONTROL,
-        uses_measured_currents=measured is not None,
-        limits=replace(CONTROL.limits, current_high=2.9),
+        CONTROL, uses_measured_currents=measured is not None, limits=replace(CONTROL.limits, current_high=2.9)
     )
     rig = Rig(make("f64", control))
     rig.hover()

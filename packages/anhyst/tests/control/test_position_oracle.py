@@ -13,17 +13,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.control import PositionControl
 from anhyst.support.states import Command, Phase, State
-from tests.control.levitating import (
-    CONTROL,
-    PAIR,
-    REST,
-    TARGET,
-    Rig,
-    Tick,
-    codes,
-    make_drive,
-    place,
-)
+from tests.control.levitating import CONTROL, PAIR, REST, TARGET, Rig, Tick, codes, make_drive, place
 from tests.control.position_oracle import Oracle, Sample
 
 Q31 = 2.0**31
@@ -118,10 +108,7 @@ def test_a_whole_run(control: PositionControl) -> None:
 @pytest.mark.first(1)
 @pytest.mark.parametrize(
     "seed",
-    [
-        pytest.param(seed, marks=[pytest.mark.slow, pytest.mark.campaign] * (seed > 0))
-        for seed in range(4)
-    ],
+    [pytest.param(seed, marks=[pytest.mark.slow, pytest.mark.campaign] * (seed > 0)) for seed in range(4)],
 )
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_signals_that_make_no_sense(control: PositionControl, seed: int) -> None:

@@ -172,10 +172,7 @@ def test_conditioning_drives_the_sequence_and_makes_ready(number_format: NumberF
     ticks = drive.conditioning_length()
     rows = [controller.tick(REST, TARGET, command=Command.CONDITION)]
     rows += [controller.tick(REST, TARGET) for _ in range(ticks + 250)]
-    assert path(rows) == [
-        (State.IDLE, Phase.CONDITION),
-        (State.READY, Phase.REST),
-    ]
+    assert path(rows) == [(State.IDLE, Phase.CONDITION), (State.READY, Phase.REST)]
     scale = 1.0 if number_format == "f64" else ranges("reluctance")[0].current / 2.0**31
     wanted = [drive.conditioning(i) * scale for i in range(ticks)]
     driven = [row[0] for row in rows[:ticks]]
@@ -203,10 +200,7 @@ def test_without_memory_conditioning_takes_no_time() -> None:
     controller: Any = build("fixed", {})
     for _ in range(30):
         controller.tick(REST, TARGET)
-    assert place(controller.tick(REST, TARGET, command=Command.CONDITION)) == (
-        State.READY,
-        Phase.REST,
-    )
+    assert place(controller.tick(REST, TARGET, command=Command.CONDITION)) == (State.READY, Phase.REST)
 
 
 def test_every_format_has_the_same_levitation() -> None:

@@ -40,9 +40,7 @@ class Export:
 def _rows(sign: str = ",", comma: bool = False, tail: str = "", *, times: bool = True) -> str:
     """Return rows of time, current and force."""
     columns = ((TIMES,) if times else ()) + (CURRENT, FORCE)
-    lines = [
-        sign.join(f"{value:.9e}" for value in row) + tail for row in zip(*columns, strict=True)
-    ]
+    lines = [sign.join(f"{value:.9e}" for value in row) + tail for row in zip(*columns, strict=True)]
     text = "\n".join(lines) + "\n"
     return text.replace(".", ",") if comma else text
 
@@ -56,9 +54,7 @@ CHANNELS = {"CH1": "I_A", "CH2": "F_N"}
 
 def rigol_counter() -> Export:
     """DS1000Z: counter, start and increment in the header."""
-    body = "".join(
-        f"{n},{i:.6e},{f:.6e},,\n" for n, (i, f) in enumerate(zip(CURRENT, FORCE, strict=True))
-    )
+    body = "".join(f"{n},{i:.6e},{f:.6e},,\n" for n, (i, f) in enumerate(zip(CURRENT, FORCE, strict=True)))
     head = _lines("X,CH1,CH2,Start,Increment,", f"Sequence,Volt,Volt,{START:.6e},{STEP:.6e}")
     return Export("rigol.csv", head + body.replace(",,\n", ",\n"), CHANNELS)
 
@@ -100,9 +96,7 @@ def tektronix_block() -> Export:
                   "Horizontal Units,s,,s,", "Sample Interval,1e-3,,1e-3,", "Record Length,300,,300,",
                   "Vertical Units,A,,V,", "Vertical Scale,1,,5,", ",,,,", "Label,coil current,,load cell,",
                   "TIME,CH1,,CH2,")  # fmt: skip
-    body = "".join(
-        f"{t:.9e},{i:.9e},,{f:.9e},\n" for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)
-    )
+    body = "".join(f"{t:.9e},{i:.9e},,{f:.9e},\n" for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True))
     return Export("mso.csv", head + body, CHANNELS)
 
 
@@ -127,8 +121,7 @@ def rohde_schwarz() -> Export:
 def picoscope() -> Export:
     """PicoScope: units in brackets, then a blank line."""
     body = "".join(
-        f"{1e3 * t:.8f},{i:.8f},{1e3 * f:.8f}\n"
-        for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)
+        f"{1e3 * t:.8f},{i:.8f},{1e3 * f:.8f}\n" for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)
     )
     head = "Time,Channel A,Channel B\n(ms),(V),(mV)\n\n"
     return Export("pico.csv", head + body, {"Channel A": "I_A", "Channel B": "F_mN"})
@@ -178,9 +171,7 @@ def dewesoft() -> Export:
 
 def famos() -> Export:
     """Export of imc FAMOS: names, then units, with tab and decimal comma."""
-    return Export(
-        "imc.txt", "Time\tCurrent\tForce\ns\tA\tN\n" + _rows("\t", comma=True), {}, "latin-1"
-    )
+    return Export("imc.txt", "Time\tCurrent\tForce\ns\tA\tN\n" + _rows("\t", comma=True), {}, "latin-1")
 
 
 def comsol() -> Export:
@@ -191,9 +182,7 @@ def comsol() -> Export:
     return Export("comsol.txt", head + _rows("   "), {})
 
 
-def _lvm(
-    sign: str, comma: bool, kind: str, rows: Iterable[str], names: str, segments: str = ""
-) -> str:
+def _lvm(sign: str, comma: bool, kind: str, rows: Iterable[str], names: str, segments: str = "") -> str:
     word, point = {"\t": "Tab", ",": "Comma"}[sign], "," if comma else "."
     head = ["LabVIEW Measurement", "Writer_Version\t2", "Reader_Version\t2", f"Separator\t{word}",
             f"Decimal_Separator\t{point}", "Multi_Headings\tYes", f"X_Columns\t{kind}", "Time_Pref\tRelative",
@@ -220,10 +209,7 @@ def labview_one() -> Export:
 
 def labview_multi() -> Export:
     """LabVIEW with the times of each channel."""
-    rows = [
-        f"{t:.9f}\t{i:.9f}\t{t:.9f}\t{f:.9f}\n"
-        for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)
-    ]
+    rows = [f"{t:.9f}\t{i:.9f}\t{t:.9f}\t{f:.9f}\n" for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)]
     names = "X_Value\tCurrent\tX_Value\tForce\tComment"
     return Export("multi.lvm", _lvm("\t", False, "Multi", rows, names), {})
 
@@ -259,9 +245,7 @@ def names_below_units() -> Export:
 
 def quoted() -> Export:
     """Quoted fields, a comma in a name, a trailing comma."""
-    body = "".join(
-        f'"{t:.9f}","{i:.9f}","{f:.9f}",\n' for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True)
-    )
+    body = "".join(f'"{t:.9f}","{i:.9f}","{f:.9f}",\n' for t, i, f in zip(TIMES, CURRENT, FORCE, strict=True))
     return Export("quoted.csv", '"t (s)","Current (A)","Force (N)",\n' + body, {})
 
 

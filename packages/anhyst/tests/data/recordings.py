@@ -131,17 +131,13 @@ def matlab_73(path: Path) -> Path:
             dataset = group.create_group(name)
             dataset.attrs["MATLAB_class"] = np.bytes_("struct")
             for field in value[0]:
-                refs = [
-                    put(store, f"{name}{field}{n}", one[field]).ref for n, one in enumerate(value)
-                ]
+                refs = [put(store, f"{name}{field}{n}", one[field]).ref for n, one in enumerate(value)]
                 column = np.array(refs, dtype=h5py.ref_dtype)[:, None]
                 dataset.create_dataset(field, data=column)
         else:
             array = np.asarray(value)
             is_logical = array.dtype == bool
-            dataset = group.create_dataset(
-                name, data=(array.astype(np.uint8) if is_logical else array).T
-            )
+            dataset = group.create_dataset(name, data=(array.astype(np.uint8) if is_logical else array).T)
             dataset.attrs["MATLAB_class"] = np.bytes_("logical" if is_logical else "double")
         return dataset
 

@@ -89,10 +89,7 @@ def mat_files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     from scipy.io import savemat
 
     folder = tmp_path_factory.mktemp("mat")
-    savemat(
-        folder / "plain.mat",
-        {"I_A": CURRENT, "F_N": FORCE, "about": {"names": ["a", "bc"], "on": True}},
-    )
+    savemat(folder / "plain.mat", {"I_A": CURRENT, "F_N": FORCE, "about": {"names": ["a", "bc"], "on": True}})
     files = [folder / "plain.mat", recordings.object_in_v5(folder / "object.mat")]
     files += [recordings.with_time(folder / "time.mat")]
     files += [write(folder / "desk.mat", Series("I", "A", CURRENT))]
@@ -170,9 +167,7 @@ def test_times_that_are_none_are_named(tmp_path: Path) -> None:
     WRITERS[".mat"](path, [ChannelGroup("", clock, series)])
     with refused("not-finite: run.mat; sample 8"):
         read_loops(path)
-    slow_channel = ChannelGroup(
-        "b", Series("t", "s", TIMES[::5]), (Series("gap", "mm", CURRENT[::5]),)
-    )
+    slow_channel = ChannelGroup("b", Series("t", "s", TIMES[::5]), (Series("gap", "mm", CURRENT[::5]),))
     WRITERS[".mat"](path, [ChannelGroup("a", clock, series), slow_channel])
     with refused("time-not-rising t: sample 8"):
         read_loops(path)

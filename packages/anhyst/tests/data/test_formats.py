@@ -99,9 +99,7 @@ def test_a_pause_is_not_interpolated_across(tmp_path: Path) -> None:
     path = write(
         tmp_path / "run.mat",
         ChannelGroup("a", Series("t", "s", TIMES), (Series("I", "A", CURRENT),)),
-        ChannelGroup(
-            "b", Series("t", "s", slow_channel), (Series("F", "N", np.cos(slow_channel)),)
-        ),
+        ChannelGroup("b", Series("t", "s", slow_channel), (Series("F", "N", np.cos(slow_channel)),)),
     )
     with refused("gap-in-channel b/F: 0.49; 1.5 s; 101"):
         read_loops(path)
@@ -122,9 +120,7 @@ def test_linear_interpolation_is_exact_where_the_signal_is_straight(tmp_path: Pa
 def test_a_unit_that_contradicts_the_name_is_refused_naming_both(tmp_path: Path) -> None:
     path = write(
         tmp_path / "run.mat",
-        ChannelGroup(
-            "", Series("t", "s", TIMES), (Series("I_mA", "A", CURRENT), Series("F_N", "N", FORCE))
-        ),
+        ChannelGroup("", Series("t", "s", TIMES), (Series("I_mA", "A", CURRENT), Series("F_N", "N", FORCE))),
     )
     with refused("bad-header I_mA"):
         read_loops(path)
@@ -179,9 +175,7 @@ def test_groups_and_clocks_survive_every_format_that_has_them(tmp_path: Path) ->
     slow_channel = np.arange(0.0, 2.0, 0.1)
     parts = (
         ChannelGroup("bench", Series("t", "s", TIMES), (Series("I", "A", CURRENT),)),
-        ChannelGroup(
-            "oven", Series("t", "s", slow_channel), (Series("T", "degC", 20.0 + slow_channel),)
-        ),
+        ChannelGroup("oven", Series("t", "s", slow_channel), (Series("T", "degC", 20.0 + slow_channel),)),
     )
     path = write(tmp_path / "run.mat", *parts)
     expected = read_back(path)
@@ -197,9 +191,7 @@ def test_groups_and_clocks_survive_every_format_that_has_them(tmp_path: Path) ->
             assert np.array_equal(found[name][1], values)
     done = convert(path, tmp_path / "run.csv")
     assert any("CSV cannot store groups: bench, oven" in note for note in done.notes)
-    assert any(
-        "oven/T: interpolated linearly onto the times of bench/I" in note for note in done.notes
-    )
+    assert any("oven/T: interpolated linearly onto the times of bench/I" in note for note in done.notes)
     assert (tmp_path / "run.csv").read_text().startswith("t_s,I_A,T_degC\n0,0,20\n")
 
 
@@ -231,9 +223,7 @@ def test_labview_waveforms_have_the_clock_of_their_properties(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("units", [True, False])
-def test_a_workbook_with_title_merged_header_and_units_is_a_table(
-    units: bool, tmp_path: Path
-) -> None:
+def test_a_workbook_with_title_merged_header_and_units_is_a_table(units: bool, tmp_path: Path) -> None:
     needs(".xlsx")
     rows = list(zip(TIMES.tolist(), CURRENT.tolist(), FORCE.tolist(), strict=True))
     head: list[list[object]] = [["Loop of magnet 3", None, None], [None, None, None]]
@@ -259,17 +249,9 @@ def test_the_message_for_a_missing_package_names_the_extra(
 
 @pytest.mark.parametrize(
     ("version", "name"),
-    [
-        ("2.14", "run.mdf"),
-        ("3.30", "run.dat"),
-        ("4.11", "run.mdf"),
-        ("4.11", "run.csv"),
-        ("4.11", "run"),
-    ],
+    [("2.14", "run.mdf"), ("3.30", "run.dat"), ("4.11", "run.mdf"), ("4.11", "run.csv"), ("4.11", "run")],
 )
-def test_an_mdf_file_is_read_whatever_its_version_and_name(
-    version: str, name: str, tmp_path: Path
-) -> None:
+def test_an_mdf_file_is_read_whatever_its_version_and_name(version: str, name: str, tmp_path: Path) -> None:
     asammdf = pytest.importorskip("asammdf")
     signals = [
         asammdf.Signal(values, TIMES, unit, channel)
@@ -290,18 +272,14 @@ def test_an_mdf_file_is_read_whatever_its_version_and_name(
     [(".csv", "run.mf4"), (".mat", "run.dat"), (".mf4", "run.mat"), (".tdms", "run.txt"),
      (".h5", "run.mat"), (".parquet", "run"), (".xlsx", "run.csv")],
 )  # fmt: skip
-def test_the_content_of_a_file_decides_and_not_its_name(
-    suffix: str, name: str, tmp_path: Path
-) -> None:
+def test_the_content_of_a_file_decides_and_not_its_name(suffix: str, name: str, tmp_path: Path) -> None:
     needs(suffix)
     if suffix == ".xlsx":
         rows = map(list, zip(TIMES.tolist(), CURRENT.tolist(), FORCE.tolist(), strict=True))
         source = workbook(tmp_path / "source.xlsx", [["t_s", "I_A", "F_N"], *rows])
     else:
         series = (Series("I", "A", CURRENT), Series("F", "N", FORCE))
-        source = write(
-            tmp_path / f"source{suffix}", ChannelGroup("", Series("t", "s", TIMES), series)
-        )
+        source = write(tmp_path / f"source{suffix}", ChannelGroup("", Series("t", "s", TIMES), series))
     (measured,) = read_loops(source.rename(tmp_path / name), history="settled").loops
     assert np.array_equal(measured.input, CURRENT)
     assert np.array_equal(measured.output, FORCE)

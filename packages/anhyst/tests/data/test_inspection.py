@@ -20,9 +20,7 @@ from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 
 
-def magnet(
-    gap: float = 3e-4, width: float = 0.06, noise: float = 0.0, *, bipolar: bool = False
-) -> Loop:
+def magnet(gap: float = 3e-4, width: float = 0.06, noise: float = 0.0, *, bipolar: bool = False) -> Loop:
     """Return a settled force-current loop of a magnet: a square law over a play operator."""
     angle = np.linspace(0.0, 6.0 * np.pi, 1500)
     current = 2.0 * np.sin(angle) if bipolar else 1.0 - np.cos(angle)
@@ -121,9 +119,7 @@ def test_swapped_current_and_force_are_refused(*, bipolar: bool) -> None:
 
 
 @pytest.mark.parametrize(("seed", "offset"), [(4, 0.0), (18, 0.0), (3, -0.9)])
-def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(
-    seed: int, offset: float
-) -> None:
+def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(seed: int, offset: float) -> None:
     """In a small loop, remanence, offset and noise can exceed the effect of the current."""
     whole_loop = magnet(noise=0.1)
     small_loop = 0.1 * np.abs(np.sin(np.linspace(0.0, 4.0 * np.pi, 80)))
@@ -138,9 +134,7 @@ def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(
 def test_saturated_and_tared_magnets_are_not_taken_for_swapped() -> None:
     loop = magnet(noise=0.02)
     saturated = 100.0 * np.tanh(2.5 * np.sqrt(np.maximum(loop.output, 0.0) / 40.0)) ** 2
-    assert not any(
-        "swapped" in text for text in inspect(changed(loop, loop.input, saturated)).warnings
-    )
+    assert not any("swapped" in text for text in inspect(changed(loop, loop.input, saturated)).warnings)
     tared = changed(loop, loop.input, loop.output - 12.0)
     assert not any("swapped" in text for text in inspect(tared).warnings)
 
@@ -196,9 +190,7 @@ def test_record_that_never_reverses_is_warned_of() -> None:
 def test_drift_is_warned_of() -> None:
     loop = magnet()
     drifting = loop.output + np.linspace(0.0, 2.0, loop.n)
-    assert any(
-        "drifts by" in text for text in inspect(changed(loop, loop.input, drifting)).warnings
-    )
+    assert any("drifts by" in text for text in inspect(changed(loop, loop.input, drifting)).warnings)
 
 
 def test_monotone_fit_is_the_best_one() -> None:

@@ -84,9 +84,7 @@ def test_channels_on_different_clocks_are_refused(
         read_loops(write(tmp_path, replace(export, text=text)), **export.reading)
 
 
-@pytest.mark.parametrize(
-    "line", ["0.1;1,234;5.5", "0,1;1.234;5,5", "0.1\t1,234.5\t5.5", "0,1;1 234;5,5"]
-)
+@pytest.mark.parametrize("line", ["0.1;1,234;5.5", "0,1;1.234;5,5", "0.1\t1,234.5\t5.5", "0,1;1 234;5,5"])
 def test_separators_of_thousands_are_refused(line: str, tmp_path: Path) -> None:
     sign = "\t" if "\t" in line else ";"
     path = tmp_path / "loop.csv"
@@ -134,9 +132,7 @@ def test_damaged_exports_are_read_or_refused(
         ("mdf4_named.mdf", {"I": "I_A", "F": "F_N"}),
     ],
 )
-def test_files_of_real_loggers_hold_the_same_loop(
-    name: str, columns: dict[str, str], cases: Path
-) -> None:
+def test_files_of_real_loggers_hold_the_same_loop(name: str, columns: dict[str, str], cases: Path) -> None:
     path = cases / name
     scale = dict.fromkeys(columns, 1.0)
     (loop,) = read_loops(path, columns=columns, scale=scale, history="settled").loops
@@ -151,10 +147,7 @@ def test_files_of_real_loggers_hold_the_same_loop(
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        (
-            "scope_overrange.csv",
-            "not-finite Channel A: line 194; 21 of 1200 samples; --drop invalid",
-        ),
+        ("scope_overrange.csv", "not-finite Channel A: line 194; 21 of 1200 samples; --drop invalid"),
         ("invalid_samples.mf4", "not-finite I: sample 301; 25 of 1200 samples; --drop invalid"),
     ],
 )

@@ -49,8 +49,7 @@ def test_team32_loops_are_reported_apart_by_their_peak(measurements: Path) -> No
 
 def test_core_gaps_are_a_family_over_the_gap(measurements: Path) -> None:
     loops = read_loops(
-        measurements / "ferrite_core_gaps/loops_by_gap.csv",
-        columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"},
+        measurements / "ferrite_core_gaps/loops_by_gap.csv", columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"}
     )
     assert loops.schedule_values == (0.0, 0.000125, 0.0005)
     assert [loop.n for loop in loops.loops] == [158, 157, 261]
@@ -70,9 +69,7 @@ def test_gadolinium_takes_its_temperature_from_the_file_name(measurements: Path)
     assert len(loops) == 18
     major = [loop for loop in loops.loops if loop.label == "major"]
     assert {str(loop.history) for loop in major} == {"demagnetised"}
-    saturation = [
-        float(loop.output.max()) for loop in sorted(major, key=lambda lo: lo.schedule_value or 0)
-    ]
+    saturation = [float(loop.output.max()) for loop in sorted(major, key=lambda lo: lo.schedule_value or 0)]
     assert saturation == sorted(saturation, reverse=True)
     cleaned = clean(loops, ["dedupe", "spikes", "thin"])
     assert all(loop.n <= 4000 for loop in cleaned.loops)
@@ -80,9 +77,7 @@ def test_gadolinium_takes_its_temperature_from_the_file_name(measurements: Path)
 
 
 def test_piezo_stack_is_read_and_its_lag_is_seen(measurements: Path) -> None:
-    loops = read_loops(
-        measurements / "piezo_flexure/model_run.csv", columns={"V_in": "u_V", "y_um": "x_um"}
-    )
+    loops = read_loops(measurements / "piezo_flexure/model_run.csv", columns={"V_in": "u_V", "y_um": "x_um"})
     assert (loops.input.name, loops.output.name) == ("voltage", "displacement")
     assert loops.loops[0].n == 8027
     found = inspect(loops)

@@ -56,9 +56,7 @@ def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
     assert "'CH2 (mV)': its sign is reversed" in notes
     texts = {name.removeprefix("read_"): str(v) for name, v in options.as_settings().items()}
     assert ReadOptions.from_text(**texts) == options
-    read_again = read_loops(
-        path, columns=options.columns, scale={"CH1 (V)": 10, "force": 50}, flip=["force"]
-    )
+    read_again = read_loops(path, columns=options.columns, scale={"CH1 (V)": 10, "force": 50}, flip=["force"])
     assert np.array_equal(read_again.loops[0].output, loops.loops[0].output)
     sidecar = path.with_suffix(".toml")
     sidecar.write_text(
@@ -171,17 +169,13 @@ def noisy_gap(gap: FloatArray, scatter: float) -> FloatArray:
 
 @pytest.mark.parametrize("scatter", [1e-6, 3e-6, 6e-6])
 @pytest.mark.parametrize("gaps", [[5e-4], [5e-4, 8e-4, 1.2e-3], [9e-4, 7e-4]])
-def test_plateaus_of_a_noisy_gap_are_gaps(
-    tmp_path: Path, gaps: list[float], scatter: float
-) -> None:
+def test_plateaus_of_a_noisy_gap_are_gaps(tmp_path: Path, gaps: list[float], scatter: float) -> None:
     current = np.tile(cycles(), len(gaps))
     gap = np.repeat(gaps, PHASE.size)
     force = np.concatenate([force_of(cycles(), one) for one in gaps])
     time = 1e-3 * np.arange(gap.size, dtype=np.float64)
     header = "t_s,I_A,F_N,gap_m"
-    loops = read_loops(
-        write(tmp_path / "a.csv", header, time, current, force, noisy_gap(gap, scatter))
-    )
+    loops = read_loops(write(tmp_path / "a.csv", header, time, current, force, noisy_gap(gap, scatter)))
     assert loops.schedule_values == pytest.approx(sorted(gaps), abs=0.2 * scatter)
     assert len(loops) == len(gaps)
     assert sum(loop.n for loop in loops.loops) == gap.size
@@ -208,9 +202,9 @@ def test_cases_are_read_right(cases: Path) -> None:
     assert "9.80665" in kg.notes[0]
     comma = read_loops(cases / "comma_in_header.csv")
     assert comma.loops[0].output.max() == pytest.approx(18.33, rel=1e-3)
-    mapped = ReadOptions.from_text(
-        columns='"Current, coil (A)"=I_A,"Force, z component (N)"=F_N'
-    ).read([cases / "comma_in_header.csv"])
+    mapped = ReadOptions.from_text(columns='"Current, coil (A)"=I_A,"Force, z component (N)"=F_N').read(
+        [cases / "comma_in_header.csv"]
+    )
     assert mapped.loops[0].output.max() == comma.loops[0].output.max()
 
 
@@ -221,9 +215,7 @@ def test_cases_that_are_questions_propose_input_and_output(cases: Path) -> None:
         read_loops(cases / "scope_metadata_beside_data.csv")
     with refused('column-missing: --columns "yout_1=I_A,yout_2=F_N"'):
         read_loops(cases / "tout_yout.mat")
-    (simulink,) = read_loops(
-        cases / "tout_yout.mat", columns={"yout_1": "I_A", "yout_2": "F_N"}
-    ).loops
+    (simulink,) = read_loops(cases / "tout_yout.mat", columns={"yout_1": "I_A", "yout_2": "F_N"}).loops
     assert simulink.time is not None
     assert simulink.time[-1] == pytest.approx(1.199)
     channels = {"Channel A": "I_A", "Channel B": "F_N"}
@@ -232,8 +224,6 @@ def test_cases_that_are_questions_propose_input_and_output(cases: Path) -> None:
     with refused("not-finite Channel A: line 194; 21 of 1200; --drop invalid"):
         read_loops(path, columns=channels, scale=scale)
     assert read_loops(path, columns=channels, scale=scale, drop="invalid").loops[0].n == 1179
-    with_marks = read_loops(
-        cases / "invalid_samples.mf4", columns={"I": "I_A", "F": "F_N"}, drop="invalid"
-    )
+    with_marks = read_loops(cases / "invalid_samples.mf4", columns={"I": "I_A", "F": "F_N"}, drop="invalid")
     assert with_marks.loops[0].n == 1175
     assert "25 of 1200 samples left out" in with_marks.notes[0]

@@ -160,13 +160,7 @@ def test_word_of_another_unit_is_doubted(tmp_path: Path) -> None:
 
 
 def test_names_with_commas_quotes_and_equals_signs_are_kept_by_the_provenance() -> None:
-    columns = {
-        "Current, coil (A)": "I_A",
-        'F "z", N': "F_N",
-        "a=b": "t_s",
-        '"q"': "",
-        'x "y"': "x_m",
-    }
+    columns = {"Current, coil (A)": "I_A", 'F "z", N': "F_N", "a=b": "t_s", '"q"': "", 'x "y"': "x_m"}
     options = ReadOptions(columns=columns, flip=("F, z",), scale={"a, b": "2"})
     texts = {name.removeprefix("read_"): str(v) for name, v in options.as_settings().items()}
     assert ReadOptions.from_text(**texts) == options

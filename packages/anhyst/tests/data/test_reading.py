@@ -31,9 +31,7 @@ def file_of(folder: Path, name: str, header: str, *blocks: list[str]) -> Path:
 
 
 def test_gaps_in_one_file_become_loops_of_their_own(tmp_path: Path) -> None:
-    path = file_of(
-        tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4), rows_of(20, 0.3), rows_of(5, 0.6)
-    )
+    path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4), rows_of(20, 0.3), rows_of(5, 0.6))
     loops = read_loops(path)
     assert loops.schedule_values == (0.0003, 0.0004, 0.0006)
     assert [loop.schedule_value for loop in loops.loops] == [0.0004, 0.0003, 0.0006]
@@ -49,9 +47,7 @@ def test_gaps_in_one_file_become_loops_of_their_own(tmp_path: Path) -> None:
 
 
 def test_labels_tell_loops_of_one_gap_apart(tmp_path: Path) -> None:
-    path = file_of(
-        tmp_path, "a.csv", "I_A,F_N,gap_mm,loop", rows_of(10, 0.4, "outer"), rows_of(9, 0.4, "in")
-    )
+    path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm,loop", rows_of(10, 0.4, "outer"), rows_of(9, 0.4, "in"))
     loops = read_loops(path)
     assert [loop.label for loop in loops.loops] == ["outer", "in"]
     assert loops.schedule_values == (0.0004,)
@@ -59,9 +55,7 @@ def test_labels_tell_loops_of_one_gap_apart(tmp_path: Path) -> None:
 
 def test_several_files_join(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
-    two = file_of(
-        tmp_path, "b.csv", "I_A;F_N;gap_m", [r.replace(",", ";") for r in rows_of(9, 5e-4)]
-    )
+    two = file_of(tmp_path, "b.csv", "I_A;F_N;gap_m", [r.replace(",", ";") for r in rows_of(9, 5e-4)])
     loops = read_loops([one, two])
     assert loops.schedule_values == (0.0004, 0.0005)
     assert [Path(source.path).name for source in loops.sources] == ["a.csv", "b.csv"]
@@ -286,9 +280,7 @@ def test_bad_sidecar_is_named_with_its_key(tmp_path: Path, content: str, words: 
         ("I_A,F_N,F_kN", ["1,2,3"] * 4, "column-twice force: 'F_N'; 'F_kN'"),
     ],
 )
-def test_bad_files_are_reported_in_one_line(
-    tmp_path: Path, header: str, rows: list[str], words: str
-) -> None:
+def test_bad_files_are_reported_in_one_line(tmp_path: Path, header: str, rows: list[str], words: str) -> None:
     path = file_of(tmp_path, "bad.csv", header, rows)
     with refused(words) as caught:
         read_loops(path)
@@ -306,9 +298,7 @@ def test_record_that_never_reverses_is_flagged_and_refused_when_it_matters(tmp_p
 
 
 def test_frames_follow_the_same_rules() -> None:
-    frame = pd.DataFrame(
-        {"I [mA]": UP_AND_BACK * 2, "F_N": np.arange(26.0), "loop": ["a"] * 13 + ["b"] * 13}
-    )
+    frame = pd.DataFrame({"I [mA]": UP_AND_BACK * 2, "F_N": np.arange(26.0), "loop": ["a"] * 13 + ["b"] * 13})
     loops = read_loops(frame, constants={"gap_mm": 0.3}, history="settled")
     assert [loop.label for loop in loops.loops] == ["a", "b"]
     assert loops.loops[0].input.max() == 2e-3

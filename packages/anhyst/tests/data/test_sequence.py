@@ -77,19 +77,14 @@ def test_nothing_is_taken_to_have_been_before_where_the_order_does_not_show_it(c
         measured[1] = replace(measured[1], history=History("conditioned", (0.0, 3.0, 0.0)))
     else:
         times = [loop.time for loop in measured]
-        measured = [
-            replace(one, time=at) for one, at in zip(measured, reversed(times), strict=True)
-        ]
+        measured = [replace(one, time=at) for one, at in zip(measured, reversed(times), strict=True)]
     assert add_earlier_loops(measured) == measured
 
 
 def test_what_was_before_a_settled_loop_counts_for_an_iron_that_remembers_it() -> None:
     drive = np.concatenate([np.linspace(0.0, 1.2, 60), np.linspace(1.2, 0.0, 60)])
     inside = History("settled", (0.0, 3.0, 0.0))
-    numbers = {
-        "play-cells": NUMBERS,
-        "effective-field": {"M_s": 4e5, "a": 40.0, "k": 20.0, "c": 0.2},
-    }
+    numbers = {"play-cells": NUMBERS, "effective-field": {"M_s": 4e5, "a": 40.0, "k": 20.0, "c": 0.2}}
     apart = {}
     for law, iron in numbers.items():
         quantities = QUANTITIES["current"], QUANTITIES["force"]

@@ -73,10 +73,7 @@ def test_unit_is_read_wherever_the_header_shows_it(
         ("Speisung Netzstrom [A];Haltekraft [N];I_Spule [A]", ('"I_Spule [A]=I_A"',)),
         ("I [A];Kraftgrenze [N];DMS 2 [N]", ('"DMS 2 [N]=F_N"',)),
         ("Vorgabe Strom [mA];F [N]", ("if 'Vorgabe Strom [mA]' can", "=I_mA")),
-        (
-            "Strom [A];F [N];Ch 4 [A]",
-            ("which one is the current", '"Strom [A]=I_A"', '"Ch 4 [A]=I_A"'),
-        ),
+        ("Strom [A];F [N];Ch 4 [A]", ("which one is the current", '"Strom [A]=I_A"', '"Ch 4 [A]=I_A"')),
         ("I [A];Fa [N];Fb [N];Fc [N]", ("which one", "Fa [N]=F_N", "Fb [N]=F_N", "Fc [N]=F_N")),
         ("5*I [A];F [N]", ("formula", '--scale "5*I [A]=0.2"')),
         ("I [A];F [N] / 4", ("formula", '--scale "F [N] / 4=4"')),
@@ -91,9 +88,7 @@ def test_unit_is_read_wherever_the_header_shows_it(
         ("current;force;gap", ("none either", '"current=I_A,force=F_N,gap=gap_mm"')),
     ],
 )
-def test_doubtful_header_is_a_question(
-    tmp_path: Path, header: str, message: tuple[str, ...]
-) -> None:
+def test_doubtful_header_is_a_question(tmp_path: Path, header: str, message: tuple[str, ...]) -> None:
     path = table(tmp_path / "a.csv", header)
     with pytest.raises(InputError) as caught:
         read_loops(path)
@@ -109,8 +104,7 @@ def test_doubtful_header_is_a_question(
 
 
 @pytest.mark.parametrize(
-    "header",
-    ["I [A];J [T]", "H [A/m];mu0M [T]", "I [A];Q [nC]", "U [V];M [emu/cm3]", "I [A];Moment/Nm"],
+    "header", ["I [A];J [T]", "H [A/m];mu0M [T]", "I [A];Q [nC]", "U [V];M [emu/cm3]", "I [A];Moment/Nm"]
 )
 def test_nothing_is_proposed_across_dimensions(tmp_path: Path, header: str) -> None:
     with pytest.raises(InputError) as caught:
@@ -119,8 +113,7 @@ def test_nothing_is_proposed_across_dimensions(tmp_path: Path, header: str) -> N
 
 
 @pytest.mark.parametrize(
-    "header",
-    ["Kraft/Force [N]", "Flux density [T]", "Spulenstrom oben [A]", "Time 2 - slow rate [s]"],
+    "header", ["Kraft/Force [N]", "Flux density [T]", "Spulenstrom oben [A]", "Time 2 - slow rate [s]"]
 )
 def test_bilingual_and_longer_names_are_still_read(header: str) -> None:
     assert parse_header(header).is_from_words or parse_header(header).is_known

@@ -37,9 +37,7 @@ def rows(gap_mm: float = 0.4, sign: str = ";", label: str = "") -> list[str]:
 
 
 def text(*lines: str | Sequence[str]) -> str:
-    return "".join(
-        f"{row}\n" for line in lines for row in ([line] if isinstance(line, str) else line)
-    )
+    return "".join(f"{row}\n" for line in lines for row in ([line] if isinstance(line, str) else line))
 
 
 def marked(mark: float | str, column: int, at: Sequence[int] = (20, 21)) -> str:

@@ -106,9 +106,7 @@ def test_text_is_read_in_every_usual_encoding(tmp_path: Path, encoding: str) -> 
         (GOOD.encode() + b"1,1\n" * 2000 + b"\x00\x01\xff,3\n", "text-in-numbers I_A: line 2005"),
     ],
 )
-def test_faults_are_one_line_with_file_and_line(
-    tmp_path: Path, content: str | bytes, words: str
-) -> None:
+def test_faults_are_one_line_with_file_and_line(tmp_path: Path, content: str | bytes, words: str) -> None:
     path = file_of(tmp_path, content)
     with refused(words) as caught:
         read_columns(path).require("force", "F_N")
@@ -176,9 +174,7 @@ def test_columns_are_mapped(tmp_path: Path) -> None:
         ({"raw": "gap"}, "bad-header: 'gap_m'"),
     ],
 )
-def test_mappings_that_make_no_sense_are_refused(
-    tmp_path: Path, mapping: dict[str, str], words: str
-) -> None:
+def test_mappings_that_make_no_sense_are_refused(tmp_path: Path, mapping: dict[str, str], words: str) -> None:
     path = file_of(tmp_path, "U_M_V,raw,y_um\n1,2,3\n")
     with refused(words):
         read_columns(path, mapping)
@@ -221,9 +217,7 @@ def long_table(folder: Path, rows: int, *, fault: int | None = None) -> Path:
 def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
     path = long_table(tmp_path, 200_000)
     progress_calls: list[tuple[float, float]] = []
-    table = read_columns(
-        path, {"tag": ""}, progress=lambda done, size: progress_calls.append((done, size))
-    )
+    table = read_columns(path, {"tag": ""}, progress=lambda done, size: progress_calls.append((done, size)))
     size = path.stat().st_size
     assert len(progress_calls) >= 2
     assert progress_calls[-1] == (size, size)

@@ -124,9 +124,7 @@ def test_offset_of_the_input_is_within_its_interval(noise_A: float) -> None:
     covered, offsets = 0, []
     for seed in range(200):
         rng = np.random.default_rng(seed)
-        ramp = np.interp(
-            np.arange(1200), [0, 200, 400, 600, 800, 1000, 1200], [0, 2, 0, 2, 0, 2, 0]
-        )
+        ramp = np.interp(np.arange(1200), [0, 200, 400, 600, 800, 1000, 1200], [0, 2, 0, 2, 0, 2, 0])
         loops = tuple(
             Loop(
                 "1",
@@ -166,9 +164,7 @@ def test_record_is_cut_at_a_missing_stretch() -> None:
     whole_loop = loops.loops[0]
     assert whole_loop.time is not None
     is_kept = (whole_loop.time < 2.5) | (whole_loop.time > 3.1)
-    holed = Loop(
-        "1", whole_loop.input[is_kept], whole_loop.output[is_kept], None, whole_loop.time[is_kept]
-    )
+    holed = Loop("1", whole_loop.input[is_kept], whole_loop.output[is_kept], None, whole_loop.time[is_kept])
     (hole,) = find_holes(holed.time)
     assert hole.time_s == pytest.approx(2.5, abs=1e-3)
     assert hole.duration_s == pytest.approx(0.6, abs=2e-3)

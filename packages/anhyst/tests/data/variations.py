@@ -182,10 +182,7 @@ def _write_table(variation: Variation, columns: dict[str, Array], path: Path) ->
         headers.append(_header(variation.header, words[name], units[name]))
         unit_row.append(units[name])
     body = [
-        [
-            _number(variation, name, units[name], row, value)
-            for row, value in enumerate(columns[name])
-        ]
+        [_number(variation, name, units[name], row, value) for row, value in enumerate(columns[name])]
         for name in names
     ]
     if variation.trouble.name == "extra columns":

@@ -54,9 +54,7 @@ class PreisachIron:
         share = (1.0 - steel.reversible_fraction) / steel.relays
         self._pinning = np.concatenate(([0.0], pinned))
         self._bias = steel.bias + steel.bias_by_pinning * self._pinning
-        self._weights = (
-            steel.saturation * np.r_[steel.reversible_fraction, np.full(pinned.size, share)]
-        )
+        self._weights = steel.saturation * np.r_[steel.reversible_fraction, np.full(pinned.size, share)]
         self._plays = np.zeros(pinned.size + 1)
         self._field = 0.0
 

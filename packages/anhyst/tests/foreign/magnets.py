@@ -83,9 +83,7 @@ class ForeignMagnet:
         """Largest current, A."""
         return max(high for _, high in self.ranges)
 
-    def force(
-        self, current: FloatArray, gap: FloatArray | float, iron: Iron | None = None
-    ) -> FloatArray:
+    def force(self, current: FloatArray, gap: FloatArray | float, iron: Iron | None = None) -> FloatArray:
         """Return the true force, N, of a new (or a given) magnet along a drive."""
         iron = iron or self.make_iron()
         gaps = np.broadcast_to(np.asarray(gap, dtype=np.float64), current.shape)
@@ -137,16 +135,12 @@ class ForeignMagnet:
                 "I": current
                 + sensors.current_offset
                 + noise.normal(0.0, sensors.current_noise, current.size),
-                "F": force
-                + sensors.force_offset
-                + noise.normal(0.0, sensors.force_noise, force.size),
+                "F": force + sensors.force_offset + noise.normal(0.0, sensors.force_noise, force.size),
                 "gap": np.full(current.size, gap),
             }
             scaled = [read[name] / scale for name, (_, scale) in self.units.items()]
             for row in zip(*scaled, strict=True):
-                lines.append(
-                    ",".join([f"{clock:.5f}", *(f"{value:.8g}" for value in row), str(number)])
-                )
+                lines.append(",".join([f"{clock:.5f}", *(f"{value:.8g}" for value in row), str(number)]))
                 clock += step
             clock += 1.0
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -166,12 +160,7 @@ U = ForeignMagnet(
         )
     ),
     geometry=Geometry(
-        turns=200,
-        width=0.022,
-        depth=0.0205,
-        iron_length=0.24,
-        leakage=1.6e-7,
-        parasitic_gap=2e-5,
+        turns=200, width=0.022, depth=0.0205, iron_length=0.24, leakage=1.6e-7, parasitic_gap=2e-5
     ),
     sensors=Sensors(current_noise=1e-3, force_noise=0.22),
     gaps=(0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3),
@@ -192,14 +181,7 @@ HARD = ForeignMagnet(
             reversible_fraction=0.2,
         )
     ),
-    geometry=Geometry(
-        turns=260,
-        width=0.016,
-        depth=0.02,
-        iron_length=0.2,
-        leakage=9e-8,
-        parasitic_gap=3e-5,
-    ),
+    geometry=Geometry(turns=260, width=0.016, depth=0.02, iron_length=0.2, leakage=9e-8, parasitic_gap=3e-5),
     sensors=Sensors(current_noise=2e-3, force_noise=0.12, current_offset=0.06, force_offset=-1.6),
     gaps=(0.2e-3, 0.3e-3, 0.4e-3, 0.5e-3, 0.65e-3),
     unseen=(0.25e-3, 0.55e-3),
@@ -213,12 +195,7 @@ SOFT = ForeignMagnet(
         FrictionSteel(knee_field=18.0, knee_flux=0.62, coercivity=4.0, friction_flux=0.035)
     ),
     geometry=Geometry(
-        turns=480,
-        width=0.006,
-        depth=0.008,
-        iron_length=0.07,
-        leakage=1.2e-8,
-        parasitic_gap=1e-5,
+        turns=480, width=0.006, depth=0.008, iron_length=0.07, leakage=1.2e-8, parasitic_gap=1e-5
     ),
     sensors=Sensors(current_noise=0.1e-3, force_noise=2e-3),
     gaps=(0.15e-3, 0.25e-3, 0.4e-3),

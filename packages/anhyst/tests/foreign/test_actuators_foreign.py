@@ -135,14 +135,10 @@ def test_one_that_falls_as_the_voltage_rises_is_told_to_flip_a_column(place: Pat
 def test_strain_of_what_a_field_magnetises_is_even(place: Path) -> None:
     field = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0)
     lagging = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0 - 0.15)
-    rows = [
-        f"{h:.4f},{900.0 * np.tanh(b / 15.0) ** 2:.3f}" for h, b in zip(field, lagging, strict=True)
-    ]
+    rows = [f"{h:.4f},{900.0 * np.tanh(b / 15.0) ** 2:.3f}" for h, b in zip(field, lagging, strict=True)]
     loops = place / "rod.csv"
     loops.write_text("\n".join(["H_kA_per_m,eps_ppm", *rows[160:]]) + "\n", encoding="utf-8")
-    completed = quick(
-        "identify", loops, "--history", "settled", "--out", "rod.toml", "--json", cwd=place
-    )
+    completed = quick("identify", loops, "--history", "settled", "--out", "rod.toml", "--json", cwd=place)
     assert completed.returncode == 0, completed.stderr
     model = read_model(place / "rod.toml")
     assert (model.output.name, model.power) == ("magnetostriction", 2)

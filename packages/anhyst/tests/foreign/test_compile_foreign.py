@@ -26,9 +26,7 @@ def ring_loops() -> str:
         cycle = np.concatenate([rise, rise[-2:0:-1]])
         for _ in range(2):  # the second is settled
             flux_density = [iron.move(0.1 * field, 0.1, 1e-6) for field in cycle]
-        lines += [
-            f"{number},{field:.6g},{b:.6g}" for field, b in zip(cycle, flux_density, strict=True)
-        ]
+        lines += [f"{number},{field:.6g},{b:.6g}" for field, b in zip(cycle, flux_density, strict=True)]
     return "\n".join(lines) + "\n"
 
 
@@ -113,8 +111,7 @@ REPEATS = {"MnZn ferrite, 4 loops", "MnZn ferrite, hp", "M130", "M130, symmetris
 @pytest.mark.needs("gcc")
 @pytest.mark.usefixtures("_one_compiler")
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(one, marks=[pytest.mark.campaign] * (one in REPEATS)) for one in MEASURED],
+    "name", [pytest.param(one, marks=[pytest.mark.campaign] * (one in REPEATS)) for one in MEASURED]
 )
 def test_measured_cores_without_a_jump_compile_and_verify(
     measurements: Path, tmp_path: Path, name: str

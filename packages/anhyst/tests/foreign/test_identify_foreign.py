@@ -69,9 +69,7 @@ def missed(model: Model, magnet: ForeignMagnet) -> list[float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_the_default_can_be_compiled_and_passes_its_acceptance_test(
-    found: Found, name: str
-) -> None:
+def test_the_default_can_be_compiled_and_passes_its_acceptance_test(found: Found, name: str) -> None:
     model, reported = found(name)
     assert model.gap_map in {"scaling", "reluctance", "circuit"}
     assert set(reported["fit"]["left_out"]) == {"scaling", "reluctance", "circuit"}
@@ -104,9 +102,7 @@ def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any
 
 @pytest.mark.slow
 @pytest.mark.parametrize("offset", [-2.5, pytest.param(2.5, marks=pytest.mark.slow)])
-def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
-    place: Path, offset: float
-) -> None:
+def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(place: Path, offset: float) -> None:
     u = MAGNETS["u"]
     magnet = replace(u, name="tared", sensors=replace(u.sensors, force_offset=offset))
     fast = ("--gap-map", "reluctance", "--law", "effective-field")
@@ -154,9 +150,7 @@ def test_a_record_from_the_demagnetised_state_is_used_from_its_first_sample(
         assert np.mean(np.abs(off)) < 5e-3 * model.fit.largest_output
 
 
-def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(
-    place: Path, found: Found
-) -> None:
+def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(place: Path, found: Found) -> None:
     """An earlier version fitted an offset of 3.4 % of the range where there is none."""
     model, _ = found("u")
     shifted = dict(model.parameters) | {"in_0": 0.17, "out_0": 2.75}
@@ -180,9 +174,7 @@ def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Mo
 @pytest.mark.slow
 def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     loops = MAGNETS["soft"].write_loops(place / "again.csv")
-    completed = quick(
-        "identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place
-    )
+    completed = quick("identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place)
     assert "offsets of input and output: none, because the loops do not require any" in unwrapped(
         completed.stdout
     )

@@ -80,9 +80,7 @@ def test_values_a_little_outside_are_flagged_but_no_warning(known: Model) -> Non
         ("I_A,gap_mm\n0,0.0003\n1,0.0003\n2,0.0003\n", "metres instead of mm?"),
     ],
 )
-def test_a_drive_in_the_wrong_unit_warns_in_one_line(
-    tmp_path: Path, content: str, likely: str
-) -> None:
+def test_a_drive_in_the_wrong_unit_warns_in_one_line(tmp_path: Path, content: str, likely: str) -> None:
     (complaint,) = warned(tmp_path, content)
     assert complaint.endswith(likely)
 

@@ -21,9 +21,7 @@ MAX_RELATIVE_ERROR = {"u": 0.25, "hard": 0.6, "soft": 1.0}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(MAGNETS))
-def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(
-    name: str, tmp_path: Path
-) -> None:
+def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(name: str, tmp_path: Path) -> None:
     magnet = MAGNETS[name]
     loops = read_loops(magnet.write_loops(tmp_path / "loops.csv"))
     gap = magnet.unseen[0]
@@ -37,9 +35,7 @@ def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(
     sources = Sources(OperatingRange(gap, 0.5 * largest, 2e4, ends, largest, magnet.top), loops)
 
     def left(method: MethodName) -> CycleErrors:
-        return measure_cycle_errors(
-            make_compensator(method, sources, "fixed"), answer, gap, largest
-        )
+        return measure_cycle_errors(make_compensator(method, sources, "fixed"), answer, gap, largest)
 
     without, play = left("single-valued"), left("play")
     assert rms(play.major) <= MAX_RELATIVE_ERROR[name] * rms(without.major)

@@ -171,9 +171,7 @@ def test_a_drift_is_seen_and_removed_whatever_the_start(
     clean = records("u", up_and_down_twice, before, noise=3e-4)
     path = write(tmp_path / "drifts.csv", records("u", up_and_down_twice, before, drift=drift))
     found = inspected(path)
-    assert {loop["history"] for loop in found["loops"]} == {
-        "settled" if before is run_in else "demagnetised"
-    }
+    assert {loop["history"] for loop in found["loops"]} == {"settled" if before is run_in else "demagnetised"}
     size = drift * max(float(np.max(force)) for *_, force in clean)
     assert [loop["drift_N"] for loop in found["loops"]] == pytest.approx([size] * 4, rel=0.03)
     assert sum("the output drifts" in text for text in found["warnings"]) == 4
@@ -253,10 +251,7 @@ def test_a_column_of_lengths_may_be_the_gap_and_is_asked_for(tmp_path: Path) -> 
     (tmp_path / "loops.csv").write_text("\n".join(lines) + "\n")
     complaint = refused("inspect", "loops.csv", cwd=tmp_path)
     assert '--loop "shim_mm"' in complaint
-    assert inspected(tmp_path / "loops.csv", *pasted(complaint))["schedule_values"] == [
-        0.0002,
-        0.00065,
-    ]
+    assert inspected(tmp_path / "loops.csv", *pasted(complaint))["schedule_values"] == [0.0002, 0.00065]
 
 
 @pytest.mark.parametrize(
@@ -292,9 +287,7 @@ def pasted(complaint: str) -> list[str]:
         ('Strom in $ "A";F_N;gap_mm', {"I": 'Strom in $ "A"'}),
     ],
 )
-def test_the_advised_mapping_works_when_pasted(
-    tmp_path: Path, header: str, mapped: dict[str, str]
-) -> None:
+def test_the_advised_mapping_works_when_pasted(tmp_path: Path, header: str, mapped: dict[str, str]) -> None:
     sign = ";" if ";" in header else ","
     quoted = header.replace('"', '""')
     columns = quoted.split(sign)
@@ -379,9 +372,7 @@ def logged(header: str, *, sign: str = ";", factor: float = 1.0, preamble: str =
 @pytest.mark.first(4)
 @pytest.mark.parametrize("sign", [";", ",", "\t", " "])
 @pytest.mark.parametrize("header", ["I_A;F_N;gap_mm", "I;F;gap\nA;N;mm", "I_A;F_N;gap_mm\n\n"])
-def test_the_header_is_found_below_the_lines_of_a_logger(
-    tmp_path: Path, sign: str, header: str
-) -> None:
+def test_the_header_is_found_below_the_lines_of_a_logger(tmp_path: Path, sign: str, header: str) -> None:
     preamble = PREAMBLE.replace(",", ".")
     (tmp_path / "log.csv").write_text(logged(header, sign=sign, preamble=preamble))
     found = inspected(tmp_path / "log.csv")

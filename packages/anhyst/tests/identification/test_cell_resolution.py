@@ -17,9 +17,7 @@ from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 
 CELLS = CellWeights(
-    np.array([0.0, 4.0, 12.0, 60.0]),
-    np.array([200.0]),
-    np.array([[1e5], [2e5], [3e5], [4e5]]),
+    np.array([0.0, 4.0, 12.0, 60.0]), np.array([200.0]), np.array([[1e5], [2e5], [3e5], [4e5]])
 )
 IRON = {"alpha": 0.0, "c_H": 1.0, "c_out": 1.0}
 DEMAGNETISED = History("demagnetised")

@@ -61,10 +61,7 @@ def one_after_another(loopset: Loops, drift: float = 0.0) -> Loops:
 def predicted(model: Model, loopset: Loops) -> FloatArray:
     """Return the modelled output of all loops."""
     return np.concatenate(
-        [
-            model.predict(one.input, one.schedule, one.time, one.history).output
-            for one in loopset.loops
-        ]
+        [model.predict(one.input, one.schedule, one.time, one.history).output for one in loopset.loops]
     )
 
 
@@ -97,10 +94,7 @@ def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -
     assert np.abs(values - objective.deviations(theta)).max() < 1e-10
     step = 1e-5 * np.eye(theta.size)
     numeric = np.stack(
-        [
-            (objective.deviations(theta + one) - objective.deviations(theta - one)) / 2e-5
-            for one in step
-        ],
+        [(objective.deviations(theta + one) - objective.deviations(theta - one)) / 2e-5 for one in step],
         axis=1,
     )
     columns = np.linalg.norm(numeric, axis=0)
@@ -117,9 +111,7 @@ def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
     assert len(pieces) > 10 * len(whole.loops)
     cut = replace(space, records=replace(whole, loops=pieces))
     for one, other in zip(
-        Objective(space).normal_equations(theta),
-        Objective(cut).normal_equations(theta),
-        strict=True,
+        Objective(space).normal_equations(theta), Objective(cut).normal_equations(theta), strict=True
     ):
         assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
@@ -138,16 +130,12 @@ def test_loops_of_play_cells_are_found_again() -> None:
 @pytest.mark.parametrize("law", ["play-cells", "effective-field"])
 def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str) -> None:
     loops = loops_of(cells_magnet(), samples=40)
-    cells, kind = (
-        (CellKernel("tanh", 2), "settled") if law == "play-cells" else (None, "conditioned")
-    )
+    cells, kind = (CellKernel("tanh", 2), "settled") if law == "play-cells" else (None, "conditioned")
     space, _ = somewhere(loops, "tanh")
     space = replace(space, form=replace(space.form, law=law, cells=cells), fixed=OFFSET_NAMES)
     theta = np.array(
         [
-            space.to_coordinate(
-                name, space.fit_parameters[name].prior_mean or 0.5 * space.unit(name)
-            )
+            space.to_coordinate(name, space.fit_parameters[name].prior_mean or 0.5 * space.unit(name))
             + 0.3 * (gap or 0)
             for name, gap in space.entries
         ]
@@ -176,9 +164,7 @@ def test_a_drift_of_the_sensor_is_no_force() -> None:
     drifting = one_after_another(noisy(loops_of(truth), NOISE, 1), drift=2e-3)
     model = identify(drifting, law="play-cells", gap_map="reluctance").model
     assert np.max(error(model, drifting)) - np.min(error(model, drifting)) > 5e-3
-    assert (
-        np.mean(np.abs(error(model, clean))) < 1.2e-3
-    )  # cells finer than the samples count as free
+    assert np.mean(np.abs(error(model, clean))) < 1.2e-3  # cells finer than the samples count as free
 
 
 @pytest.mark.slow

@@ -157,9 +157,7 @@ def test_a_moving_gap_is_refused() -> None:
 
 
 def test_another_schedule_than_the_gap_works_the_same_way() -> None:
-    truth = replace(
-        core(), schedule=QUANTITIES["temperature"], nodes=(-10.0, 5.0, 30.0), gap_map="scaling"
-    )
+    truth = replace(core(), schedule=QUANTITIES["temperature"], nodes=(-10.0, 5.0, 30.0), gap_map="scaling")
     warm = replace(truth, parameters={**truth.parameters, "c_H": (1.0, 0.9, 0.75)})
     loops = loops_of(warm, noise=NOISE, samples=60)
     result = identify(loops)
@@ -191,9 +189,7 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", pytest.param("flux_linkage", marks=pytest.mark.slow)])
-def test_a_map_that_bends_between_the_gaps_is_not_taken(
-    output: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_map_that_bends_between_the_gaps_is_not_taken(output: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """It fits every measured gap, so withheld gaps alone would select it."""
     loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
 
@@ -285,12 +281,7 @@ def test_provenance_reports_the_settings(tmp_path: Path) -> None:
     made.save(tmp_path / "two_gaps.csv")
     loops = read_loops(tmp_path / "two_gaps.csv", history="settled")
     result = identify(
-        loops,
-        law="effective-field",
-        gap_map="scaling",
-        seed=7,
-        weights="relative",
-        offsets=False,
+        loops, law="effective-field", gap_map="scaling", seed=7, weights="relative", offsets=False
     )
     reported = result.model.provenance
     assert reported.seed == 7
@@ -315,9 +306,7 @@ def bent_loops() -> Loops:
     return loops.with_loops(bent)
 
 
-def test_identify_drops_a_candidate_that_fails_and_names_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_identify_drops_a_candidate_that_fails_and_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     fit = cell_search.CellSearch._fit_candidate
 
     def break_one(
@@ -354,9 +343,7 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
 
     tried.clear()
     listed = fit_of(identify(loops_of(core(), samples=40))).candidates
-    assert [one.note for one in listed if one.law == "effective-field"] == [
-        "dropped: singular matrix"
-    ]
+    assert [one.note for one in listed if one.law == "effective-field"] == ["dropped: singular matrix"]
 
     def fail(*_: object) -> None:
         raise InputError("no answer", code="sample-refused")
@@ -404,10 +391,7 @@ def test_winner_fits_no_several_times_worse_than_one_that_predicts_as_well(
 
 
 def test_no_two_candidates_carry_the_same_name() -> None:
-    free = [
-        ModelCandidate("free", held)
-        for held in (frozenset(), OFFSET_NAMES, OFFSET_NAMES | {"omega"})
-    ]
+    free = [ModelCandidate("free", held) for held in (frozenset(), OFFSET_NAMES, OFFSET_NAMES | {"omega"})]
     maps = [
         ModelCandidate("leakage", frozenset()),
         ModelCandidate("circuit", frozenset(), OFFSET_NAMES),

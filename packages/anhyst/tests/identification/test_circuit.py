@@ -46,9 +46,7 @@ def found(gap_map: str) -> IdentifyResult:
 def test_it_follows_what_the_simpler_maps_cannot() -> None:
     ours = worst(loops(), found("circuit").fitted)
     assert ours < 2e-3
-    assert ours < 0.1 * min(
-        worst(loops(), found(name).fitted) for name in ("scaling", "reluctance")
-    )
+    assert ours < 0.1 * min(worst(loops(), found(name).fitted) for name in ("scaling", "reluctance"))
 
 
 def test_the_iron_is_the_same_at_every_gap_so_that_the_gap_may_move() -> None:

@@ -56,9 +56,7 @@ def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
     reported = str(given.model.provenance.settings["dead_band"])
     assert reported.startswith(f"r_d = {part_of_pinning(given):g}*k")
     change = 100.0 * (rms(given) / rms(without) - 1.0)
-    assert float(reported.split()[-2]) == pytest.approx(
-        change, abs=4.0
-    )  # equal weights of the loops
+    assert float(reported.split()[-2]) == pytest.approx(change, abs=4.0)  # equal weights of the loops
     assert "not requested" in str(without.model.provenance.settings["dead_band"])
     for result in (given, without):
         assert result.model.uncertainty is not None
@@ -90,8 +88,6 @@ def test_a_dead_band_that_is_there_is_fitted_to_the_end(history: str) -> None:
 def test_the_law_of_1986_is_given_one_too() -> None:
     whole = example("bearing").at(example("bearing").schedule_values[0])
     one = whole.with_loops(whole.loops[:1])
-    given, without = (
-        identify(one, law="jiles-atherton-1986", dead_band=wanted) for wanted in (True, False)
-    )
+    given, without = (identify(one, law="jiles-atherton-1986", dead_band=wanted) for wanted in (True, False))
     assert part_of_pinning(given) > 0.0
     assert rms(given) < MAX_DEVIATION_RATIO * rms(without)

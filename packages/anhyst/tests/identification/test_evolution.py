@@ -124,14 +124,8 @@ def test_a_simplex_begun_at_a_bound_turns_inward() -> None:
 
 @pytest.mark.parametrize(
     ("high", "parents", "children", "reported"),
-    [
-        (0.0, 3, 20, "range-reversed"),
-        (1.0, 20, 20, "too-few-children"),
-        (1.0, 0, 20, "too-few-children"),
-    ],
+    [(0.0, 3, 20, "range-reversed"), (1.0, 20, 20, "too-few-children"), (1.0, 0, 20, "too-few-children")],
 )
-def test_refuses_what_cannot_evolve(
-    high: float, parents: int, children: int, reported: str
-) -> None:
+def test_refuses_what_cannot_evolve(high: float, parents: int, children: int, reported: str) -> None:
     with refused(reported):
         EvolutionStrategy(np.zeros(2), np.full(2, high), 1, parents, children)

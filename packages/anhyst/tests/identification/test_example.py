@@ -70,9 +70,7 @@ def test_auto_takes_reluctance_and_says_why(chosen: IdentifyResult) -> None:
     assert not chosen.interrupted
 
 
-def test_unseen_gaps_are_predicted_within_a_third_of_a_percent(
-    chosen: IdentifyResult, truth: Loops
-) -> None:
+def test_unseen_gaps_are_predicted_within_a_third_of_a_percent(chosen: IdentifyResult, truth: Loops) -> None:
     assert mean_error(chosen.model, truth) < 0.0035
 
 

@@ -43,10 +43,7 @@ def loops(of: Model, kind: HistoryKind) -> Loops:
 def test_cells_that_no_loop_switches_back_show_in_the_first_rise_alone() -> None:
     plain, guessed = model(0.0), model(HARD)
     assert initial_curve_distance(plain, loops(plain, "settled")) < 0.5 * MAX_INITIAL_CURVE_DISTANCE
-    assert (
-        initial_curve_distance(guessed, loops(guessed, "settled"))
-        > 2.0 * MAX_INITIAL_CURVE_DISTANCE
-    )
+    assert initial_curve_distance(guessed, loops(guessed, "settled")) > 2.0 * MAX_INITIAL_CURVE_DISTANCE
 
 
 @pytest.mark.parametrize(("kind", "guessed"), [("settled", True), ("demagnetised", False)])

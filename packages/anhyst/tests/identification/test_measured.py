@@ -38,8 +38,7 @@ def ferrite(measurements: Path) -> Loops:
 @pytest.fixture(scope="module")
 def gapped_core(measurements: Path) -> Loops:
     return read_loops(
-        measurements / "ferrite_core_gaps/loops_by_gap.csv",
-        columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"},
+        measurements / "ferrite_core_gaps/loops_by_gap.csv", columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"}
     )
 
 
@@ -48,12 +47,7 @@ def gapped_core(measurements: Path) -> Loops:
 )
 def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: int) -> None:
     result = identify(
-        ferrite,
-        law="effective-field",
-        offsets=False,
-        weights="points",
-        seed=seed,
-        dead_band=False,
+        ferrite, law="effective-field", offsets=False, weights="points", seed=seed, dead_band=False
     )
     samples = sum(loop.n for loop in ferrite.loops)
     assert fit_of(result).rms ** 2 * samples == pytest.approx(OPTIMUM, rel=1e-6)
@@ -97,9 +91,7 @@ def test_auto_takes_a_gap_in_series_for_the_gapped_core(gapped_core: Loops) -> N
 
 
 @pytest.mark.parametrize("place", [pytest.param(0, marks=pytest.mark.campaign), 1, 2])
-def test_two_gaps_of_the_core_predict_the_third_in_its_place(
-    gapped_core: Loops, place: int
-) -> None:
+def test_two_gaps_of_the_core_predict_the_third_in_its_place(gapped_core: Loops, place: int) -> None:
     """The loop at the third gap is between its neighbours, or beyond the outer one."""
     gaps = gapped_core.schedule_values
     model = identify(gapped_core.without(gaps[place]), gap_map="reluctance").model
@@ -119,9 +111,7 @@ def test_two_gaps_of_the_core_predict_the_third_in_its_place(
         ("ferrite_mnzn/mnzn_ferrite_3loops.csv", None, None, 0.010),
         pytest.param("ferrite_mnzn/mnzn_ferrite_4loops.csv", None, None, 0.016, marks=AGAIN),
         ("steel_m130_27s/m130_27s_steel_raw_3loops.csv", None, None, 0.025),
-        pytest.param(
-            "steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv", None, None, 0.024, marks=AGAIN
-        ),
+        pytest.param("steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv", None, None, 0.024, marks=AGAIN),
         ("steel_core1_dc/loops.csv", None, "nominal_Hmax_A_per_m", 0.016),
         ("steel_team32/loops.csv", {"bmax_T": "loop"}, None, 0.046),
     ],

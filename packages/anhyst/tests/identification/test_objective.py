@@ -21,16 +21,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
-from tests.identification.truths import (
-    GAPS,
-    HISTORIES,
-    core,
-    gauge_free,
-    largest,
-    loops_of,
-    magnet,
-    path,
-)
+from tests.identification.truths import GAPS, HISTORIES, core, gauge_free, largest, loops_of, magnet, path
 from tests.refusals import refused
 
 TWO = GAPS[1:3]
@@ -74,9 +65,7 @@ def with_dead_band(space: CoordinateSpace, part: float) -> CoordinateSpace:
 @pytest.mark.parametrize("dead_band", [0.0, 0.2])
 @pytest.mark.parametrize("history", HISTORIES)
 @pytest.mark.parametrize("name", CASES)
-def test_analytic_derivatives_are_those_of_the_deviations(
-    name: str, history: str, dead_band: float
-) -> None:
+def test_analytic_derivatives_are_those_of_the_deviations(name: str, history: str, dead_band: float) -> None:
     truth, gap_map = CASES[name]
     plain = space_of(truth, gap_map, loops_of(truth, history, samples=40))
     space = with_dead_band(plain, dead_band)
@@ -93,9 +82,7 @@ def test_analytic_derivatives_are_those_of_the_deviations(
 
 @pytest.mark.parametrize("dead_band", [0.0, 0.2])
 @pytest.mark.parametrize("name", ["closed core", "force, reluctance"])
-def test_settled_cycles_close_alike_with_and_without_derivatives(
-    name: str, dead_band: float
-) -> None:
+def test_settled_cycles_close_alike_with_and_without_derivatives(name: str, dead_band: float) -> None:
     truth, gap_map = CASES[name]
     space = with_dead_band(space_of(truth, gap_map, loops_of(truth, samples=40)), dead_band)
     for seed in range(8):
@@ -168,8 +155,7 @@ def pair(factor: float) -> Loops:
 def criterion(loops: Loops, outputs: tuple[FloatArray, ...], weights: str) -> float:
     """Return the sum of squares that a weighting defines, computed directly."""
     squares = [
-        float(np.mean((output - loop.output) ** 2))
-        for loop, output in zip(loops.loops, outputs, strict=True)
+        float(np.mean((output - loop.output) ** 2)) for loop, output in zip(loops.loops, outputs, strict=True)
     ]
     counts = [loop.n for loop in loops.loops]
     if weights == "points":
@@ -198,10 +184,7 @@ def sets_at(space: CoordinateSpace, theta: FloatArray) -> list[ParameterSet]:
 
 def test_each_weighting_fits_best_by_its_own_criterion() -> None:
     loops = pair(1.3)
-    ends = {
-        w: identify(loops, law="effective-field", weights=w, offsets=False).fitted
-        for w in WEIGHTINGS
-    }
+    ends = {w: identify(loops, law="effective-field", weights=w, offsets=False).fitted for w in WEIGHTINGS}
     for weights in WEIGHTINGS:
         costs = {other: criterion(loops, end, weights) for other, end in ends.items()}
         assert min(costs, key=lambda other: costs[other]) == weights
@@ -229,9 +212,7 @@ def test_thinning_keeps_the_fit() -> None:
     for record, whole in zip(thin.loops, space.records.loops, strict=True):
         assert 400 <= record.input.size <= 420
         assert record.input.max() == whole.input.max()
-        assert record.weight**2 * record.input.size == pytest.approx(
-            whole.weight**2 * whole.input.size
-        )
+        assert record.weight**2 * record.input.size == pytest.approx(whole.weight**2 * whole.input.size)
     begin = near(space, truth, seed=4)
     ends = [descend_from(s, begin) for s in (space, replace(space, records=thin))]
     assert ends[0].cost == pytest.approx(ends[1].cost, rel=0.2)
@@ -292,9 +273,7 @@ def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
     assert usable.sum() > 50
     best = np.argsort(np.array(exact)[usable])[:8]
     assert set(np.argsort(cost[usable])[:4]) <= set(best)
-    assert np.sqrt(cost[usable][best]) == pytest.approx(
-        np.sqrt(np.array(exact)[usable][best]), rel=0.2
-    )
+    assert np.sqrt(cost[usable][best]) == pytest.approx(np.sqrt(np.array(exact)[usable][best]), rel=0.2)
 
 
 def test_starts_differ_and_come_from_the_seed() -> None:

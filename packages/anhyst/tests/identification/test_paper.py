@@ -90,9 +90,7 @@ def loops(truth: Model) -> Loops:
 
 @pytest.fixture(scope="module")
 def free(loops: Loops) -> SearchState:
-    return search_each_gap(
-        PaperSearch(run_of(loops), loops, SearchEffort(generations=100, final=150))
-    )
+    return search_each_gap(PaperSearch(run_of(loops), loops, SearchEffort(generations=100, final=150)))
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +127,7 @@ def test_free_sets_scatter_along_the_redundancy(free: SearchState) -> None:
     assert max(k) > 1.5 * min(k)
 
 
-def test_where_only_c_h_varies_freezing_the_others_costs_nothing(
-    reduced: list[SearchState],
-) -> None:
+def test_where_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[SearchState]) -> None:
     assert max(stand.cost for stand in reduced[1:]) < 1e-5
 
 
@@ -195,9 +191,7 @@ def whole(two_gaps: Loops) -> Outcome:
     return search_paper(run_of(two_gaps), two_gaps, "auto", LEAST)
 
 
-@pytest.mark.parametrize(
-    "stage", [5, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 20))]
-)
+@pytest.mark.parametrize("stage", [5, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 20))])
 def test_a_killed_run_goes_on_to_the_same_result(
     stage: int, two_gaps: Loops, whole: Outcome, tmp_path: Path
 ) -> None:
@@ -276,9 +270,7 @@ def test_a_measured_field_and_flux_density_leave_five() -> None:
     loops = loops_of(core(in_0=0.0, out_0=0.0), samples=40)
     found = search_paper(run_of(loops), loops, "auto", SearchEffort(150, 150, 5))
     assert found.model.parameters["c_H"] == found.model.parameters["c_out"] == 1.0
-    modelled = [
-        found.model.predict(loop.input, history=loop.history).output for loop in loops.loops
-    ]
+    modelled = [found.model.predict(loop.input, history=loop.history).output for loop in loops.loops]
     assert mean_deviation(make_fit_records(loops), np.concatenate(modelled)) < 2e-3
 
 
@@ -357,8 +349,7 @@ def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) ->
     criterion = Criterion(form, records.at_gap(0))
     batch = criterion.costs_of_sets(many)
     exact = [
-        criterion.cost_of_set({name: float(many[name][place]) for name in many})
-        for place in range(count)
+        criterion.cost_of_set({name: float(many[name][place]) for name in many}) for place in range(count)
     ]
     np.testing.assert_allclose(batch, exact, atol=5e-3)
     assert criterion.evaluations == 2 * count

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.default_search import (
-    FoundModel,
-    join_gaps,
-    search_each_gap,
-    search_one_gap,
-)
+from anhyst.identification.default_search import FoundModel, join_gaps, search_each_gap, search_one_gap
 from anhyst.identification.fit_records import make_fit_records
 from anhyst.identification.model_building import make_model, make_response_form
 from anhyst.identification.objective import Objective
@@ -71,9 +66,7 @@ SEEDS = [
 @pytest.mark.first(2)
 @pytest.mark.parametrize(("history", "seed"), SEEDS)
 @pytest.mark.parametrize("name", TRUTHS)
-def test_the_truth_behind_clean_loops_is_found_from_every_seed(
-    name: str, history: str, seed: int
-) -> None:
+def test_the_truth_behind_clean_loops_is_found_from_every_seed(name: str, history: str, seed: int) -> None:
     truth = TRUTHS[name]
     loops = loops_of(truth, history, samples=48)
     result = identify(loops, gap_map=wanted_map(truth), seed=seed)
@@ -83,17 +76,13 @@ def test_the_truth_behind_clean_loops_is_found_from_every_seed(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "history", ["settled", pytest.param("demagnetised", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("history", ["settled", pytest.param("demagnetised", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "truth",
     [
         core("jiles-atherton-1986"),
         magnet("none", law="jiles-atherton-1986", alpha=-0.004, a=1004.0, k=702.8, rho=0.0),
-        pytest.param(
-            magnet("scaling", gaps=GAPS[:2], law="jiles-atherton-1986"), marks=pytest.mark.slow
-        ),
+        pytest.param(magnet("scaling", gaps=GAPS[:2], law="jiles-atherton-1986"), marks=pytest.mark.slow),
     ],
     ids=["closed core", "force at one gap", "scaling"],
 )
@@ -148,9 +137,7 @@ def test_cores_of_every_kind_are_found(
 def test_noise_is_what_remains(name: str) -> None:
     truth = TRUTHS[name]
     loops = loops_of(truth, noise=NOISE, seed=3)
-    result = identify(
-        loops, gap_map=wanted_map(truth), dead_band=False
-    )  # the truth has none either
+    result = identify(loops, gap_map=wanted_map(truth), dead_band=False)  # the truth has none either
     assert result.model.fit is not None
     assert result.model.fit.rms == pytest.approx(NOISE * largest(result.loops), rel=0.1)
     clean = loops_of(truth)
@@ -196,9 +183,7 @@ def test_the_truth_lies_within_the_uncertainty_stated(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["closed core", pytest.param("force, two gaps", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", ["closed core", pytest.param("force, two gaps", marks=pytest.mark.slow)])
 def test_the_uncertainty_stated_is_not_too_large_either(name: str) -> None:
     spread = np.sqrt(np.mean(scores(name) ** 2, axis=0))
     assert spread.min() > 0.5
@@ -283,9 +268,7 @@ def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
     if gap_map == "free":
         return search_each_gap(form, records, 1, none)
     home = search_one_gap(form, records.at_gap(records.reference_gap), 1, none)
-    return (
-        home if gap_map == "none" else join_gaps(form, records, gap_map, home.parameter_sets, none)
-    )
+    return home if gap_map == "none" else join_gaps(form, records, gap_map, home.parameter_sets, none)
 
 
 @pytest.mark.parametrize("history", HISTORIES)

@@ -45,10 +45,7 @@ class Killer:
 
 
 def same(one: IdentifyResult, other: IdentifyResult) -> bool:
-    settled = [
-        np.array_equal(first, second)
-        for first, second in zip(one.fitted, other.fitted, strict=True)
-    ]
+    settled = [np.array_equal(first, second) for first, second in zip(one.fitted, other.fitted, strict=True)]
     return (
         one.model.parameters == other.model.parameters
         and one.model.gap_map == other.model.gap_map
@@ -73,9 +70,7 @@ def is_resumed(loops: Loops, checkpoint: Path, **settings: Any) -> bool:
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_model_to_the_last_digit(
-    loops: Loops, whole: IdentifyResult
-) -> None:
+def test_the_same_seed_gives_the_same_model_to_the_last_digit(loops: Loops, whole: IdentifyResult) -> None:
     assert same(identify(loops), whole)
     few = loops.at(GAPS[:2])
     one, other = (identify(few, law="effective-field", gap_map="free", seed=4) for _ in range(2))
@@ -140,15 +135,7 @@ def test_other_data_or_another_past_do_not_go_on_from_there(
 
 
 @pytest.mark.parametrize(
-    "rubbish",
-    [
-        b"",
-        b"{",
-        b"[1, 2]",
-        b'"text"',
-        b'{"key": "another", "stages": {"one": 1}}',
-        b"\xff\xfe\0",
-    ],
+    "rubbish", [b"", b"{", b"[1, 2]", b'"text"', b'{"key": "another", "stages": {"one": 1}}', b"\xff\xfe\0"]
 )
 def test_a_damaged_checkpoint_is_ignored(loops: Loops, tmp_path: Path, rubbish: bytes) -> None:
     checkpoint = tmp_path / "run.json"
@@ -185,9 +172,7 @@ def test_ctrl_c_before_there_is_a_model_goes_on_as_ctrl_c(loops: Loops) -> None:
         identify(loops, progress=Killer(1))
 
 
-def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(
-    loops: Loops, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(loops: Loops, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> float:
         raise KeyboardInterrupt
 

@@ -113,9 +113,7 @@ def one_loop(drive: FloatArray, output: FloatArray) -> Loop:
 @cache
 def trial(name: str, noise: float) -> Trial:
     actuator, rng = ACTUATORS[name], np.random.default_rng(2)
-    fitted, other = (
-        path(reversals(actuator.low, TOP), 1500) for reversals in (reversal_curves, wandering)
-    )
+    fitted, other = (path(reversals(actuator.low, TOP), 1500) for reversals in (reversal_curves, wandering))
     if name == "tendon":
         fitted = path(decaying(actuator.low, TOP), 1500)
     measured = actuator.displacement(fitted)
@@ -137,10 +135,7 @@ def trial(name: str, noise: float) -> Trial:
         result,
         loop,
         (missed(result.fitted[0], measured), missed(predicted, true)),
-        (
-            missed(plane.predict(fitted, weights), measured),
-            missed(plane.predict(other, weights), true),
-        ),
+        (missed(plane.predict(fitted, weights), measured), missed(plane.predict(other, weights), true)),
     )
 
 

@@ -29,15 +29,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from anhyst.verbs.predict import predict
-from tests.identification.truths import (
-    GAPS,
-    HISTORIES,
-    core,
-    loops_of,
-    magnet,
-    path,
-    predicted,
-)
+from tests.identification.truths import GAPS, HISTORIES, core, loops_of, magnet, path, predicted
 
 exactly = partial(pytest.approx, rel=1e-9, abs=1e-12)
 
@@ -100,9 +92,7 @@ def accelerator() -> Loops:
     drive = path([8.0, 165.0, 8.0], 63)
     output = truth.predict(drive, history=before).output
     output = output + 5e-5 * output.max() * np.random.default_rng(0).standard_normal(drive.size)
-    return Loops(
-        (Loop("1", drive, output, history=History.parse(before)),), truth.input, truth.output
-    )
+    return Loops((Loop("1", drive, output, history=History.parse(before)),), truth.input, truth.output)
 
 
 @pytest.fixture(scope="module")
@@ -175,8 +165,7 @@ def loops_alone(truth: Model, drive: FloatArray, output: FloatArray, history: st
 
 
 CELLS: list[Any] = [
-    pytest.param("play-cells", "reluctance", history, id=f"reluctance-{history}")
-    for history in HISTORIES
+    pytest.param("play-cells", "reluctance", history, id=f"reluctance-{history}") for history in HISTORIES
 ]
 CELLS += [
     pytest.param(
@@ -246,8 +235,7 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
 ) -> None:
     """One block with a large gain makes the standard error of the difference large."""
     one, other = (
-        ModelCandidate("none", frozenset(), rank=count, cells=CellKernel("tanh", count))
-        for count in (1, 2)
+        ModelCandidate("none", frozenset(), rank=count, cells=CellKernel("tanh", count)) for count in (1, 2)
     )
     missed = {one: [1.0, 1.0, 1.0, 1.0, 1.0, 20.0], other: [0.5, 0.5, 1.1, 0.5, 0.5, 1.0]}
     refits = {
@@ -318,9 +306,7 @@ REPEATS = {
 @pytest.mark.parametrize(
     "name", [pytest.param(one, marks=[pytest.mark.campaign] * (one in REPEATS)) for one in SETS]
 )
-def test_every_model_of_real_measurements_can_be_read(
-    name: str, measurements: Path, tmp_path: Path
-) -> None:
+def test_every_model_of_real_measurements_can_be_read(name: str, measurements: Path, tmp_path: Path) -> None:
     """Every law and map is tried on every set of loops; an impossible combination is rejected."""
     files = sorted(measurements.glob(name))
     files = files[:: max(1, len(files) // 3)]  # every other file of many temperatures

@@ -119,12 +119,7 @@ def drives_of(model: Model, history: str, samples: int) -> dict[str, FloatArray]
 
 
 def loops_of(
-    model: Model,
-    history: str = "settled",
-    *,
-    samples: int = 80,
-    noise: float = 0.0,
-    seed: int = 0,
+    model: Model, history: str = "settled", *, samples: int = 80, noise: float = 0.0, seed: int = 0
 ) -> Loops:
     """Return nested loops at every node; noise is relative to the largest output."""
     history = history_of(model, history)
@@ -143,8 +138,7 @@ def noisy(loopset: Loops, noise: float, seed: int) -> Loops:
     rng = np.random.default_rng(seed)
     size = noise * largest(loopset)
     return loopset.with_loops(
-        replace(loop, output=loop.output + size * rng.standard_normal(loop.n))
-        for loop in loopset.loops
+        replace(loop, output=loop.output + size * rng.standard_normal(loop.n)) for loop in loopset.loops
     )
 
 
@@ -156,8 +150,7 @@ def largest(loopset: Loops) -> float:
 def worst(loopset: Loops, outputs: Sequence[FloatArray]) -> float:
     """Return the largest error of outputs, relative to the largest measured output."""
     deviations = [
-        np.abs(output - loop.output).max()
-        for loop, output in zip(loopset.loops, outputs, strict=True)
+        np.abs(output - loop.output).max() for loop, output in zip(loopset.loops, outputs, strict=True)
     ]
     return float(max(deviations)) / largest(loopset)
 
@@ -165,8 +158,7 @@ def worst(loopset: Loops, outputs: Sequence[FloatArray]) -> float:
 def predicted(model: Model, loopset: Loops) -> list[FloatArray]:
     """Return the modelled output of every loop."""
     return [
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-        for loop in loopset.loops
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output for loop in loopset.loops
     ]
 
 

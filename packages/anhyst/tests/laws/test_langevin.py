@@ -42,17 +42,13 @@ def relative(found: float, truth: Decimal) -> float:
 
 
 def test_langevin_is_right_to_rounding_everywhere() -> None:
-    worst = max(
-        relative(found, exact(z)[0])
-        for z, found in zip(ARGUMENTS, langevin(ARGUMENTS), strict=True)
-    )
+    worst = max(relative(found, exact(z)[0]) for z, found in zip(ARGUMENTS, langevin(ARGUMENTS), strict=True))
     assert worst < 4e-16
 
 
 def test_slope_is_right_to_rounding_everywhere() -> None:
     worst = max(
-        relative(found, exact(z)[1])
-        for z, found in zip(ARGUMENTS, langevin_slope(ARGUMENTS), strict=True)
+        relative(found, exact(z)[1]) for z, found in zip(ARGUMENTS, langevin_slope(ARGUMENTS), strict=True)
     )
     assert worst < 1.5e-15
 
@@ -85,10 +81,7 @@ def test_limits_at_zero_and_infinity() -> None:
 def test_inverse_is_as_good_as_its_condition_allows() -> None:
     y = np.concatenate([np.logspace(-12, -0.01, 300), 1.0 - np.logspace(-1, -12, 100)])
     z = inverse_langevin(y)
-    missed = [
-        float(Decimal(value) - exact(at)[0])
-        for value, at in zip(y.tolist(), z.tolist(), strict=True)
-    ]
+    missed = [float(Decimal(value) - exact(at)[0]) for value, at in zip(y.tolist(), z.tolist(), strict=True)]
     error = np.abs(np.array(missed) / langevin_slope(z) / z)
     assert np.max(error * (1.0 - y)) < 1e-15
 

@@ -34,12 +34,7 @@ DRIVE = np.concatenate([np.linspace(0, 3, 40), np.linspace(3, -1, 40), np.linspa
 def model(cells: CellWeights | None = FEW, law: str = "play-cells") -> Model:
     numbers = NUMBERS if cells is None else {"alpha": 1e-4}
     return Model(
-        "by hand",
-        QUANTITIES["current"],
-        QUANTITIES["force"],
-        numbers | CIRCUIT,
-        law=law,
-        cells=cells,
+        "by hand", QUANTITIES["current"], QUANTITIES["force"], numbers | CIRCUIT, law=law, cells=cells
     )
 
 
@@ -85,17 +80,11 @@ def test_the_state_is_as_long_as_there_are_cells() -> None:
         ('shape = "tanh"', 'shape = "sine"', "literal-error cells.shape: 'tanh'; 'langevin'"),
         ('shape = "tanh"', 'shape = "langevin"', "cells-out-of-range cells: 'play-cells-langevin'"),
         ('shape = "tanh"\n', "", "missing cells.shape"),
-        (
-            'law = "play-cells"',
-            'law = "effective-field"',
-            "cells-out-of-range cells: 'effective-field'",
-        ),
+        ('law = "play-cells"', 'law = "effective-field"', "cells-out-of-range cells: 'effective-field'"),
         ("alpha = 0.0001", "M_1_A_per_m = 1.0", "extra-forbidden parameters.M_1_A_per_m"),
     ],
 )
-def test_wrong_cells_are_refused_with_their_place(
-    tmp_path: Path, old: str, new: str, said: str
-) -> None:
+def test_wrong_cells_are_refused_with_their_place(tmp_path: Path, old: str, new: str, said: str) -> None:
     with refused(said):
         read_model(file_with(tmp_path / "model.toml", old, new))
 

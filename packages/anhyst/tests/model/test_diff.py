@@ -56,9 +56,7 @@ def test_a_scale_of_the_force_differs_most_at_the_largest_drive_and_smallest_gap
 
 
 def test_loops_are_compared_where_both_are_valid() -> None:
-    narrow = replace(
-        with_parameters(k=330.0), valid=ValidRange((0.0, 1.2), (0.0, 50.0), (0.4e-3, 0.9e-3))
-    )
+    narrow = replace(with_parameters(k=330.0), valid=ValidRange((0.0, 1.2), (0.0, 50.0), (0.4e-3, 0.9e-3)))
     result = diff(MODEL, narrow)
     assert result.drive == (0.0, 1.2)
     assert [loop.schedule for loop in result.loops] == [6e-4]

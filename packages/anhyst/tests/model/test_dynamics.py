@@ -15,9 +15,7 @@ from anhyst.model.writer import write_model
 from anhyst.support.units import MU_0, QUANTITIES
 from tests.refusals import refused
 
-CELLS = CellWeights(
-    np.array([0.0, 10.0, 40.0]), np.array([200.0]), np.array([[3000.0], [500.0], [500.0]])
-)
+CELLS = CellWeights(np.array([0.0, 10.0, 40.0]), np.array([200.0]), np.array([[3000.0], [500.0], [500.0]]))
 STACK = Model(
     "stack",
     QUANTITIES["voltage"],

@@ -84,12 +84,7 @@ FIELD = replace(
     nodes=(-15.0, 0.0, 15.0),
     history=History("settled"),
 )
-PIEZO = Model(
-    "stack",
-    QUANTITIES["voltage"],
-    QUANTITIES["displacement"],
-    IRON | {"c_out": 1e-5},
-)
+PIEZO = Model("stack", QUANTITIES["voltage"], QUANTITIES["displacement"], IRON | {"c_out": 1e-5})
 
 
 @pytest.mark.parametrize("model", [COMPLETE, FIELD, PIEZO])
@@ -229,9 +224,7 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
     with pytest.raises(TomlFileError) as caught:
         read_model(path)
     keys = [problem.key for problem in caught.value.problems]
-    assert keys == [
-        f"parameters.{key}" for key in ("M_s_A_per_m", "a_A_per_m", "k_A_per_m", "c_H_per_m")
-    ]
+    assert keys == [f"parameters.{key}" for key in ("M_s_A_per_m", "a_A_per_m", "k_A_per_m", "c_H_per_m")]
     lines = [problem.line for problem in caught.value.problems]
     assert lines == sorted(line for line in lines if line)
     assert f"also wrong: parameters.a_A_per_m (line {lines[1]})" in str(caught.value)
@@ -248,9 +241,7 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
         (b"I_A,F_N\n0,1\n", "damaged-toml: :1:"),
     ],
 )
-def test_a_damaged_file_is_reported_in_one_line(
-    tmp_path: Path, damage: bytes, message: str
-) -> None:
+def test_a_damaged_file_is_reported_in_one_line(tmp_path: Path, damage: bytes, message: str) -> None:
     path = tmp_path / "model.toml"
     path.write_bytes(damage)
     with refused(message) as caught:

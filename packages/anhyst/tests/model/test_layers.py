@@ -75,9 +75,7 @@ def test_a_difference_in_layers_is_a_difference() -> None:
 @pytest.mark.parametrize(
     ("key", "value"), [("count", 1), ("count", 17), ("surface", 1.0), ("laminated", -0.1)]
 )
-def test_layers_out_of_range_are_refused_with_their_line(
-    tmp_path: Path, key: str, value: float
-) -> None:
+def test_layers_out_of_range_are_refused_with_their_line(tmp_path: Path, key: str, value: float) -> None:
     with refused(f"out-of-range {key}"):
         Layers(**{"count": 3, "surface": 0.1, "laminated": 0.0} | {key: value})  # type: ignore[arg-type]
     path = tmp_path / "m.toml"

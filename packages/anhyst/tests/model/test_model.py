@@ -62,9 +62,7 @@ def wave(n: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
 @pytest.mark.parametrize("gap_map", MOVING)
 @pytest.mark.parametrize("gamma", [0.0, 0.5])
 @pytest.mark.parametrize("history", ["demagnetised", "settled", "conditioned:0,2,0,2,0.3"])
-def test_inverse_undoes_predict_while_the_gap_moves(
-    gap_map: GapMap, gamma: float, history: str
-) -> None:
+def test_inverse_undoes_predict_while_the_gap_moves(gap_map: GapMap, gamma: float, history: str) -> None:
     model = magnet(gap_map, gamma=gamma, in_0=0.0)
     time, drive, gap = wave()
     there = model.predict(drive, gap, time, history)
@@ -186,9 +184,7 @@ def test_free_map_refuses_a_gap_that_moves() -> None:
 def test_free_map_that_varies_only_around_the_iron_may_move() -> None:
     model = magnet("free", k=300.0)
     _, drive, gap = wave()
-    assert np.array_equal(
-        model.predict(drive, gap).output, magnet("scaling").predict(drive, gap).output
-    )
+    assert np.array_equal(model.predict(drive, gap).output, magnet("scaling").predict(drive, gap).output)
 
 
 @pytest.mark.parametrize(
@@ -248,8 +244,7 @@ def test_bad_input_is_refused_with_the_sample(arguments: dict[str, object], reas
 
 
 @pytest.mark.parametrize(
-    ("time", "reason"),
-    [(None, "time-missing"), ([0.0, 1.0, 1.0], "time-not-rising time: sample 2")],
+    ("time", "reason"), [(None, "time-missing"), ([0.0, 1.0, 1.0], "time-not-rising time: sample 2")]
 )
 def test_eddy_currents_need_time(time: list[float] | None, reason: str) -> None:
     with refused(reason):
@@ -286,10 +281,7 @@ def test_parameters_the_core_refuses_are_bad_input() -> None:
 
 
 def test_both_laws_agree_where_nothing_is_reversible() -> None:
-    models = [
-        replace(magnet("none", c=0.0), law=law)
-        for law in ("effective-field", "jiles-atherton-1986")
-    ]
+    models = [replace(magnet("none", c=0.0), law=law) for law in ("effective-field", "jiles-atherton-1986")]
     one, other = (model.predict(up_and_down(2.0, 400)).output for model in models)
     assert np.abs(one - other).max() < 1e-4 * one.max()
 

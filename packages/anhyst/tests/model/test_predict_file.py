@@ -50,9 +50,7 @@ def write(path: Path, header: str, *columns: FloatArray | list[str]) -> Path:
 
 
 def test_columns_are_repeated_and_the_answer_added(tmp_path: Path) -> None:
-    drive = write(
-        tmp_path / "drive.csv", "I [mA],gap_mm,note", 1e3 * CYCLE, 0.4 + 0 * CYCLE, ["x"] * 59
-    )
+    drive = write(tmp_path / "drive.csv", "I [mA],gap_mm,note", 1e3 * CYCLE, 0.4 + 0 * CYCLE, ["x"] * 59)
     summary = predict(MODEL, drive, tmp_path / "force.csv")
     table = read(tmp_path / "force.csv")
     assert list(table) == ["I [mA]", "gap_mm", "note", "F_N", "valid"]
@@ -87,9 +85,7 @@ def test_every_labelled_loop_is_a_run_of_its_own(tmp_path: Path) -> None:
 
 def test_rows_of_a_loop_need_not_stand_together(tmp_path: Path) -> None:
     two = np.stack([CYCLE, 0.5 * CYCLE], axis=1).ravel()
-    drive = write(
-        tmp_path / "d.csv", "I_A,gap_m,loop", two, 4e-4 + 0 * two, ["a", "b"] * CYCLE.size
-    )
+    drive = write(tmp_path / "d.csv", "I_A,gap_m,loop", two, 4e-4 + 0 * two, ["a", "b"] * CYCLE.size)
     predict(MODEL, drive, tmp_path / "f.csv")
     force = numbers(read(tmp_path / "f.csv")["F_N"])
     assert np.array_equal(force[1::2], MODEL.predict(0.5 * CYCLE, 4e-4).output)

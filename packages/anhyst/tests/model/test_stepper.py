@@ -17,9 +17,7 @@ LIMIT = 0.45
 STEP = 2.0**-10  # a power of two: differences of times are exact
 
 
-def magnet(
-    gap_map: GapMap = "reluctance", gamma: float = 0.0, layers: Layers | None = None
-) -> Model:
+def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0, layers: Layers | None = None) -> Model:
     iron: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15, "c_H": 9000.0}
     varying: dict[str, Parameter] = {"rho": (0.004, 0.008)}
     if gap_map == "free":
@@ -37,9 +35,7 @@ def magnet(
     )
 
 
-@pytest.mark.parametrize(
-    ("gamma", "layers"), [(0.0, None), (0.5, None), (0.5, Layers(3, 0.1, 0.2))]
-)
+@pytest.mark.parametrize(("gamma", "layers"), [(0.0, None), (0.5, None), (0.5, Layers(3, 0.1, 0.2))])
 @pytest.mark.parametrize("history", ["demagnetised", "conditioned:0,2,0", "settled"])
 def test_committing_a_limited_drive_is_predicting_it(
     gamma: float, layers: Layers | None, history: str

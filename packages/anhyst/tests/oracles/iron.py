@@ -96,9 +96,7 @@ class Iron:
         for name, value in (("M_s", self.m_s), ("a", self.a)):
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(
-                    f"{name}: must be positive and finite; correct {name}",
-                    code="not-above-zero",
-                    key=name,
+                    f"{name}: must be positive and finite; correct {name}", code="not-above-zero", key=name
                 )
         if not (np.isfinite(self.alpha) and self.alpha < 1.0):
             raise InputError(
@@ -166,11 +164,7 @@ class Iron:
         return SolvedSample(after, b, h, h + (rho + eddy.e) * b / MU_0 - eddy.memory)
 
     def forward(
-        self,
-        drive: ArrayLike,
-        rho: ArrayLike = 0.0,
-        eddy: ArrayLike = 0.0,
-        state: LawState = DEMAGNETISED,
+        self, drive: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: LawState = DEMAGNETISED
     ) -> tuple[FloatArray, FloatArray, LawState]:
         """Return flux density and field for a record of the drive.
 
@@ -197,11 +191,7 @@ class Iron:
         return self._run("forward", drive, rho, eddy, state)
 
     def inverse(
-        self,
-        b: ArrayLike,
-        rho: ArrayLike = 0.0,
-        eddy: ArrayLike = 0.0,
-        state: LawState = DEMAGNETISED,
+        self, b: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: LawState = DEMAGNETISED
     ) -> tuple[FloatArray, FloatArray, LawState]:
         """Return drive and field for a record of the flux density (T).
 

@@ -32,16 +32,12 @@ class LaggingLaw(ABC):
     def check_parameters(self) -> None:
         """Raise `InputError` if a parameter is out of range."""
         if not (math.isfinite(self.kappa) and self.kappa > 0.0):
-            raise InputError(
-                "k: must be positive and finite; correct k or a", code="not-above-zero", key="k"
-            )
+            raise InputError("k: must be positive and finite; correct k or a", code="not-above-zero", key="k")
         if not 0.0 <= self.c <= 1.0:
             raise InputError("c: must lie in 0..1; correct c", code="out-of-range", key="c")
         if not (math.isfinite(self.play) and self.play >= 0.0):
             raise InputError(
-                "r_d: must be zero or positive and finite; correct r_d",
-                code="out-of-range",
-                key="r_d",
+                "r_d: must be zero or positive and finite; correct r_d", code="out-of-range", key="r_d"
             )
 
     @abstractmethod
@@ -66,9 +62,7 @@ class LaggingLaw(ABC):
         """Raise `InputError` unless ``|M_an - M_irr| <= k*A`` and the play is within ``r_d``."""
         if not all(math.isfinite(value) for value in state):
             raise InputError(
-                "state: not finite; start from the demagnetised state",
-                code="not-finite",
-                key="state",
+                "state: not finite; start from the demagnetised state", code="not-finite", key="state"
             )
         if abs(state.p - state.x) > self.play * (1.0 + _ROUNDING) + _ROUNDING * abs(state.x):
             raise InputError(

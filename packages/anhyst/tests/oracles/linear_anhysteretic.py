@@ -76,9 +76,7 @@ class LinearAnhysteretic:
         if not 0.0 <= self.c <= 1.0:
             raise InputError("c: must lie in 0..1; correct c", code="out-of-range", key="c")
         if not self.alpha < 1.0:
-            raise InputError(
-                "alpha: must be below 1; correct alpha", code="out-of-range", key="alpha"
-            )
+            raise InputError("alpha: must be below 1; correct alpha", code="out-of-range", key="alpha")
 
     @property
     def lam(self) -> float:
@@ -179,9 +177,7 @@ class LinearAnhysteretic:
         argument = -self.nu * v * math.exp(-self.nu * v - max(0.0, way))
         return direction * (1.0 + float(lambertw(argument).real) / self.nu)
 
-    def inverse(
-        self, b: ArrayLike, u0: float = 0.0, b0: float = 0.0
-    ) -> tuple[FloatArray, FloatArray]:
+    def inverse(self, b: ArrayLike, u0: float = 0.0, b0: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Return the field for a record of the flux density, in closed form.
 
         Parameters
@@ -207,9 +203,7 @@ class LinearAnhysteretic:
         """
         if not abs(u0) <= 1.0:
             raise InputError(
-                "u0: the bounded state must lie in -1..1; start from 0",
-                code="out-of-range",
-                key="u0",
+                "u0: the bounded state must lie in -1..1; start from 0", code="out-of-range", key="u0"
             )
         samples = np.atleast_1d(np.asarray(b, dtype=np.float64))
         states, fields = np.empty_like(samples), np.empty_like(samples)

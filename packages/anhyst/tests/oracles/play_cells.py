@@ -84,9 +84,7 @@ class PlayCells:
         least = 1.0 + w * self.steepest
         if least > 0.0:
             end = start - off / min(1.0, least)
-            end -= np.copysign(
-                1e-12 * (abs(start) + abs(end) + abs(r) + self.cells.saturation * abs(w)), off
-            )
+            end -= np.copysign(1e-12 * (abs(start) + abs(end) + abs(r) + self.cells.saturation * abs(w)), off)
         else:
             way = abs(off) + 2.0 * abs(w) * self.cells.saturation
             far = start - np.copysign(way, off)
@@ -98,11 +96,7 @@ class PlayCells:
         return self.moved(state, x)
 
     def forward(
-        self,
-        drive: ArrayLike,
-        rho: ArrayLike = 0.0,
-        eddy: ArrayLike = 0.0,
-        state: FloatArray | None = None,
+        self, drive: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return flux density (T), field (A/m) and state after a record of the drive (A/m)."""
         return self._run(drive, rho, eddy, state, inverse=False)
@@ -122,13 +116,7 @@ class PlayCells:
         return MU_0 * float(state[0] + (1.0 - self.alpha) * self.magnetisation(state))
 
     def _run(
-        self,
-        given: ArrayLike,
-        rho: ArrayLike,
-        eddy: ArrayLike,
-        state: FloatArray | None,
-        *,
-        inverse: bool,
+        self, given: ArrayLike, rho: ArrayLike, eddy: ArrayLike, state: FloatArray | None, *, inverse: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         samples = np.atleast_1d(np.asarray(given, dtype=np.float64))
         ratio, rate = np.broadcast_to(rho, samples.shape), np.broadcast_to(eddy, samples.shape)

@@ -45,11 +45,7 @@ def run(
 
 
 def forward(
-    iron: Iron,
-    drive: ArrayLike,
-    rho: ArrayLike = 0.0,
-    eddy: ArrayLike = 0.0,
-    state: LawState = DEMAGNETISED,
+    iron: Iron, drive: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: LawState = DEMAGNETISED
 ) -> tuple[FloatArray, FloatArray, LawState]:
     """Return what :meth:`Iron.forward` returns, from the core."""
     record = run(core_of(iron), "forward", drive, rho, eddy, state)
@@ -58,11 +54,7 @@ def forward(
 
 
 def inverse(
-    iron: Iron,
-    b: ArrayLike,
-    rho: ArrayLike = 0.0,
-    eddy: ArrayLike = 0.0,
-    state: LawState = DEMAGNETISED,
+    iron: Iron, b: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: LawState = DEMAGNETISED
 ) -> tuple[FloatArray, FloatArray, LawState]:
     """Return what :meth:`Iron.inverse` returns, from the core."""
     record = run(core_of(iron), "inverse", b, rho, eddy, state)

@@ -78,9 +78,7 @@ class Sample(NamedTuple):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         size = np.zeros(given.size)
         start = self.demagnetised if state is None else state
-        found, field, after, status, index = call(
-            given, np.add(rho, size), np.add(eddy, size), start
-        )
+        found, field, after, status, index = call(given, np.add(rho, size), np.add(eddy, size), start)
         assert status == 0, (_core.status_text(status), index, self)
         return found, field, after
 
@@ -100,9 +98,7 @@ def random_cells(rng: np.random.Generator, shape: Shape) -> CellWeights:
         )
         for share in shares.tolist()
     ]
-    return discretise_populations(
-        (reversible * saturation, width * rng.uniform(0.5, 2.0)), pinned, shape
-    )
+    return discretise_populations((reversible * saturation, width * rng.uniform(0.5, 2.0)), pinned, shape)
 
 
 def _cells(rng: np.random.Generator, shape: Shape, *, jumping: bool) -> Sample | None:

@@ -88,11 +88,7 @@ def virgin_fold(iron: Iron) -> tuple[float, float] | None:
     for i in range(1, len(places)):
         if slopes[i - 1] > 0.0 > slopes[i]:
             x = float(
-                brentq(
-                    lambda x: 1.0 + weight * law.step(DEMAGNETISED, x).slope,
-                    places[i - 1],
-                    places[i],
-                )
+                brentq(lambda x: 1.0 + weight * law.step(DEMAGNETISED, x).slope, places[i - 1], places[i])
             )
             return x, iron.a * (x + weight * law.step(DEMAGNETISED, x).m)
     return None

@@ -59,11 +59,7 @@ def truth_of_linear_law(law: LinearAnhysteretic, b: FloatArray) -> list[float]:
             return [chi / MU_0 / (1.0 + weight * chi)]
 
         step = abs(b1 - before) / 200.0
-        m = float(
-            solve_ivp(rate, (before, b1), [m], "DOP853", rtol=1e-11, atol=1e-7, max_step=step).y[
-                0, -1
-            ]
-        )
+        m = float(solve_ivp(rate, (before, b1), [m], "DOP853", rtol=1e-11, atol=1e-7, max_step=step).y[0, -1])
         before = b1
         found.append(b1 / MU_0 - m)
     return found
@@ -79,9 +75,7 @@ def truth_of_linear_law(law: LinearAnhysteretic, b: FloatArray) -> list[float]:
         LinearAnhysteretic(k1=500.0, k2=-1e3, k=300.0, c=1.0, alpha=0.1),
     ],
 )
-def test_closed_form_of_the_linear_law_solves_the_corrected_equations(
-    law: LinearAnhysteretic,
-) -> None:
+def test_closed_form_of_the_linear_law_solves_the_corrected_equations(law: LinearAnhysteretic) -> None:
     b = random_walk(5.0 * MU_0 * law.k * law.lam, 12, 3)
     h, u = law.inverse(b)
     truth = truth_of_linear_law(law, b)
@@ -145,9 +139,7 @@ def test_explicit_runge_kutta_is_better_than_euler() -> None:
 
 @pytest.mark.parametrize(("scheme", "order"), [("euler", 1.0), ("rk4", 4.0)])
 @pytest.mark.parametrize("direction", ["forward", "inverse"])
-def test_explicit_form_has_its_order_on_a_smooth_rise(
-    scheme: Scheme, order: float, direction: str
-) -> None:
+def test_explicit_form_has_its_order_on_a_smooth_rise(scheme: Scheme, order: float, direction: str) -> None:
     top_h = 120.0
     top_b = float(SHEET.forward([top_h])[0][0])
     errors = []

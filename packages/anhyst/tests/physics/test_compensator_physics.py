@@ -65,9 +65,7 @@ def gap_of(kind: str, samples: int) -> FloatArray:
 @pytest.mark.parametrize("gap", ["standing", "moving", "anywhere"])
 @pytest.mark.parametrize("demand", DEMANDS)
 @pytest.mark.parametrize(("gap_map", "play"), MAGNETS)
-def test_full_gives_the_demanded_force(
-    gap_map: GapMap, play: float, demand: str, gap: str, io: str
-) -> None:
+def test_full_gives_the_demanded_force(gap_map: GapMap, play: float, demand: str, gap: str, io: str) -> None:
     wanted = DEMANDS[demand](largest_force(gap_map, play, GAPS[-1]))
     at = gap_of(gap, wanted.size)
     drive = FixedTwin(compiled("full", gap_map, play), io).run(wanted, at)
@@ -117,15 +115,11 @@ def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave(
     for i, (demand, gap) in enumerate(zip(wanted.tolist(), at.tolist(), strict=True)):
         aim = twin.solve(demand, gap)
         current += float(np.clip(0.4 * (aim - current), -0.15, 0.15))
-        current = round(current / twin.block.scales.current * 2**15) * (
-            twin.block.scales.current / 2**15
-        )
+        current = round(current / twin.block.scales.current * 2**15) * (twin.block.scales.current / 2**15)
         expected[i] = twin.commit(current, gap)
         applied[i] = current
     force = magnet(gap_map, play).predict(applied, at, history="demagnetised").output
-    assert (
-        np.abs(applied - FixedTwin(compiled("full", gap_map, play), io).run(wanted, at)).max() > 0.1
-    )
+    assert np.abs(applied - FixedTwin(compiled("full", gap_map, play), io).run(wanted, at)).max() > 0.1
     assert np.abs(expected - force).max() < PROMISED * largest
 
 

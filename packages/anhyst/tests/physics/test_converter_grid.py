@@ -63,9 +63,7 @@ def followed(
 def worst(play: float, bits: int, ticks: int, *, searched: bool) -> tuple[float, float]:
     """Return the worst and the last tenth's mean error of the expected force, over the largest."""
     expected, current, _ = followed("full", play, bits, ticks, searched=searched)
-    exact = magnet("reluctance", play).predict(
-        current, np.full(current.size, WIDE), history="demagnetised"
-    )
+    exact = magnet("reluctance", play).predict(current, np.full(current.size, WIDE), history="demagnetised")
     error = np.abs(expected - exact.output) / largest_force("reluctance", play)
     return float(error.max()), float(error[-ticks // 10 :].mean())
 

@@ -40,8 +40,7 @@ def test_laws_agree_without_a_reversible_part() -> None:
     for number, (iron, amplitude) in enumerate(random_cases(60, seed=88, law=LAWS[1])):
         drive = random_walk(amplitude, 20, number)
         one, other = (
-            core.forward(Iron(iron.m_s, iron.a, iron.k, 0.0, iron.alpha, 0.0, law), drive)[0]
-            for law in LAWS
+            core.forward(Iron(iron.m_s, iron.a, iron.k, 0.0, iron.alpha, 0.0, law), drive)[0] for law in LAWS
         )
         margin = float(np.clip(1.0 - iron.alpha * iron.m_s / (3.0 * iron.a), 0.05, 1.0))
         assert np.max(np.abs(one - other)) < 3e-6 * MU_0 * iron.m_s / margin
@@ -105,12 +104,7 @@ def test_state_that_no_path_reaches_is_refused() -> None:
     bound = 200.0 / 300.0 / 3.0
     assert core_iron.check_state(np.zeros(3)) == 0
     assert core_iron.check_state(np.array([0.0, bound, 0.0])) == 0
-    for state in (
-        [0.0, 1.01 * bound, 0.0],
-        [0.0, 0.0, 0.5],
-        [np.nan, 0.0, 0.0],
-        [0.0, np.inf, 0.0],
-    ):
+    for state in ([0.0, 1.01 * bound, 0.0], [0.0, 0.0, 0.5], [np.nan, 0.0, 0.0], [0.0, np.inf, 0.0]):
         assert core_iron.check_state(np.array(state)) != 0
         assert core.run(core_iron, "forward", [1.0], state=LawState(*state)).status != 0
 

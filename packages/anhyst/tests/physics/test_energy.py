@@ -85,9 +85,7 @@ def test_loop_area_is_the_heat_of_its_steps() -> None:
 
 
 @pytest.mark.first(5)
-@pytest.mark.parametrize(
-    ("law", "step"), [(LAWS[0], "exact"), (LAWS[0], "linear"), (LAWS[1], "exact")]
-)
+@pytest.mark.parametrize(("law", "step"), [(LAWS[0], "exact"), (LAWS[0], "linear"), (LAWS[1], "exact")])
 @pytest.mark.parametrize("play", [False, True])
 def test_slope_lies_between_zero_and_its_bound(law: LawName, step: StepKind, play: bool) -> None:
     rng = np.random.default_rng(15)

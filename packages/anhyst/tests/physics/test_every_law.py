@@ -65,9 +65,7 @@ def test_moving_gap_and_eddy_currents_are_undone_too(law: str) -> None:
 def test_settled_loop_area_is_positive(law: str, jumping: bool) -> None:
     for one in samples(law, 150, seed=184, jumping=jumping):
         drive, zero = sine(one.amplitude, 12), np.zeros(12)
-        state, _, status = one.core.settle(
-            drive, zero, zero, one.demagnetised, max_cycles=20000, tol=1e-12
-        )
+        state, _, status = one.core.settle(drive, zero, zero, one.demagnetised, max_cycles=20000, tol=1e-12)
         assert status == 0, one
         b, h, _ = one.forward(drive, state=state)
         area = 0.5 * np.sum((np.roll(b, -1) - b) * (np.roll(h, -1) + h))

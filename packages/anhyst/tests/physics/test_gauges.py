@@ -35,9 +35,7 @@ def test_scaling_gauge() -> None:
     for number, (iron, amplitude) in enumerate(gauge_cases()):
         q = float(np.exp(rng.normal()))
         current = random_walk(amplitude / 1e3, 16, number)
-        scaled = Iron(
-            q * iron.m_s, q * iron.a, q * iron.k, iron.c, iron.alpha, q * iron.r_d, iron.law
-        )
+        scaled = Iron(q * iron.m_s, q * iron.a, q * iron.k, iron.c, iron.alpha, q * iron.r_d, iron.law)
         one = force(iron, 1e3, 2.0, 0.0, current)
         two = force(scaled, q * 1e3, 2.0 / q**2, 0.0, current)
         np.testing.assert_allclose(two, one, rtol=0, atol=1e-12 * np.max(np.abs(one)))

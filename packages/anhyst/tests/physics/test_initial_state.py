@@ -35,12 +35,7 @@ class Bench:
         self._done: dict[tuple[Kind, float, bool, bool], Outcome] = {}
 
     def outcome(
-        self,
-        kind: Kind,
-        low: float,
-        high: float,
-        conditioned: bool = False,
-        at_random: bool = False,
+        self, kind: Kind, low: float, high: float, conditioned: bool = False, at_random: bool = False
     ) -> Outcome:
         key = (kind, low, conditioned, at_random)
         if key not in self._done:
@@ -64,9 +59,7 @@ def bench() -> Iterator[Bench]:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7)])
-def test_a_wrong_start_is_forgotten_within_a_cycle(
-    bench: Bench, kind: Kind, low: float, high: float
-) -> None:
+def test_a_wrong_start_is_forgotten_within_a_cycle(bench: Bench, kind: Kind, low: float, high: float) -> None:
     assert bench.cycles(bench.outcome(kind, low, high)) <= 1.0
 
 
@@ -79,9 +72,7 @@ def test_small_loops_take_longer_to_forget(bench: Bench, kind: Kind) -> None:
 
 def test_a_memory_at_random_costs_the_full_law_more(bench: Bench) -> None:
     """The one bounded state of the simplified law bounds what it can do wrong."""
-    full, simple = (
-        bench.outcome(kind, 0.3, 0.7, at_random=True) for kind in ("full", "simplified")
-    )
+    full, simple = (bench.outcome(kind, 0.3, 0.7, at_random=True) for kind in ("full", "simplified"))
     assert full.largest > 2.0 * simple.largest
     assert bench.cycles(full) > bench.cycles(simple)
 
@@ -105,9 +96,7 @@ def test_every_law_has_an_initial_value_where_loops_are_not_full(bench: Bench, k
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7), (0.45, 0.55)])
-def test_the_simplified_law_forgets_no_later_than_the_full_one(
-    bench: Bench, low: float, high: float
-) -> None:
+def test_the_simplified_law_forgets_no_later_than_the_full_one(bench: Bench, low: float, high: float) -> None:
     """What is true of the claim: here it forgets sooner, elsewhere as soon."""
     full, simple = (bench.outcome(kind, low, high) for kind in ("full", "simplified"))
     assert bench.cycles(simple) <= bench.cycles(full)

@@ -90,9 +90,7 @@ def test_many_layers_of_linear_iron_are_a_slab(part: float) -> None:
 def test_no_path_gives_back_more_than_it_has_taken(seed: int) -> None:
     rng = np.random.default_rng(seed)
     family = ("cells", "langevin")[seed % 2]
-    made, state = solid(
-        family, int(rng.integers(2, 9)), rng.uniform(0.05, 0.6), rng.uniform(0, 0.8)
-    )
+    made, state = solid(family, int(rng.integers(2, 9)), rng.uniform(0.05, 0.6), rng.uniform(0, 0.8))
     drive = wander(rng, 500, 10.0 ** rng.uniform(2.0, 4.0))
     eddy = np.full(500, 10.0 ** rng.uniform(1.0, 5.0))
     flux, field, _, status, _ = made.forward(drive, np.full(500, 1e-3), eddy, state)

@@ -38,12 +38,7 @@ def brute_force(rate: RateOfIrreversible, x0: float, y0: float, x1: float) -> fl
         x0 = float(held.t_events[0][0])
         lag.terminal = False  # type: ignore[attr-defined]
     moving = solve_ivp(
-        lambda x, y: [rate(x, max(0.0, lag(x, y)))],
-        (x0, x1),
-        [y0],
-        method="DOP853",
-        rtol=1e-12,
-        atol=1e-14,
+        lambda x, y: [rate(x, max(0.0, lag(x, y)))], (x0, x1), [y0], method="DOP853", rtol=1e-12, atol=1e-14
     )
     return float(moving.y[0, -1])
 

@@ -138,9 +138,7 @@ def test_any_state_becomes_a_valid_one(shape: Shape) -> None:
     room = np.diff(SHEET.thresholds)
     wild = np.array([np.nan, np.inf, -np.inf, 1e9, -1e9, 0.0])
     for _ in range(500):
-        state = np.where(
-            rng.random(13) < 0.4, rng.choice(wild, 13), 200.0 * rng.standard_normal(13)
-        )
+        state = np.where(rng.random(13) < 0.4, rng.choice(wild, 13), 200.0 * rng.standard_normal(13))
         zero = np.zeros(1)
         given = np.array([100.0 * rng.standard_normal()])
         b, h, after, status, _ = one.core.forward(given, zero, zero, state)
@@ -156,9 +154,7 @@ def test_a_valid_state_is_taken_as_it_is() -> None:
         state = one.forward(random_walk(300.0, 9, number))[2]
         zero = np.zeros(1)
         x: FloatArray = np.array([one.core.flux_of(state)])
-        np.testing.assert_allclose(
-            one.core.inverse(x, zero, zero, state)[2], state, rtol=0, atol=1e-9
-        )
+        np.testing.assert_allclose(one.core.inverse(x, zero, zero, state)[2], state, rtol=0, atol=1e-9)
 
 
 def test_a_cycle_is_settled_after_one_pass() -> None:

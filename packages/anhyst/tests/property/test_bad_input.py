@@ -29,9 +29,7 @@ LAG = np.concatenate([np.maximum(RISE - 0.1, 0.0), np.minimum(RISE + 0.1, 1.9)[-
 ROWS = [
     f"{0.1 * place + gap:.1f},{drive:g},{lag**2 / gap:.4f},{gap:g},a"
     for gap in (3.0, 5.0)
-    for place, (drive, lag) in enumerate(
-        zip(np.concatenate([RISE, RISE[-2::-1]]), LAG, strict=True)
-    )
+    for place, (drive, lag) in enumerate(zip(np.concatenate([RISE, RISE[-2::-1]]), LAG, strict=True))
 ]
 TABLE = "\n".join(["# rig 3", "t_s,I_A,F_N,gap_mm,loop", *ROWS]) + "\n"
 SIDECAR = """
@@ -77,9 +75,7 @@ def damaged(draw: st.DrawFn, text: str) -> bytes:
                 tokens.insert(place, tokens[other] if tokens else "")
             case 4:
                 tokens = tokens[:place] + tokens[place : place + 40] * 2 + tokens[place + 40 :]
-    encoding = draw(
-        st.sampled_from(["utf-8"] * 6 + ["utf-8-sig", "latin-1", "utf-16", "utf-16-be"])
-    )
+    encoding = draw(st.sampled_from(["utf-8"] * 6 + ["utf-8-sig", "latin-1", "utf-16", "utf-16-be"]))
     data = "".join(tokens).encode(encoding, "replace")
     if draw(st.integers(0, 9)) == 0:
         cut = draw(st.integers(0, len(data)))

@@ -67,9 +67,7 @@ def test_any_words_leave_a_memory_within_its_bounds(
 
 
 @settings(max_examples=100)
-@given(
-    KINDS, PLAYS, MAPS, STEPS, WORDS, st.integers(-(2**30), 2**30), st.integers(-ONE, ONE), TURNS
-)
+@given(KINDS, PLAYS, MAPS, STEPS, WORDS, st.integers(-(2**30), 2**30), st.integers(-ONE, ONE), TURNS)
 def test_any_memory_leads_back_into_bounds(
     kind: Kind,
     play: float,
@@ -116,9 +114,7 @@ HISTORIES = st.lists(st.tuples(WORDS, WORDS), min_size=1, max_size=40)
 @pytest.mark.slow
 @settings(max_examples=60)
 @given(KINDS, HISTORIES, WORDS)
-def test_the_same_history_gives_the_same_bits(
-    kind: Kind, steps: list[tuple[int, int]], last: int
-) -> None:
+def test_the_same_history_gives_the_same_bits(kind: Kind, steps: list[tuple[int, int]], last: int) -> None:
     """Nothing but the commits and the solve before each counts: other solves change nothing."""
     block = block_of(kind, 0.0)
     one, two = FixedCompensator(kind, block.words), FixedCompensator(kind, block.words)
@@ -152,9 +148,7 @@ def test_what_was_solved_before_hardly_moves_a_commit(
     st.lists(st.floats(GAPS[0], GAPS[-1]), min_size=60, max_size=60),
     PLAYS,
 )
-def test_any_demand_within_the_limits_is_met(
-    shares: list[float], gaps: list[float], play: float
-) -> None:
+def test_any_demand_within_the_limits_is_met(shares: list[float], gaps: list[float], play: float) -> None:
     """The force in double precision, jumps and a moving gap included, to 0.2 % of the largest."""
     demand = np.array(shares) * largest_force("reluctance", play, GAPS[-1])
     gap = np.array(gaps[: demand.size])
@@ -173,9 +167,7 @@ def flux_block() -> Block:
 
 @settings(max_examples=100)
 @given(st.lists(WORDS, min_size=1, max_size=40))
-def test_a_mirrored_demand_gives_the_mirrored_current(
-    flux_block: Block, demands: list[int]
-) -> None:
+def test_a_mirrored_demand_gives_the_mirrored_current(flux_block: Block, demands: list[int]) -> None:
     """Where nothing is offset the law is odd; codes are not, by a unit or two."""
     up = FixedCompensator("full", flux_block.words)
     down = FixedCompensator("full", flux_block.words)

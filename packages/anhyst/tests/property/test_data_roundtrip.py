@@ -16,13 +16,7 @@ from anhyst.data.formats.channels import Texts
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import MAX_MEASURED_VALUE, find_turning_points
 from anhyst.data.reading import read_loops
-from anhyst.support.units import (
-    DRIVE_QUANTITIES,
-    QUANTITIES,
-    QUANTITY_DIMENSIONS,
-    UNITS,
-    parse_header,
-)
+from anhyst.support.units import DRIVE_QUANTITIES, QUANTITIES, QUANTITY_DIMENSIONS, UNITS, parse_header
 
 FINITE = st.floats(-MAX_MEASURED_VALUE, MAX_MEASURED_VALUE)  # beyond, nobody measured it
 DIMENSION = dict(QUANTITY_DIMENSIONS)
@@ -84,9 +78,7 @@ def test_numbers_survive_a_file_bit_by_bit(values: np.ndarray, sign: str) -> Non
             assert np.array_equal(table.require(name, ""), values[:, place])
 
 
-LABELS = st.text(
-    st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=8
-)
+LABELS = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=8)
 
 
 @given(st.lists(LABELS, min_size=1, max_size=20))

@@ -120,9 +120,7 @@ def model_of(
     )
 
 
-def check_same_outputs(
-    sets: list[ParameterSet], gap_map: GapMap, law: str, names: tuple[str, str]
-) -> Model:
+def check_same_outputs(sets: list[ParameterSet], gap_map: GapMap, law: str, names: tuple[str, str]) -> Model:
     quantities = (QUANTITIES[names[0]], QUANTITIES[names[1]])
     space = space_of(make_response_form(*quantities, law), gap_map, len(sets))
     sets = [space.form.make_set([*space.form.named_values(one).values()]) for one in sets]
@@ -196,9 +194,7 @@ def outputs(model: Model, gaps: Sequence[float] = GAPS) -> FloatArray:
 
 
 @given(local_sets(3, "scale"), st.floats(0.1, 10.0))
-def test_a_scaling_model_does_not_know_the_size_of_its_iron(
-    sets: list[ParameterSet], q: float
-) -> None:
+def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[ParameterSet], q: float) -> None:
     """M_s, a, k, c_H times q and c_out over q^2 is the same magnet."""
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     model = model_of(sets, "scaling", "effective-field", quantities)
@@ -208,9 +204,7 @@ def test_a_scaling_model_does_not_know_the_size_of_its_iron(
 
 
 @given(local_sets(3, "omega", least=0.0), st.floats(0.5, 2.0), st.floats(0.5, 2.0))
-def test_a_reluctance_model_has_two_redundancies(
-    sets: list[ParameterSet], p: float, q: float
-) -> None:
+def test_a_reluctance_model_has_two_redundancies(sets: list[ParameterSet], p: float, q: float) -> None:
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     model = model_of(reluctance_scales(sets), "reluctance", "effective-field", quantities)
     rho = np.asarray(model.parameters["rho"])

@@ -19,9 +19,7 @@ Way = Callable[[FloatArray, FloatArray, float, float], FloatArray]
 
 def record(points: list[float], samples: int, gap: int = 0, *, settled: bool = True) -> Residual:
     legs = max(1, len(points) - 1)
-    drive = np.concatenate(
-        [np.linspace(a, b, samples // legs, endpoint=False) for a, b in pairwise(points)]
-    )
+    drive = np.concatenate([np.linspace(a, b, samples // legs, endpoint=False) for a, b in pairwise(points)])
     measured = np.tanh(1.5 * drive) / (1.0 + 0.6 * gap)
     return Residual(drive, measured, np.zeros(drive.size), gap, settled)
 

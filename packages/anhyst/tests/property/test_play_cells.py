@@ -60,11 +60,7 @@ def test_a_demand_gives_the_field_that_made_it(data: st.DataObject) -> None:
     cells = data.draw(any_cells())
     path = data.draw(any_path(cells))
     alpha = min(data.draw(st.floats(-2.0, 0.9)) / make_iron(cells, 0.0).steepest, 0.9)
-    core, zero, start = (
-        make_iron(cells, alpha),
-        np.zeros(path.size),
-        np.zeros(cells.thresholds.size),
-    )
+    core, zero, start = (make_iron(cells, alpha), np.zeros(path.size), np.zeros(cells.thresholds.size))
     b, _, after, status, _ = core.forward(path, zero, zero, start)
     assert status == 0
     back, _, again, status, _ = core.inverse(b, zero, zero, start)

@@ -18,9 +18,7 @@ GAPS = st.floats(0.32e-3, 0.58e-3) | ANY
 SAMPLES = st.tuples(GAPS, GAPS, ANY, st.tuples(ANY, ANY), st.tuples(ANY, ANY), st.integers(0, 9))
 QUICK = replace(
     CONTROL,
-    limits=replace(
-        CONTROL.limits, selftest=1, max_missing_samples=0, step=1e-3, current_low=-0.7, hold=2
-    ),
+    limits=replace(CONTROL.limits, selftest=1, max_missing_samples=0, step=1e-3, current_low=-0.7, hold=2),
     levitation=replace(CONTROL.levitation, lift_rate=1e6, set_down_rate=1e6),
     converter=replace(CONTROL.converter, low=-1.0),
 )

@@ -14,16 +14,7 @@ from anhyst.compensate.builder import build_block
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.numeric import FloatArray
-from tests.actuators import (
-    GAPS,
-    SIZES,
-    closed_form,
-    largest_force,
-    magnet,
-    ranges,
-    reversals,
-    triangles,
-)
+from tests.actuators import GAPS, SIZES, closed_form, largest_force, magnet, ranges, reversals, triangles
 from tests.swaps import apart, jump
 
 MAPS = st.sampled_from(["reluctance", "circuit"])
@@ -119,8 +110,7 @@ def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
     )
     model = magnet("reluctance", PLAY)
     here, there = (
-        build_block(model, "simplified", scales, limits, SIZES, closed_form=each)
-        for each in (law, other)
+        build_block(model, "simplified", scales, limits, SIZES, closed_form=each) for each in (law, other)
     )
     demand = path("reluctance", seed)
     most = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
@@ -134,8 +124,6 @@ def test_a_swap_to_the_very_same_block_changes_nothing_that_matters(kind: str) -
     if kind == "full":
         block = build_block(model, "full", scales, limits, FULL_SIZES)
     else:
-        block = build_block(
-            model, "simplified", scales, limits, SIZES, closed_form=closed_form("reluctance")
-        )
+        block = build_block(model, "simplified", scales, limits, SIZES, closed_form=closed_form("reluctance"))
     for seed in range(20):
         assert jump(block, block, path("reluctance", seed), GAPS[1]) < 5e-5

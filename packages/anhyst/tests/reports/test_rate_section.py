@@ -40,9 +40,7 @@ def test_each_speed_has_a_row_and_the_corner_its_interval() -> None:
     corner = rate_corner(model)
     assert corner is not None
     texts = [str(block) for block in section.blocks if isinstance(block, Text)]
-    assert any(
-        f"{corner:.3g}" in one and f"{corner * 2.718281828**0.1:.3g}" in one for one in texts
-    )
+    assert any(f"{corner:.3g}" in one and f"{corner * 2.718281828**0.1:.3g}" in one for one in texts)
     assert sum(isinstance(block, Picture) for block in section.blocks) == 1
     assert [len(one.rows) for one in section.blocks if isinstance(one, PageTable)] == [3]
 

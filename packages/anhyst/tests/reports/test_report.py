@@ -185,9 +185,7 @@ def test_the_page_is_well_formed_and_small(html: str, page: Page) -> None:
 
 
 def test_every_figure_says_in_words_what_it_shows(page: Page) -> None:
-    reported = [
-        given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"
-    ]
+    reported = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
     pictures = [given for tag, given in page.tags if tag == "svg"]
     assert len(reported) == len(pictures) == 8
     assert all(len(text) > 60 for text in reported)
@@ -316,10 +314,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     figure = figure_between(subject.model, stuck)
     assert figure is not None
     assert "cannot be computed" in svg_text(figure, "f")
-    assert (
-        "no root"
-        in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
-    )
+    assert "no root" in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
 
 
 def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, folder: Path) -> None:
@@ -333,9 +328,7 @@ def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, fo
     assert subject.warnings == ()
 
 
-def test_a_model_worse_than_a_curve_without_memory_says_so(
-    subject: ModelSubject, folder: Path
-) -> None:
+def test_a_model_worse_than_a_curve_without_memory_says_so(subject: ModelSubject, folder: Path) -> None:
     poor = replace(subject.model, parameters={**subject.model.parameters, "c_out": 90.0})
     head = make_headline(gather_subject(poor, folder))
     assert head.notes[0].tone == "bad"
@@ -346,14 +339,10 @@ def test_a_model_worse_than_a_curve_without_memory_says_so(
 @pytest.mark.parametrize(
     ("level", "title"), [("yes", "Worth it"), ("little", "Small gain"), ("no", "Barely worth it")]
 )
-def test_the_verdict_is_that_of_the_measurement(
-    subject: ModelSubject, level: Level, title: str
-) -> None:
+def test_the_verdict_is_that_of_the_measurement(subject: ModelSubject, level: Level, title: str) -> None:
     assert subject.evidence is not None
     judged = replace(subject.evidence.verdict, level=level)
-    reported = make_headline(
-        replace(subject, evidence=replace(subject.evidence, verdict=judged))
-    ).notes[0]
+    reported = make_headline(replace(subject, evidence=replace(subject.evidence, verdict=judged))).notes[0]
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
     assert "% of the error of the curve" in reported.text.replace("\xa0", " ")
@@ -387,9 +376,7 @@ def test_noise_is_reported_from_the_record_before_thinning(tmp_path: Path) -> No
     drive = np.concatenate([half, half[-2::-1]])
     output = model.predict(drive, history="settled").output
     rows = [f"{h!r},{b!r}" for h, b in zip(drive.tolist(), output.tolist(), strict=True)]
-    evidence = gather_evidence(
-        finished(model, measured(tmp_path, ["H_A_per_m,B_T", *rows])), tmp_path
-    )
+    evidence = gather_evidence(finished(model, measured(tmp_path, ["H_A_per_m,B_T", *rows])), tmp_path)
     assert evidence.inspection is not None
     assert evidence.inspection.loops[0].samples == 5199
     assert evidence.loops.loops[0].n <= 4000

@@ -22,9 +22,7 @@ def test_a_file_appears_only_when_complete(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt, MemoryError, ValueError])
-def test_a_failure_leaves_the_old_file_and_nothing_else(
-    tmp_path: Path, failure: type[BaseException]
-) -> None:
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path, failure: type[BaseException]) -> None:
     path = tmp_path / "model.toml"
     path.write_text("old")
 

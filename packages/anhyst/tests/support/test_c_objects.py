@@ -41,9 +41,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
     folder = tmp_path / "c"
     folder.mkdir()
     (folder / "part.h").write_text("#define ANSWER 3\nint part(void);\n")
-    (folder / "part.c").write_text(
-        '#include "part.h"\nint part(void) { int unused; return ANSWER; }\n'
-    )
+    (folder / "part.c").write_text('#include "part.h"\nint part(void) { int unused; return ANSWER; }\n')
     (folder / "main.c").write_text("int part(void);\nint main(void) { return part(); }\n")
     return Bench(folder)
 

@@ -118,9 +118,7 @@ def test_without_a_place_it_is_computed_each_time(tmp_path: Path) -> None:
     assert cached_result("words", lambda: "second", HERE) == "second"
 
 
-def test_nobody_else_can_write_there_and_what_was_used_last_stays(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_nobody_else_can_write_there_and_what_was_used_last_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_CACHED_RESULTS", 3)
     for number in range(5):
         cached_result("numbers", lambda number=number: number, number)  # type: ignore[misc]

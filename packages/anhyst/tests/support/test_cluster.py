@@ -76,24 +76,18 @@ def test_a_lost_worker_loses_no_work_and_what_tasks_share_travels_once(
     seen: dict[int, tuple[int, int, int]] = {}
     told: list[tuple[float, float]] = []
     with use_scheduler(address):
-        for place, result in map_unordered(
-            partial(slowly, Shared()), range(24), lambda *at: told.append(at)
-        ):
+        for place, result in map_unordered(partial(slowly, Shared()), range(24), lambda *at: told.append(at)):
             seen[place] = result
             if len(seen) == 4:
                 os.kill(workers[0].pid, signal.SIGKILL)
-    assert {place: one[0] for place, one in seen.items()} == {
-        number: number**2 for number in range(24)
-    }
+    assert {place: one[0] for place, one in seen.items()} == {number: number**2 for number in range(24)}
     used = [one[2] for one in seen.values() if one[1] == workers[1].pid]
     assert max(used) >= len(used)  # more if a task was done twice
     assert os.getpid() not in {one[1] for one in seen.values()}
     assert told[-1] == (24, 24)
 
 
-def test_a_fault_of_the_work_comes_back(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]],
-) -> None:
+def test_a_fault_of_the_work_comes_back(cluster: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
     with use_scheduler(cluster[0]), pytest.raises(ZeroDivisionError):
         map_ordered(one_over, [1, 0])
 

@@ -19,9 +19,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("replace", "expected"), [(True, NEW), (False, {**OLD, **NEW})])
-def test_what_is_done_appears_in_its_place(
-    tmp_path: Path, replace: bool, expected: dict[str, str]
-) -> None:
+def test_what_is_done_appears_in_its_place(tmp_path: Path, replace: bool, expected: dict[str, str]) -> None:
     write_files(tmp_path / "out", OLD)
     with atomic_folder(tmp_path / "out", replace=replace) as draft:
         write_files(draft, NEW)
@@ -37,25 +35,18 @@ def interrupted(out: Path, replace: bool) -> None:
 
 @pytest.mark.parametrize("there", [True, False])
 @pytest.mark.parametrize("replace", [True, False])
-def test_after_a_failure_nothing_else_stands_there(
-    tmp_path: Path, there: bool, replace: bool
-) -> None:
+def test_after_a_failure_nothing_else_stands_there(tmp_path: Path, there: bool, replace: bool) -> None:
     if there:
         write_files(tmp_path / "out", OLD)
     with pytest.raises(KeyboardInterrupt):
         interrupted(tmp_path / "out", replace)
-    assert contents(tmp_path) == (
-        {f"out/{name}": text for name, text in OLD.items()} if there else {}
-    )
+    assert contents(tmp_path) == ({f"out/{name}": text for name, text in OLD.items()} if there else {})
     assert (tmp_path / "out").exists() == there
 
 
 def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_path: Path) -> None:
     write_files(tmp_path / "out", {"z/in_the_way": "a file below a folder of that name"})
-    with (
-        refused("cannot-be-written EISDIR"),
-        atomic_folder(tmp_path / "out") as draft,
-    ):
+    with refused("cannot-be-written EISDIR"), atomic_folder(tmp_path / "out") as draft:
         write_files(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
     assert list(contents(tmp_path / "out")) == ["z/in_the_way"]
     assert not (tmp_path / "out" / "a").exists()
@@ -63,10 +54,7 @@ def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_pat
 
 def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
-    with (
-        refused("is-a-file"),
-        atomic_folder(tmp_path / "out"),
-    ):
+    with refused("is-a-file"), atomic_folder(tmp_path / "out"):
         pass
 
 
@@ -76,9 +64,7 @@ def test_json_has_null_for_what_is_no_finite_number() -> None:
     )
 
 
-def test_a_file_is_named_as_the_system_finds_it_from_a_folder_behind_a_link(
-    tmp_path: Path,
-) -> None:
+def test_a_file_is_named_as_the_system_finds_it_from_a_folder_behind_a_link(tmp_path: Path) -> None:
     (tmp_path / "rig").mkdir()
     (tmp_path / "rig" / "loops.csv").write_text("measured")
     far = tmp_path / "other" / "disk" / "tuned"

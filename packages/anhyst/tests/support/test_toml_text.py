@@ -11,14 +11,10 @@ from hypothesis import strategies as st
 from anhyst.support.toml_text import key_lines, toml_key, toml_value
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
-SCALARS = st.one_of(
-    st.booleans(), st.integers(-(2**63), 2**63 - 1), TEXTS, st.floats(allow_nan=False)
-)
+SCALARS = st.one_of(st.booleans(), st.integers(-(2**63), 2**63 - 1), TEXTS, st.floats(allow_nan=False))
 
 
-@given(
-    st.recursive(SCALARS, lambda s: st.lists(s, max_size=4) | st.dictionaries(TEXTS, s, max_size=4))
-)
+@given(st.recursive(SCALARS, lambda s: st.lists(s, max_size=4) | st.dictionaries(TEXTS, s, max_size=4)))
 def test_a_value_reads_back_exactly(value: object) -> None:
     read = tomllib.loads(f"key = {toml_value(value)}")["key"]
     assert read == value

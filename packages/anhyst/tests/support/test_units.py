@@ -7,14 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.support.units import (
-    QUANTITIES,
-    UNITS,
-    join_header,
-    parse_header,
-    require_unit,
-    split_header,
-)
+from anhyst.support.units import QUANTITIES, UNITS, join_header, parse_header, require_unit, split_header
 from tests.refusals import refused
 
 
@@ -170,8 +163,7 @@ def test_millimetres_become_the_nearest_float() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "text"),
-    [("gap", 3e-4, "gap 0.3 mm"), ("temperature", -15.0, "temperature -15 °C")],
+    ("name", "value", "text"), [("gap", 3e-4, "gap 0.3 mm"), ("temperature", -15.0, "temperature -15 °C")]
 )
 def test_values_are_shown_as_people_say_them(name: str, value: float, text: str) -> None:
     assert QUANTITIES[name].show(value) == text

@@ -81,13 +81,7 @@ def compile_object(folder: Path, header: str | None) -> bytes:
     source.write_text(SOURCE, encoding="utf-8")
     command = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
     command += ["-mcpu=cortex_m4", "-ffreestanding", "-nostdlib", "-fno-sanitize=undefined", "-O2"]
-    command += [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-Wno-error=unused-command-line-argument",
-    ]
+    command += ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Wno-error=unused-command-line-argument"]
     command += [f"-I{ROOT / 'core/include'}", f"-I{ROOT / 'core/port'}", "-Wl,-e,every"]
     if header:
         command.append(f'-DANHYST_PORT_HEADER="{header}"')

@@ -54,9 +54,7 @@ def merged_core(folders: Path) -> dict[str, bytes]:
     return merged
 
 
-def test_the_example_links_both_and_gives_their_golden_currents(
-    folders: Path, tmp_path: Path
-) -> None:
+def test_the_example_links_both_and_gives_their_golden_currents(folders: Path, tmp_path: Path) -> None:
     make = [tool("make"), "-s", "-f", str(EXAMPLE / "Makefile"), f"FOLDERS={folders}"]
     done = subprocess.run(make, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
@@ -65,9 +63,7 @@ def test_the_example_links_both_and_gives_their_golden_currents(
     message = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (message.returncode, message.stdout) == (0, "1000 rows, 0 differ\n")
     # A difference would be found.
-    message = subprocess.run(
-        [*command[:2], vectors[0]], capture_output=True, text=True, check=False
-    )
+    message = subprocess.run([*command[:2], vectors[0]], capture_output=True, text=True, check=False)
     assert message.returncode == 1
 
 

@@ -83,17 +83,13 @@ def test_a_dsc_is_estimated_for_the_tick_too(folder: Path) -> None:
     plausible(result, folder)
     cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
     for part in TICKS:
-        at_best, cautious = (
-            cycles[name, f"controller: {part}"] for name in ("at best", "cautious")
-        )
+        at_best, cautious = (cycles[name, f"controller: {part}"] for name in ("at best", "cautious"))
         assert 0 < at_best < cautious
     assert cycles["at best", "controller: tick"] > cycles["at best", "solve"]
 
 
 def test_random_steps_lift_land_and_rest(folder: Path, tmp_path: Path) -> None:
-    program = build_reference(
-        BuildFolder.create(read_bundle(folder), tmp_path / "w", "controller")
-    ).program
+    program = build_reference(BuildFolder.create(read_bundle(folder), tmp_path / "w", "controller")).program
     reply = program.run([Asked(START), Asked(RANDOM, steps=10_000)])[-1]
     counts = dict(zip(CONTROLLER_RECORD.sections, (s.count for s in reply.sections), strict=True))
     assert counts["tick"] == 10_000
@@ -102,9 +98,7 @@ def test_random_steps_lift_land_and_rest(folder: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.needs("gcc")
-def test_host_builds_agree_under_sanitizers_too(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_host_builds_agree_under_sanitizers_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
     builds = [result.build for result in ticks_of(verify(folder, "host", host_steps=20_000))]
     levels = ("-O0", "-O2", "-O3", "sanitizers")

@@ -17,9 +17,7 @@ from tests.refusals import says
 from tests.verification.conftest import Compile, Seed
 
 STEP = 7_013
-SOLVE = (
-    "int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)\n{\n"
-)
+SOLVE = "int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)\n{\n"
 SCALE = "  return high * b + ((low * b) >> 16);"
 CLAMP = "  return a > high ? high : a;"
 POWER = "    2,             /* 10 POWER"
@@ -77,9 +75,7 @@ def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
 def demand_at(folder: Path, step: int, scratch: Path) -> int:
     """Return the demand that the generator of the host gives at a step."""
     program = build_reference(BuildFolder.create(read_bundle(folder), scratch)).program
-    reply = program.run(
-        [Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)]
-    )[-1]
+    reply = program.run([Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)])[-1]
     word = int(reply.window[0, COMPENSATOR_RECORD.record.index("demand")])
     return word - (1 << 32) if word >> 31 else word
 
@@ -130,9 +126,7 @@ VECTOR_BEFORE = "demand,gap,applied,current\n0,0,0,123456789\n"
 @pytest.mark.slow
 def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
     wrong = f"{SOLVE}#ifdef __thumb__\n  *(volatile int32_t *)0x40000000 = demand;\n#endif\n"
-    result = only(
-        verify(with_fault("src/compensator/compensator.c", SOLVE, wrong), "cortex-m3").results
-    )
+    result = only(verify(with_fault("src/compensator/compensator.c", SOLVE, wrong), "cortex-m3").results)
     assert "target cortex-m3: " in result.failure
     assert "UNMAPPED" in result.failure
 
@@ -155,9 +149,7 @@ def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
 ) -> None:
     monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
     wrong = f"{SOLVE}  volatile int32_t most = 2147483647;\n  most = most + 1;\n"
-    found = verify(
-        with_fault("src/compensator/compensator.c", SOLVE, wrong), "host", host_steps=1_000
-    )
+    found = verify(with_fault("src/compensator/compensator.c", SOLVE, wrong), "host", host_steps=1_000)
     assert [result.passed for result in found.results] == [True, True, True, False]
     assert "signed integer overflow" in found.first_failure()
 

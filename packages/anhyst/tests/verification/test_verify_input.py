@@ -63,9 +63,7 @@ def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]
     assert says(complaint(capsys, compiled("full", "f32"), "--on", "avr"), "target-not-for-this")
 
 
-def test_a_folder_that_is_not_there_or_not_ours(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_is_not_there_or_not_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert says(complaint(capsys, tmp_path / "none"), "no-such-folder")
     assert says(complaint(capsys, tmp_path), "no-manifest")
 
@@ -86,9 +84,7 @@ def test_a_manifest_that_cannot_be_read(copied: Path, capsys: pytest.CaptureFixt
         assert says(complaint(capsys, copied), expected)
 
 
-def test_a_file_that_was_changed_or_is_missing(
-    copied: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_was_changed_or_is_missing(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with (copied / "src" / "compensator" / "full.c").open("a", encoding="utf-8") as stream:
         stream.write("/* mine */\n")
     message = complaint(capsys, copied)

@@ -69,9 +69,7 @@ def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
 
 
 @pytest.mark.slow
-def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(
-    compiled: Compile,
-) -> None:
+def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(compiled: Compile) -> None:
     found = agrees(verify(compiled("full", "f32"), "cortex-m4", target_steps=1_000))
     soft, hard = found.results
     assert (soft.build, hard.build) == ("soft float", "hard float")
@@ -124,8 +122,7 @@ def test_host_builds_agree_under_sanitizers_too(
 @pytest.mark.slow
 @needs_avr
 @pytest.mark.parametrize(
-    ("kind", "io"),
-    [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] != "simplified")) for one in KINDS],
+    ("kind", "io"), [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] != "simplified")) for one in KINDS]
 )
 def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
     (result,) = agrees(verify(compiled(kind, io), "avr", target_steps=300)).results

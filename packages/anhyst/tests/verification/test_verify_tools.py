@@ -90,10 +90,7 @@ def test_host_may_be_named_with_one_compiler_alone(
 
 @pytest.mark.slow
 def test_all_that_is_missing_is_listed_at_once_and_a_named_target_that_did_not_run_fails(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     only("cc", at=tmp_path, monkeypatch=monkeypatch)
     assert command(folder, "--on", "host,avr,msp430,cortex-m3-qemu") == 2
@@ -132,10 +129,7 @@ def test_a_difference_counts_more_than_a_missing_tool(
 
 @pytest.mark.slow
 def test_json_says_what_is_missing(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     only("cc", at=tmp_path, monkeypatch=monkeypatch)
     assert command(folder, "--on", "host", "--json") == 0
@@ -156,10 +150,7 @@ def test_without_a_python_package_its_targets_do_not_run_and_the_others_do(
 
 
 def test_where_nothing_can_run_nothing_is_written_and_everything_missing_is_named(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     only(at=tmp_path, monkeypatch=monkeypatch)
     monkeypatch.setattr("anhyst.compilation.toolchain.importlib.util.find_spec", lambda name: None)

@@ -96,13 +96,7 @@ def export(
     """
     from anhyst.model.actuator import resolve_model
     from anhyst.support.atomic import check_path
-    from anhyst_exchange.exporter import (
-        PLATFORM_NAMES,
-        Exported,
-        export_fmu,
-        export_sfunction,
-        export_tables,
-    )
+    from anhyst_exchange.exporter import PLATFORM_NAMES, Exported, export_fmu, export_sfunction, export_tables
 
     check_path(out, "export: out")
     if as_ == "lut":

@@ -54,9 +54,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         ) from None
     if not 0 <= number <= 65535:
         raise InputError(
-            f"--listen {text}: the port is not within 0 to 65535",
-            code="out-of-range",
-            key="--listen",
+            f"--listen {text}: the port is not within 0 to 65535", code="out-of-range", key="--listen"
         )
     if address.is_unspecified:
         raise InputError(
@@ -66,9 +64,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         )
     if not address.is_loopback and not token:
         raise InputError(
-            f"--listen {text}: reaches beyond this machine; add --token",
-            code="token-missing",
-            key="--listen",
+            f"--listen {text}: reaches beyond this machine; add --token", code="token-missing", key="--listen"
         )
     return str(address), number
 
@@ -123,9 +119,7 @@ class MessageRateLimit:
     def try_take(self) -> bool:
         """Count one message; return whether it is within the limit."""
         now = time.monotonic()
-        self._available = min(
-            self._max_burst, self._available + self._rate_Hz * (now - self._last_time_s)
-        )
+        self._available = min(self._max_burst, self._available + self._rate_Hz * (now - self._last_time_s))
         self._last_time_s = now
         if self._available < 1.0:
             return False

@@ -90,9 +90,7 @@ class Chirp:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
-            raise InputError(
-                "chirp: the amplitude is not 0 or more", code="out-of-range", key="amplitude"
-            )
+            raise InputError("chirp: the amplitude is not 0 or more", code="out-of-range", key="amplitude")
         for value in (self.low, self.high):
             if not LOWEST_HZ <= value <= HIGHEST_HZ:
                 raise InputError(
@@ -170,9 +168,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
-        raise InputError(
-            "own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data"
-        )
+        raise InputError("own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data")
     number, header = lines[0]
     units = _read_header_units(number, header, unit)
     rows: list[tuple[float, float]] = []
@@ -208,17 +204,14 @@ def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit,
     kind = require_unit(unit).dimension
     example = "gap_um" if unit == "m" else "F_N"
     raise InputError(
-        f"own CSV: line {number}: no header of a time and a {kind} with their units, such as "
-        f"t_s,{example}",
+        f"own CSV: line {number}: no header of a time and a {kind} with their units, such as t_s,{example}",
         code="no-header",
     )
 
 
 def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
     if len(cells) != 2:
-        raise InputError(
-            f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing"
-        )
+        raise InputError(f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing")
     row = []
     for cell, unit in zip(cells, units, strict=True):
         try:
@@ -228,9 +221,7 @@ def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[
                 f"own CSV: line {number}: '{cell[:40]}' is no number", code="not-a-number"
             ) from None
         if not math.isfinite(value):
-            raise InputError(
-                f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite"
-            )
+            raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite")
         row.append(value)
     return row[0], row[1]
 
@@ -242,9 +233,7 @@ _CHUNK_S = 0.001
 class DrivenBench(Bench):
     """A bench that adds a generator to another bench and remembers the target and the load."""
 
-    def __init__(
-        self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
-    ) -> None:
+    def __init__(self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]) -> None:
         self.rate, self.ticks_per_row, self.has_own_clock = (
             bench.rate,
             bench.ticks_per_row,

@@ -166,12 +166,7 @@ class BlockHolder(Protocol):
 IMPROVEMENT_STEPS = ("measure", "identify", "compile", "swap")
 """The steps in their order."""
 
-_REQUIRED_STEP = {
-    "identify": "measure",
-    "compile": "identify",
-    "swap": "compile",
-    "files": "measure",
-}
+_REQUIRED_STEP = {"identify": "measure", "compile": "identify", "swap": "compile", "files": "measure"}
 """The step whose result each step requires."""
 
 _STEP_ORDERS = (*IMPROVEMENT_STEPS, "back", "cancel", "files", "watch")
@@ -209,9 +204,7 @@ class Improver:
         """Whether a measurement drives the running controller."""
         return isinstance(self._job, BoardJob)
 
-    def measure(
-        self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]
-    ) -> None:
+    def measure(self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]) -> None:
         """Start measuring loops, with some limits tightened."""
         prepared, folder = self._prepared, self.folder
         tighten_limits(prepared.specimen(), tighter_limits)
@@ -275,9 +268,7 @@ class Improver:
             "share": job.share if job is not None else 0.0,
             "seconds": time.monotonic() - self._start_time if job is not None else 0.0,
             "trouble": self._error_text,
-            "refused": {
-                step: str(why) for step in _STEP_ORDERS if (why := self._refusal_reason(step))
-            },
+            "refused": {step: str(why) for step in _STEP_ORDERS if (why := self._refusal_reason(step))},
         }
 
     def _refusal_reason(self, step: str) -> InputError | None:
@@ -345,10 +336,7 @@ class Improver:
         if "words" in result:
             self._new_block = list(result["words"])
         kept = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
-        self.results = {
-            **{name: one for name, one in self.results.items() if name in kept},
-            step: shown,
-        }
+        self.results = {**{name: one for name, one in self.results.items() if name in kept}, step: shown}
 
     def _swap_block(self, block: Sequence[int], model: ModelWithLoops) -> int:
         old_block = self._bench.read_block()

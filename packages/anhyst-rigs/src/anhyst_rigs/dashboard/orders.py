@@ -59,9 +59,7 @@ class SessionSeat:
             except TimeoutError:
                 break
             if chunk is None:
-                raise InputError(
-                    self._session.end_reason or "the bench is closed", code="bench-closed"
-                )
+                raise InputError(self._session.end_reason or "the bench is closed", code="bench-closed")
             parts.append(chunk)
         return np.concatenate(parts)
 
@@ -150,9 +148,7 @@ def _files(session: LiveSession, improver: Improver, client_name: str, fields: F
 def _watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     is_on = fields.get("on") is True
     session.monitor(improver.model_to_monitor() if is_on else None)
-    session.log_change(
-        client_name, "drift is watched from now on" if is_on else "drift is watched no more"
-    )
+    session.log_change(client_name, "drift is watched from now on" if is_on else "drift is watched no more")
     return {}
 
 
@@ -243,18 +239,14 @@ def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         raise InputError("values: names no parameter", code="missing", key="values")
     values = {str(name): read_finite_number(staged, name) for name in staged}
     tick = session.apply(values)
-    session.log_change(
-        client_name, ", ".join(f"{name} = {value:g}" for name, value in values.items())
-    )
+    session.log_change(client_name, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
     return {"applied": tick, "parameters": describe_parameters(session)}
 
 
 def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if session.bench.has_own_clock:
         raise InputError(
-            "time: goes by itself on a board, at its own speed",
-            code="time-goes-by-itself",
-            key="time",
+            "time: goes by itself on a board, at its own speed", code="time-goes-by-itself", key="time"
         )
     if "speed" in fields:
         speed = read_finite_number(fields, "speed")
@@ -270,9 +262,7 @@ def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         steps = read_finite_number(fields, "steps")
         if not 1 <= steps <= session.bench.rate:
             raise InputError(
-                f"steps: is not within 1 to {session.bench.rate:g}",
-                code="out-of-range",
-                key="steps",
+                f"steps: is not within 1 to {session.bench.rate:g}", code="out-of-range", key="steps"
             )
         session.pacer.step(int(steps))
     return {}
@@ -286,9 +276,7 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     crossing = None
     if "signal" in fields:
         crossing = session.recorder.make_crossing(
-            str(fields["signal"]),
-            read_finite_number(fields, "level"),
-            fields.get("rising") is not False,
+            str(fields["signal"]), read_finite_number(fields, "level"), fields.get("rising") is not False
         )
     lasts = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
     session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), lasts, crossing))
@@ -301,9 +289,7 @@ def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     learner = session.learner
     if learner is None:
         raise InputError(
-            "learn: a stage or a bearing alone learns from its motion",
-            code="not-for-this-kind",
-            key="learn",
+            "learn: a stage or a bearing alone learns from its motion", code="not-for-this-kind", key="learn"
         )
     if fields.get("revert") is True:
         applied = learner.revert()

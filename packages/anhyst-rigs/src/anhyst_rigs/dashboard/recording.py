@@ -89,17 +89,7 @@ class MdfRecorder(RecordingFile):
                 b"EV",
                 (0, 0, 0, name, 0),
                 struct.pack(
-                    "<5B3xIHHqd",
-                    _MARKER_EVENT,
-                    1,
-                    0,
-                    _CAUSED_BY_USER,
-                    0,
-                    0,
-                    0,
-                    0,
-                    tick,
-                    1 / self._rate,
+                    "<5B3xIHHqd", _MARKER_EVENT, 1, 0, _CAUSED_BY_USER, 0, 0, 0, 0, tick, 1 / self._rate
                 ),
             )
             self._write_address(self._next_event, event)
@@ -110,17 +100,13 @@ class MdfRecorder(RecordingFile):
         """Write everything before the rows: header, history, channel group and channels."""
         now = time.time_ns()
         self._write_bytes(_IDENTIFICATION)
-        header = self._write_block(
-            b"HD", (0,) * 6, struct.pack("<Qhh4B2d", now, 0, 0, 2, 0, 0, 0, 0, 0)
-        )
+        header = self._write_block(b"HD", (0,) * 6, struct.pack("<Qhh4B2d", now, 0, 0, 2, 0, 0, 0, 0, 0))
         tool = self._write_text(
             "<FHcomment><TX>recorded</TX><tool_id>anhyst live</tool_id>"
             "<tool_vendor>anhyst</tool_vendor><tool_version>1</tool_version></FHcomment>",
             b"MD",
         )
-        history = self._write_block(
-            b"FH", (0, tool), struct.pack("<QhhB3x", now, 0, 0, _UTC_OFFSETS_VALID)
-        )
+        history = self._write_block(b"FH", (0, tool), struct.pack("<QhhB3x", now, 0, 0, _UTC_OFFSETS_VALID))
         channels = 0
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
         for index in reversed(range(len(columns))):
@@ -136,20 +122,9 @@ class MdfRecorder(RecordingFile):
 
     def _write_channel(self, signal: Signal, index: int, following: int) -> int:
         unit = self._write_text(signal.unit) if signal.unit else 0
-        links = (
-            following,
-            0,
-            self._write_text(signal.name),
-            0,
-            0,
-            0,
-            unit,
-            self._write_text(signal.doc),
-        )
+        links = (following, 0, self._write_text(signal.name), 0, 0, 0, unit, self._write_text(signal.doc))
         kind = (_MASTER_CHANNEL, _TIME_SYNC) if index == 0 else (0, 0)
-        body = struct.pack(
-            "<4B4I2BH6d", *kind, _FLOAT_TYPE, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6
-        )
+        body = struct.pack("<4B4I2BH6d", *kind, _FLOAT_TYPE, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6)
         return self._write_block(b"CN", links, body)
 
     def _open_data(self, before: int) -> None:
@@ -166,9 +141,7 @@ class MdfRecorder(RecordingFile):
     def _write_block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
         """Append a block and return its address."""
         address, size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
-        head = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(
-            f"<{len(links)}Q", *links
-        )
+        head = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
         self._write_bytes(head + body + b"\0" * (-size % 8))
         return address
 
@@ -220,10 +193,7 @@ class CsvRecorder(RecordingFile):
                 data = data[self._file.write(data) :]
 
 
-_RECORDERS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
-    ".csv": CsvRecorder,
-    ".mf4": MdfRecorder,
-}
+_RECORDERS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {".csv": CsvRecorder, ".mf4": MdfRecorder}
 
 
 def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
@@ -231,15 +201,12 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
     kind = _RECORDERS.get(path.suffix.lower())
     if kind is None:
         raise InputError(
-            f"{path}: a recording is written as {' or '.join(_RECORDERS)}; name it so",
-            code="wrong-ending",
+            f"{path}: a recording is written as {' or '.join(_RECORDERS)}; name it so", code="wrong-ending"
         )
     try:
         return kind(path, signals, rate)
     except FileExistsError:
-        raise InputError(
-            f"{path}: is there already; name a new file", code="exists-already"
-        ) from None
+        raise InputError(f"{path}: is there already; name a new file", code="exists-already") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}", code="cannot-be-written") from None
 
@@ -326,11 +293,7 @@ class TickRecorder:
     """Buffers the last seconds with every tick, and writes recordings to one folder."""
 
     def __init__(
-        self,
-        signals: Sequence[Signal],
-        rate: float,
-        folder: Path,
-        notify: Callable[[str], None],
+        self, signals: Sequence[Signal], rate: float, folder: Path, notify: Callable[[str], None]
     ) -> None:
         self.folder = folder
         self.error_text = ""
@@ -350,9 +313,7 @@ class TickRecorder:
         """Return the level crossing of a signal."""
         names = [one.name for one in self._signals]
         if signal not in names:
-            raise InputError(
-                f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger"
-            )
+            raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")
         return LevelCrossing(1 + names.index(signal), level, rising)
 
     def start(self, name: str, span: RecordingSpan, tick: int) -> None:
@@ -365,9 +326,7 @@ class TickRecorder:
             )
         if not 0.0 <= span.pretrigger_s <= BUFFER_S:
             raise InputError(
-                f"record: before is not within 0 to {BUFFER_S:g} s",
-                code="out-of-range",
-                key="before",
+                f"record: before is not within 0 to {BUFFER_S:g} s", code="out-of-range", key="before"
             )
         if not (span.duration_s == math.inf or 0.0 <= span.duration_s <= MAX_RECORDING_S):
             raise InputError(
@@ -382,9 +341,7 @@ class TickRecorder:
                     code="busy",
                     key="record",
                 )
-            self.start_in_file(
-                start_recording(self.folder / name, self._signals, self._rate), span, tick
-            )
+            self.start_in_file(start_recording(self.folder / name, self._signals, self._rate), span, tick)
 
     def start_in_file(self, file: RecordingFile, span: RecordingSpan, tick: int) -> None:
         """Start a recording in an open file."""
@@ -460,11 +417,7 @@ class TickRecorder:
 
     def _has_rows_to_write(self) -> bool:
         """Whether buffered rows have not been written yet."""
-        return (
-            self._file is not None
-            and self._next_row is not None
-            and self._next_row < self._ring.total
-        )
+        return self._file is not None and self._next_row is not None and self._next_row < self._ring.total
 
     def _write_waiting_rows(self) -> None:
         """Write some of the waiting rows; close the file after its last tick."""
@@ -493,9 +446,4 @@ class TickRecorder:
         if self._file is not None:
             self._file.close()
             self._notify(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
-        self._file, self._next_row, self._last_tick, self._span = (
-            None,
-            None,
-            math.inf,
-            RecordingSpan(),
-        )
+        self._file, self._next_row, self._last_tick, self._span = (None, None, math.inf, RecordingSpan())

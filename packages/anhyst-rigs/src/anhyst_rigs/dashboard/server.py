@@ -169,9 +169,7 @@ class Client:
 class LiveServer:
     """Connects browsers with a session."""
 
-    def __init__(
-        self, session: LiveSession, title: str, names: frozenset[str], token: str = ""
-    ) -> None:
+    def __init__(self, session: LiveSession, title: str, names: frozenset[str], token: str = "") -> None:
         self.session = session
         self.desk = OperatorDesk()
         self._title = title
@@ -198,9 +196,7 @@ class LiveServer:
         if not self._token:
             return True
         await socket.send_text(json.dumps({"kind": "token"}))
-        shown = str(
-            (await asyncio.wait_for(_receive_message(socket), _TOKEN_TIMEOUT_S)).get("token")
-        )
+        shown = str((await asyncio.wait_for(_receive_message(socket), _TOKEN_TIMEOUT_S)).get("token"))
         if secrets.compare_digest(shown.encode(), self._token.encode()):
             return True
         await asyncio.sleep(1.0)
@@ -242,18 +238,13 @@ class LiveServer:
         await client.send_message(self._make_status(client))
         if client.parameters is not self.session.parameters:
             client.parameters = self.session.parameters
-            values = {
-                "parameters": describe_parameters(self.session),
-                "applied": self.session.applied,
-            }
+            values = {"parameters": describe_parameters(self.session), "applied": self.session.applied}
             await client.send_message({"kind": "parameters", **values})
         if client.curves is not self.session.curves:
             client.curves = self.session.curves
             await client.send_message({"kind": "loops", "loops": describe_loops(self.session)})
         learner = self.session.learner
-        laps = (
-            [one for one in tuple(learner.laps) if one.tick > client.sent_laps] if learner else ()
-        )
+        laps = [one for one in tuple(learner.laps) if one.tick > client.sent_laps] if learner else ()
         if laps:
             client.sent_laps = laps[-1].tick
             await client.send_message({"kind": "learnt", "laps": [one._asdict() for one in laps]})
@@ -268,11 +259,7 @@ class LiveServer:
         client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
         if self.desk.operator != client.number:
-            status = {
-                **status,
-                "refused": refuse_all(self.session.bench, WATCH_ONLY_REASON),
-                "next": "",
-            }
+            status = {**status, "refused": refuse_all(self.session.bench, WATCH_ONLY_REASON), "next": ""}
         return {
             "kind": "status",
             **status,
@@ -298,9 +285,7 @@ class LiveServer:
             result = await self._perform_order(client, message)
         except InputError as error:
             result = {"reason": str(error)}
-        client.queue_message(
-            {"kind": "answer", "id": number if isinstance(number, int) else 0, **result}
-        )
+        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **result})
 
     async def _perform_order(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
         what = message.get("do")

@@ -67,9 +67,7 @@ def find_refusals(
     if bench.demand_range.unit == "N":
         reasons |= dict.fromkeys(("target", "generator"), demand_refusal(state.state))
     if measured:
-        reasons |= {
-            name: measured for name in (*reasons, *_MOVING_ORDERS) if disturbs_measurement(name)
-        }
+        reasons |= {name: measured for name in (*reasons, *_MOVING_ORDERS) if disturbs_measurement(name)}
     return {name: why for name, why in reasons.items() if why}
 
 
@@ -268,9 +266,7 @@ class LiveSession:
         return describe_next_step(self.bench.commands, now)
 
     def _note_parameters(self) -> None:
-        in_force = ", ".join(
-            f"{one.name} = {one.value!r} {one.unit}".rstrip() for one in self.parameters
-        )
+        in_force = ", ".join(f"{one.name} = {one.value!r} {one.unit}".rstrip() for one in self.parameters)
         self.recorder.note(self.bench.tick, f"in force: {in_force or 'no parameters'}")
 
     def _log_recorder(self, text: str) -> None:

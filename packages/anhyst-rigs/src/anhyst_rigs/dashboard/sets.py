@@ -35,9 +35,7 @@ class ParameterSets:
         path = self._path(name)
         self._list_names()
         if name in self.names:
-            raise InputError(
-                f"{path.name}: is there already; name a new set", code="exists-already"
-            )
+            raise InputError(f"{path.name}: is there already; name a new set", code="exists-already")
         if len(self.names) >= _MAX_SETS:
             raise InputError(
                 f"sets: {_MAX_SETS} stand in the folder; remove some of their files",
@@ -65,9 +63,7 @@ class ParameterSets:
             raise InputError(f"{path.name}: is no parameter set", code="not-a-parameter-set")
         values = content.get("parameters")
         if not isinstance(values, dict):
-            raise InputError(
-                f"{path.name}: parameters: are missing", code="missing", key="parameters"
-            )
+            raise InputError(f"{path.name}: parameters: are missing", code="missing", key="parameters")
         return {str(key): _read_entry(path.name, key, one) for key, one in values.items()}
 
     def _path(self, name: str) -> Path:
@@ -80,9 +76,7 @@ class ParameterSets:
         return self._folder / f"{name}{FILE_SUFFIX}"
 
     def _list_names(self) -> None:
-        names = (
-            path.name.removesuffix(FILE_SUFFIX) for path in self._folder.glob(f"*{FILE_SUFFIX}")
-        )
+        names = (path.name.removesuffix(FILE_SUFFIX) for path in self._folder.glob(f"*{FILE_SUFFIX}"))
         self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MAX_SETS])
 
 
@@ -112,6 +106,4 @@ def changed_values(
                 code="units-differ",
                 key=name,
             )
-    return {
-        name: one["value"] for name, one in saved.items() if one["value"] != current[name].value
-    }
+    return {name: one["value"] for name, one in saved.items() if one["value"] != current[name].value}

@@ -64,9 +64,7 @@ class StartProgress:
 
 
 @contextmanager
-def serve_start_page(
-    listening_socket: socket.socket, title: str, work: str
-) -> Iterator[StartProgress]:
+def serve_start_page(listening_socket: socket.socket, title: str, work: str) -> Iterator[StartProgress]:
     """Serve the page on a listening socket until the build has ended."""
     start = StartProgress(title, work)
     app = RequestGuard(start.app(), allowed_host_names(*listening_socket.getsockname()[:2]))

@@ -138,9 +138,7 @@ def live(
         )
     if url is None and file_kind(rig) is COMPILED_FOLDER:
         raise InputError(
-            f"{rig}: runs on a controller; name it with --xcp or --port",
-            code="options-missing",
-            key="--xcp",
+            f"{rig}: runs on a controller; name it with --xcp or --port", code="options-missing", key="--xcp"
         )
     rig = Path(rig)
     recording_path = None if record is None else Path(record)
@@ -185,11 +183,7 @@ def live(
 
 
 def _open_bench(
-    rig: Path,
-    controller: PathLike | None,
-    url: str | None,
-    known: PathLike | None,
-    progress: Progress | None,
+    rig: Path, controller: PathLike | None, url: str | None, known: PathLike | None, progress: Progress | None
 ) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
     """Open a virtual rig with its improver and estimator, or a running controller."""
     if url is not None:

@@ -17,13 +17,7 @@ from anhyst.support.jobs import Progress
 from anhyst.support.wording import count_text
 from anhyst_rigs.draft.bearing import BearingDesign, design_bearing
 from anhyst_rigs.draft.force import draft_force_control
-from anhyst_rigs.draft.magnet import (
-    Machine,
-    MachineRequest,
-    MeasuredMagnet,
-    complete_machine,
-    evaluate_loops,
-)
+from anhyst_rigs.draft.magnet import Machine, MachineRequest, MeasuredMagnet, complete_machine, evaluate_loops
 from anhyst_rigs.draft.piezo import draft_piezo, fit_stack
 from anhyst_rigs.draft.stage import draft_stage
 from anhyst_rigs.draft.text import Draft, render_draft
@@ -120,9 +114,7 @@ def init_bearing(
     )
 
 
-def _init_piezo(
-    loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest
-) -> Drafted:
+def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
     """Write the rig file of a piezo stage, and a copy of the loops to which its stack is fitted."""
     if request != MachineRequest():
         raise InputError(
@@ -185,9 +177,7 @@ class _LoopSource:
                     )
             self.copies[f"{LOOPS_FOLDER}/{path.name}"] = path
         tables = [name for name in self.copies if not name.endswith(".toml")]
-        reading = {
-            name.removeprefix("read_"): value for name, value in options.as_settings().items()
-        }
+        reading = {name.removeprefix("read_"): value for name, value in options.as_settings().items()}
         if options.sidecar is not None:
             reading["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
         files = tables[0] if len(tables) == 1 else tables
@@ -214,9 +204,7 @@ def _write_draft(
     )
 
 
-def _describe_bearing(
-    magnet: MeasuredMagnet, machine: Machine, design: BearingDesign
-) -> tuple[str, ...]:
+def _describe_bearing(magnet: MeasuredMagnet, machine: Machine, design: BearingDesign) -> tuple[str, ...]:
     return (
         _describe_magnet(magnet),
         f"{machine.mass.number:g} kg against {machine.load.number:g} N at "
@@ -228,9 +216,7 @@ def _describe_bearing(
 def _describe_magnet(magnet: MeasuredMagnet) -> str:
     gaps, forces = 1e3 * magnet.gaps, magnet.forces
     gap_text = f"at {gaps[0]:.4g} mm" if gaps.size == 1 else f"{gaps[0]:.4g} to {gaps[-1]:.4g} mm"
-    force_text = (
-        f"{forces[0]:.4g} N" if gaps.size == 1 else f"{forces[0]:.4g} to {forces[-1]:.4g} N"
-    )
+    force_text = f"{forces[0]:.4g} N" if gaps.size == 1 else f"{forces[0]:.4g} to {forces[-1]:.4g} N"
     return f"{count_text(gaps.size, 'gap')}, {gap_text}: {force_text} at {magnet.current_high:.4g} A".replace(
         "1 gaps, at", "one gap of"
     )

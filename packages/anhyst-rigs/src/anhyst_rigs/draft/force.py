@@ -74,10 +74,7 @@ def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft
 def _triangles(cycle_Hz: float) -> list[tuple[str, float, float, float, int, str]]:
     """Return slow triangles; for a solid core a slow and a fast one."""
     if not cycle_Hz:
-        return [
-            ("wide", 0.05, 0.95, 2.0, 2, EXAMPLE_NOTE),
-            ("inner", 0.3, 0.7, 2.0, 2, EXAMPLE_NOTE),
-        ]
+        return [("wide", 0.05, 0.95, 2.0, 2, EXAMPLE_NOTE), ("inner", 0.3, 0.7, 2.0, 2, EXAMPLE_NOTE)]
     slow_guess = f"{SLOW_PERIOD_RATIO:g} times that of the fastest loops"
     return [
         ("slow", 0.05, 0.95, round_nearest(SLOW_PERIOD_RATIO / cycle_Hz), 1, slow_guess),

@@ -68,9 +68,7 @@ class MeasuredMagnet:
                 key="load",
             )
         ends = float(self.gaps[0]), float(self.gaps[-1])
-        tangent = fit_plane(
-            fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high
-        )
+        tangent = fit_plane(fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high)
         if not tangent.current_per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
@@ -132,11 +130,7 @@ def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
-    steps = [
-        np.diff(loop.input) / np.diff(loop.time)
-        for loop in speeds.fast[-1]
-        if loop.time is not None
-    ]
+    steps = [np.diff(loop.input) / np.diff(loop.time) for loop in speeds.fast[-1] if loop.time is not None]
     return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
 
@@ -257,9 +251,7 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
     if request.load is not None:
         load = GuessedValue(request.load)
     elif request.mass is not None:
-        load = GuessedValue(
-            round_nearest(request.mass * GRAVITY_M_PER_S2, 3), "the weight of the mass"
-        )
+        load = GuessedValue(round_nearest(request.mass * GRAVITY_M_PER_S2, 3), "the weight of the mass")
     else:
         load = GuessedValue(
             round_down(DEFAULT_LOAD_RATIO * weakest_force),

@@ -58,9 +58,7 @@ class FittedStack:
     low: float  # range of the voltage, V
     high: float
     stroke: float  # range of the displacement, m
-    remains: (
-        float  # displacement at the lowest voltage after the highest, the lower limit of a stage, m
-    )
+    remains: float  # displacement at the lowest voltage after the highest, the lower limit of a stage, m
     rms: float  # residual, m
     rms_without_creep: float  # residual without creep, m
     has_times: bool  # without times creep is unknown
@@ -178,9 +176,7 @@ class _FitProblem:
             for part in CREEP_TIME_RATIOS
             if part * longest >= max(min_time, 10.0 * self.sample_s, 1e-9)
         )
-        self.masks = [
-            np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops
-        ]
+        self.masks = [np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops]
 
     def displacements(self) -> list[FloatArray]:
         """Return the displacements that are fitted, m."""
@@ -194,11 +190,7 @@ class _FitProblem:
         extra = [0.0] * len(creep_times)
         low = [-3.0, 0.0, 0.0, *extra]
         high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
-        shapes = (
-            [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS]
-            if initial is None
-            else [initial.shape]
-        )
+        shapes = [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
         fits = []
         for shape in shapes:
             result = least_squares(
@@ -211,9 +203,7 @@ class _FitProblem:
             )
             weights, deviation = self._solve(result.x, creep_times)
             rms = float(np.sqrt(np.mean(deviation**2)))
-            fits.append(
-                _Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke)
-            )
+            fits.append(_Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke))
         return min(fits, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
@@ -223,9 +213,7 @@ class _FitProblem:
             ends = np.cumsum([mask.size for mask in self.masks])[:-1]
             self.masks = np.split(is_close, ends)
 
-    def _solve(
-        self, shape: FloatArray, creep_times: tuple[float, ...]
-    ) -> tuple[FloatArray, FloatArray]:
+    def _solve(self, shape: FloatArray, creep_times: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
         """Return the weights of voltage, its square, hysteresis and offset, and the residual."""
         from scipy.optimize import nnls
 
@@ -242,9 +230,7 @@ class _FitProblem:
         weights = weights[:4]
         return weights, matrix @ weights - target
 
-    def _regressors(
-        self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]
-    ) -> FloatArray:
+    def _regressors(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
         drive = loop.input / self.span
         if shape[2] and loop.time is not None:
             drive = np.interp(loop.time - shape[2] * self.sample_s, loop.time, drive)
@@ -321,10 +307,5 @@ def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:
     measured_noise = float(np.median([estimate_noise(loop.output) for loop in loops.loops]))
     noise_m = measured_noise or DEFAULT_NOISE_RATIO * stack.stroke
     return render_draft(
-        "piezo",
-        name=name,
-        stack=stack,
-        read=measured_noise,
-        usual=noise_m,
-        resonance=EXAMPLE_RESONANCE_HZ,
+        "piezo", name=name, stack=stack, read=measured_noise, usual=noise_m, resonance=EXAMPLE_RESONANCE_HZ
     )

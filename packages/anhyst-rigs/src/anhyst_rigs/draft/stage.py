@@ -68,8 +68,7 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
         force=force,
         inductance=inductance,
         supply=step_up(
-            inductance * magnet.current_high * FULL_SWINGS_PER_JERK_PHASE / JERK_PHASE_S,
-            SUPPLY_STEPS,
+            inductance * magnet.current_high * FULL_SWINGS_PER_JERK_PHASE / JERK_PHASE_S, SUPPLY_STEPS
         ),
         speed=round_nearest(0.5 * max_acceleration / PEAK_M_PER_S2),
         train=[round_nearest(part * max_acceleration) for part in TRAINING_RATIOS],

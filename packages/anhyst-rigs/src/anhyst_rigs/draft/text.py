@@ -35,9 +35,7 @@ def render_draft(template: str, **values: Any) -> Draft:
     rendered = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
     for line in rendered.removesuffix("\n").split("\n"):
-        text, mark, note = (
-            ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
-        )
+        text, mark, note = ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
         lines.append(with_comment(text, note) if mark else line)
         key, _, value = text.partition(" = ")
         if text.startswith("["):
@@ -62,8 +60,7 @@ def _templates() -> Environment:
         finalize=lambda value: value if isinstance(value, str) else format_toml(value),
     )
     environment.globals |= {
-        function.__name__: function
-        for function in (round_nearest, round_up, round_down, step_up, step_down)
+        function.__name__: function for function in (round_nearest, round_up, round_down, step_up, step_down)
     }
     environment.filters |= {
         "toml": format_toml,
@@ -81,17 +78,13 @@ def format_toml(value: object) -> str:
     """
     match value:
         case float() if 0.0 < abs(value) < MAX_PREFIXED_VALUE:
-            exponent = next(
-                (power for power in (-3, -6, -9) if abs(value) >= 10.0 ** (power - 1)), -12
-            )
+            exponent = next((power for power in (-3, -6, -9) if abs(value) >= 10.0 ** (power - 1)), -12)
             text = f"{value * 10.0**-exponent:.12g}e{exponent}"
             return text if float(text) == value else toml_value(value)
         case list():
             return f"[{', '.join(map(format_toml, value))}]"
         case Mapping():
-            inside = ", ".join(
-                f"{toml_key(key)} = {format_toml(item)}" for key, item in value.items()
-            )
+            inside = ", ".join(f"{toml_key(key)} = {format_toml(item)}" for key, item in value.items())
             return f"{{ {inside} }}"
     return toml_value(value)
 
@@ -129,8 +122,6 @@ def step_down(value: float) -> float:
     return float(f"{max(step for step in ONE_TWO_FIVE if step <= share):g}e{decade}")
 
 
-def _round_in_decade(
-    value: float, digits: int, round_whole: Callable[[float], int], slack: float
-) -> float:
+def _round_in_decade(value: float, digits: int, round_whole: Callable[[float], int], slack: float) -> float:
     decade = math.floor(math.log10(value)) - digits + 1
     return float(f"{round_whole(value / 10.0**decade * (1.0 + slack))}e{decade}")

@@ -24,9 +24,7 @@ STAGE = RigKind(
     },
     options={
         "excite": ("--calibrate",),
-        "tune": (
-            *("--average", "--crossover", "--error", "--settling", "--standstill", "--effort"),
-        ),
+        "tune": (*("--average", "--crossover", "--error", "--settling", "--standstill", "--effort"),),
     },
     reasons={"force-control": "its body moves, and force control needs a fixed armature"},
 )

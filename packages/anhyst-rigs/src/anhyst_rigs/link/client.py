@@ -17,12 +17,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Self, TypeVar
 
-from anhyst.support.block_words import (
-    GENERATION_INDEX,
-    LENGTH_INDEX,
-    checksum,
-    describe_scale_mismatch,
-)
+from anhyst.support.block_words import GENERATION_INDEX, LENGTH_INDEX, checksum, describe_scale_mismatch
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
 from anhyst_rigs.link import frames
@@ -127,9 +122,7 @@ class ControllerLink:
         receive a demand twice, but an old demand never remains in force after a newer one.
         """
         if not 1 <= window <= MAX_WINDOW:
-            raise InputError(
-                f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window"
-            )
+            raise InputError(f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window")
         flow, remaining = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
@@ -162,9 +155,7 @@ class ControllerLink:
             announcement = frames.BlockBeginRequest(len(all_words), generation, checksum(all_words))
             self.request(announcement, frames.AckAnswer)
             for offset in range(0, len(all_words), _MAX_FRAME_WORDS):
-                data = frames.BlockDataRequest(
-                    offset, tuple(all_words[offset : offset + _MAX_FRAME_WORDS])
-                )
+                data = frames.BlockDataRequest(offset, tuple(all_words[offset : offset + _MAX_FRAME_WORDS]))
                 self.request(data, frames.AckAnswer)
             try:
                 return self.request(frames.BlockSwapRequest(generation), frames.AckAnswer).detail
@@ -173,9 +164,7 @@ class ControllerLink:
                     active_words: list[int] = []
                     with suppress(RequestRefusedError):  # no active block
                         active_words = self.read_block()
-                    error.args = (
-                        f"{self.url}: {describe_scale_mismatch(all_words, active_words)}",
-                    )
+                    error.args = (f"{self.url}: {describe_scale_mismatch(all_words, active_words)}",)
                 raise
 
     def keep_block(self) -> int:
@@ -188,9 +177,7 @@ class ControllerLink:
         with self._lock:
             length = self._read_block_words(0, LENGTH_INDEX + 1)[LENGTH_INDEX]
             while len(words) < length:
-                words += self._read_block_words(
-                    len(words), min(length - len(words), _MAX_FRAME_WORDS)
-                )
+                words += self._read_block_words(len(words), min(length - len(words), _MAX_FRAME_WORDS))
         return words
 
     def _read_block_words(self, offset: int, count: int) -> tuple[int, ...]:
@@ -353,11 +340,7 @@ class _DemandFlow:
         by_number = {demand.sequence: demand for demand in self.waiting}
         for frame in answers:
             demand = by_number.get(frame.sequence)
-            if (
-                demand is not None
-                and demand.status is None
-                and not self._store_answer(demand, frame)
-            ):
+            if demand is not None and demand.status is None and not self._store_answer(demand, frame):
                 return
         first = self.waiting[0]
         if first.status is not None:
@@ -376,9 +359,7 @@ class _DemandFlow:
         if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:
             self._renumber_from(demand)
             return False
-        raise InputError(
-            f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer"
-        )
+        raise InputError(f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer")
 
     def _repeat(self, demands: list[_SentDemand]) -> None:
         if demands[0].attempts >= self.controller.attempts:

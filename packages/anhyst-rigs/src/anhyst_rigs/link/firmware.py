@@ -90,8 +90,7 @@ def _read_actuator_name(folder: Path) -> str:
         raise InputError(text, code="not-a-compiled-folder") from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
-            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks per second, 10 to "
-            "1000000",
+            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks per second, 10 to 1000000",
             code="rate-not-whole",
             key="rate_Hz",
         )
@@ -135,12 +134,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         options += ["-T", str(board_folders[0] / "board.ld")]
     run_compiler, output_options = partial(_run_compiler, board=name), ["-o", str(program)]
     compile_and_link(
-        _compiler_command(name),
-        options,
-        preprocessor_options,
-        sources,
-        output_options,
-        run_compiler,
+        _compiler_command(name), options, preprocessor_options, sources, output_options, run_compiler
     )
 
 
@@ -172,12 +166,9 @@ def _run_compiler(command: Sequence[str], board: str) -> str:
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(
-            f"board {board}: the compiler did not end within {_COMPILE_TIME_LIMIT_S:.0f} s",
-            code="time-limit",
+            f"board {board}: the compiler did not end within {_COMPILE_TIME_LIMIT_S:.0f} s", code="time-limit"
         ) from None
     if result.returncode:
         lines = [line for line in result.stderr.splitlines() if "error" in line] or ["no reason"]
-        raise NegativeResult(
-            f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
-        )
+        raise NegativeResult(f"board {board}: does not compile: {lines[0]}", code="does-not-compile")
     return result.stderr

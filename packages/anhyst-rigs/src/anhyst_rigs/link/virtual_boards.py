@@ -110,9 +110,7 @@ class PlantBus:
             text = f"the controller did not finish tick {tick}: {error}; check its output"
             raise InputError(text, code="tick-not-finished") from error
         if drive.tick != tick:
-            raise InputError(
-                f"the controller answered tick {drive.tick} to tick {tick}", code="tick-differs"
-            )
+            raise InputError(f"the controller answered tick {drive.tick} to tick {tick}", code="tick-differs")
         self.tick = tick
         self.answer = drive
         self.drives = tuple(getattr(drive, name) / Q31 for name in _DRIVE_FIELDS)
@@ -133,10 +131,7 @@ def _encode(tick: int, reading: Reading) -> PlantSample:
         force=_to_code(reading.force, Q30),
         position=_to_code(reading.position, Q31),
         status=reading.status,
-        **{
-            name: _to_code(current, Q30)
-            for name, current in zip(_CURRENT_FIELDS, currents, strict=False)
-        },
+        **{name: _to_code(current, Q30) for name, current in zip(_CURRENT_FIELDS, currents, strict=False)},
     )
 
 
@@ -196,9 +191,7 @@ class LibraryBoard:
         try:
             self._firmware = ctypes.CDLL(str(program.resolve()))
         except OSError as error:
-            raise InputError(
-                f"{program}: cannot be loaded: {error}", code="did-not-start"
-            ) from error
+            raise InputError(f"{program}: cannot be loaded: {error}", code="did-not-start") from error
         self._firmware.library_bytes.restype = ctypes.c_size_t
         self._firmware.library_link.restype = ctypes.c_uint16
         self._answer_buffer = ctypes.create_string_buffer(_MAX_LINK_BYTES)
@@ -296,9 +289,7 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     ports = [listener.getsockname()[1] for listener in listeners]
     our_socket, board_socket = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
-    server_options = [
-        f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners
-    ]
+    server_options = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
     command += _serial_options("link", server_options[0])
     command += _serial_options("plant", f"fd={board_socket.fileno()}")
     if xcp:
@@ -307,10 +298,7 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     with our_socket, _start_process(command, [*listeners, board_socket]):
         url = f"socket://127.0.0.1:{ports[0]}"
         yield RunningFirmware(
-            url,
-            PlantBus(plant, exchange_over_socket(our_socket)),
-            ports[1] if xcp else 0,
-            our_socket,
+            url, PlantBus(plant, exchange_over_socket(our_socket)), ports[1] if xcp else 0, our_socket
         )
 
 
@@ -336,9 +324,7 @@ def _start_process(
     try:
         process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
     except OSError as error:
-        raise InputError(
-            f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run"
-        ) from error
+        raise InputError(f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run") from error
     finally:
         for handed_socket in handed_over:
             handed_socket.close()

@@ -267,8 +267,7 @@ class Port:
 
     def _make_gone_error(self) -> InputError:
         return InputError(
-            f"{self.url}: the port is gone; check the cable and the power of the controller",
-            code="port-gone",
+            f"{self.url}: the port is gone; check the cable and the power of the controller", code="port-gone"
         )
 
 

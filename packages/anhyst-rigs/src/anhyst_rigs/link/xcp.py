@@ -257,9 +257,7 @@ class XcpMaster:
 
     def read_words(self, first: int, count: int) -> list[int]:
         """Return words of the active parameter block, at most 67."""
-        return list(
-            struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first, 2 * count))
-        )
+        return list(struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first, 2 * count)))
 
     def read_block(self) -> list[int]:
         """Return the active parameter block."""
@@ -295,18 +293,14 @@ class XcpMaster:
     def write_setting(self, setting: Setting, value: int) -> int:
         """Write a setting from the next tick on."""
         self._write_value(
-            AREA_ADDRESSES["setting"] + 4 * setting,
-            value,
-            frames.SettingWriteRequest(setting, value),
+            AREA_ADDRESSES["setting"] + 4 * setting, value, frames.SettingWriteRequest(setting, value)
         )
         return value
 
     def command(self, command: Command) -> State:
         """Change the state of the controller; returns the state at the next tick."""
         with self._line.lock:
-            self._write_value(
-                _INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command)
-            )
+            self._write_value(_INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command))
             written_tick = self.read_clock()
             for _ in range(_MAX_CLOCK_READS):
                 if self.read_clock() != written_tick:
@@ -315,9 +309,7 @@ class XcpMaster:
 
     def write_demand(self, code: int) -> None:
         """Demand a force or a position, q31 of full scale."""
-        request = (
-            frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
-        )
+        request = frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
         self._write_value(self._demand_address, code, request)
 
     def read_demand(self) -> int:
@@ -362,13 +354,9 @@ class XcpMaster:
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
         commands.append(b"\xe2\0\0\0\0\0")
         commands += [
-            struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREA_ADDRESSES["signal"] + 4 * n)
-            for n in signal_numbers
+            struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREA_ADDRESSES["signal"] + 4 * n) for n in signal_numbers
         ]
-        commands += [
-            bytes((0xE0, _TIMESTAMP_MODE, 0, 0, 0, 0, self.tick_interval, 0)),
-            b"\xde\1\0\0",
-        ]
+        commands += [bytes((0xE0, _TIMESTAMP_MODE, 0, 0, 0, 0, self.tick_interval, 0)), b"\xde\1\0\0"]
         for command in commands:
             self._send(command)
 
@@ -472,18 +460,13 @@ class XcpBridge:
             wait_s = 0.0 if packets else _POLL_INTERVAL_S
             if packets:
                 master.sendall(
-                    b"".join(
-                        frame_packet(packet, counter + index)
-                        for index, packet in enumerate(packets)
-                    )
+                    b"".join(frame_packet(packet, counter + index) for index, packet in enumerate(packets))
                 )
                 counter += len(packets)
 
     def _forward(self, command: bytes) -> list[bytes]:
         """Return the packets with which the slave answers a command, or an empty command."""
-        answer = self._controller.request(
-            frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer
-        )
+        answer = self._controller.request(frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer)
         remaining, packets = bytes(answer.packets), []
         while remaining:
             end = 1 + remaining[0]
@@ -501,6 +484,5 @@ class XcpBridge:
             if refused.reason is not Reason.TYPE:
                 raise
             raise InputError(
-                f"{self._controller.url}: this firmware has no XCP; build it with this anhyst",
-                code="no-xcp",
+                f"{self._controller.url}: this firmware has no XCP; build it with this anhyst", code="no-xcp"
             ) from None

@@ -77,9 +77,7 @@ def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]
         "flux": [cell.flux for cell in gains.cells],
     }
     return {
-        baseline: [
-            (cell, metrics[key]) for cell, metrics in zip(gains.cells, comparisons, strict=True)
-        ]
+        baseline: [(cell, metrics[key]) for cell, metrics in zip(gains.cells, comparisons, strict=True)]
         for baseline, comparisons in by_baseline.items()
         if all(comparisons)
     }
@@ -131,9 +129,7 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
         zorder=0.5,  # below the hatching
     )
     ax.grid(visible=False)
-    ax.set_xticks(
-        range(len(shares)), ["unchanged" if share is None else f"{share:g}" for share in shares]
-    )
+    ax.set_xticks(range(len(shares)), ["unchanged" if share is None else f"{share:g}" for share in shares])
     ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
     return mesh
 
@@ -144,11 +140,7 @@ def _ratio_or_nan(comparison: MethodComparison) -> float:
 
 
 def _label_cell(
-    ax: Axes,
-    position: tuple[int, int],
-    map_baseline: str,
-    cell: MapCell,
-    comparison: MethodComparison,
+    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
 ) -> None:
     """Write the ratio into its square, and hatch the square if no gain is certain."""
     x, y = position
@@ -229,10 +221,7 @@ def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
     description = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with its own gains, if it has any, {gains.seeds} noise seeds each."
     head = _headline(gains, rig.settings.name, description, runs)
-    sections = (
-        _benefit_section(gains),
-        origin_section(file_hashes([rig.path]), command, rig.settings.seed),
-    )
+    sections = (_benefit_section(gains), origin_section(file_hashes([rig.path]), command, rig.settings.seed))
     return gains, page_text(kind.capitalize(), head, sections)
 
 
@@ -272,10 +261,7 @@ def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) 
     )
     if gain_cells:
         cell, best = min(gain_cells, key=lambda one: _ratio_or_nan(one[1]))
-        width, fraction = (
-            gains.mean_loop_width(cell.iron.pinning_scale),
-            cell.iron.reversible_fraction,
-        )
+        width, fraction = (gains.mean_loop_width(cell.iron.pinning_scale), cell.iron.reversible_fraction)
         share = "" if fraction is None else f"reversible fraction {fraction:g}, "
         text += (
             f"; at best {100.0 * (1.0 - _ratio_or_nan(best)):.0f}{NBSP}% less than {best.baseline} ("
@@ -295,9 +281,7 @@ def _iron_table(gains: Benefit) -> PageTable:
             else format_number(iron.reversible_fraction, short=True),
             f"{format_number(100.0 * iron.loop_width)}{NBSP}%",
             UNKNOWN_TEXT if iron.after_reversal is None else format_number(iron.after_reversal, 2),
-            UNKNOWN_TEXT
-            if iron.after_reversal_true is None
-            else format_number(iron.after_reversal_true, 2),
+            UNKNOWN_TEXT if iron.after_reversal_true is None else format_number(iron.after_reversal_true, 2),
             iron.label or UNKNOWN_TEXT,
         ]
         for iron in dict.fromkeys(cell.iron for cell in gains.cells)

@@ -30,9 +30,7 @@ def figure_excitation(excitation: Excitation) -> Figure:
     drive_ax.set_title("drive, including rests and conditioning", loc="left", fontsize="medium")
     if np.isfinite(played.warmth).all():
         warm = drive_ax.twinx()
-        warm.plot(
-            played.time[thinning], 100.0 * played.warmth[thinning], color="tab:orange", lw=1.0
-        )
+        warm.plot(played.time[thinning], 100.0 * played.warmth[thinning], color="tab:orange", lw=1.0)
         warm.set_ylabel("I²t [% of the trip level]")
         warm.set_ylim(0.0, 105.0)
     excitation.loops.plot(loop_ax)

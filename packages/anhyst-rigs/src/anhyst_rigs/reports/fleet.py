@@ -6,17 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.support.atomic import PathLike
-from anhyst.support.page import (
-    Block,
-    Headline,
-    Items,
-    Note,
-    PageTable,
-    Section,
-    Text,
-    Tile,
-    make_table,
-)
+from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, make_table
 from anhyst_rigs.reports.study.page import page_text, picture, write_page
 from anhyst_rigs.study.fleet import Fleet
 from anhyst_rigs.study.fleet_spread import FleetSpread
@@ -38,9 +28,7 @@ def _headline(fleet: Fleet) -> Headline:
     if fleet.outliers:
         notes.append(
             Note(
-                "warn",
-                "Outliers",
-                f"{', '.join(fleet.outliers)}: their parameters are far from the others.",
+                "warn", "Outliers", f"{', '.join(fleet.outliers)}: their parameters are far from the others."
             )
         )
     if shared >= good:
@@ -83,9 +71,7 @@ def _error_section(fleet: Fleet) -> Section:
 def _scatter_section(fleet: Fleet) -> Section:
     spread = fleet.spread
     if spread is None:
-        text = (
-            "There are too few magnets, or they have different laws or gaps. No scatter is stated."
-        )
+        text = "There are too few magnets, or they have different laws or gaps. No scatter is stated."
         return Section("scatter", "Scatter of the parameters", (Text(text),))
     figure = Figure(figsize=(7.2, 0.35 * len(fleet.quantities) + 1.2), layout="constrained")
     ax = figure.add_subplot()
@@ -102,10 +88,7 @@ def _scatter_section(fleet: Fleet) -> Section:
     ax.set_xscale("symlog", linthresh=10.0)
     ax.grid(visible=True, alpha=0.25, lw=0.6)
     blocks: tuple[Block, ...] = (
-        Text(
-            "Mean and scatter of the magnets, without the uncertainty of each fit and without "
-            "outliers."
-        ),
+        Text("Mean and scatter of the magnets, without the uncertainty of each fit and without outliers."),
         picture(figure, "scatter", "Fitted quantities of all magnets.", "Crosses: outliers."),
         scatter_table(fleet, spread),
     )
@@ -115,12 +98,7 @@ def _scatter_section(fleet: Fleet) -> Section:
 def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
     """Return a table of the mean and the scatter of each quantity."""
     rows = [
-        (
-            name,
-            f"{mean:.4g}",
-            f"{scatter:.2g}",
-            f"{100.0 * scatter / abs(mean):.2g}" if mean else "",
-        )
+        (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}" if mean else "")
         for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
     ]
     head = ("quantity", "mean", "scatter", "%")
@@ -132,10 +110,7 @@ def _magnet_section(fleet: Fleet) -> Section:
     rows = [
         (name, "yes" if good else "no", f"{own_error:.2f}", f"{shared:.2f}", f"{distance:.1f}")
         for name, good, own_error, shared, distance in zip(
-            *(
-                columns[key]
-                for key in ("magnet", "good", "own_percent", "shared_percent", "distance")
-            ),
+            *(columns[key] for key in ("magnet", "good", "own_percent", "shared_percent", "distance")),
             strict=True,
         )
     ]

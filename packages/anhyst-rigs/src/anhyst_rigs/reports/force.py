@@ -22,16 +22,7 @@ from anhyst.support.figures import (
 )
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    Headline,
-    Note,
-    PageTable,
-    Section,
-    Text,
-    Tile,
-    format_number,
-    make_table,
-)
+from anhyst.support.page import Headline, Note, PageTable, Section, Text, Tile, format_number, make_table
 from anhyst_rigs.reports.benefit import map_plants
 from anhyst_rigs.reports.study.page import (
     BOX_HEIGHT_IN,
@@ -234,9 +225,7 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
     notes = loss_notes if result.lost_in else [verdict_note(result.verdict)]
     if verified:
         notes.append(
-            Note(
-                "good", "C verified", "The same bits on all targets that ran; see the tables below."
-            )
+            Note("good", "C verified", "The same bits on all targets that ran; see the tables below.")
         )
     return Headline(
         title=rig.settings.name,
@@ -275,20 +264,14 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
 def comparison_table(result: ForceControl) -> PageTable:
     """Return the largest and rms errors of each controller, by group of trials and demand."""
     groups = worst_errors(
-        result.figures["trials"],
-        lambda trial: f"{STAGE_TITLES[stage_key(trial)]}, {trial['demand']}",
+        result.figures["trials"], lambda trial: f"{STAGE_TITLES[stage_key(trial)]}, {trial['demand']}"
     )
-    controllers = [
-        name for name in CONTROLLER_TITLES if any(name in errors for errors in groups.values())
-    ]
+    controllers = [name for name in CONTROLLER_TITLES if any(name in errors for errors in groups.values())]
 
     def cell(errors: Mapping[str, float] | None) -> str:
         return "{worst_percent:.2f} / {rms_percent:.2f}".format(**errors) if errors else ""
 
-    rows = [
-        [group, *(cell(errors.get(name)) for name in controllers)]
-        for group, errors in groups.items()
-    ]
+    rows = [[group, *(cell(errors.get(name)) for name in controllers)] for group, errors in groups.items()]
     title = f"Errors of the true force, worst / rms, % of {result.figures['force_max_N']:g} N"
     return make_table(title, ["", *(CONTROLLER_TITLES[name] for name in controllers)], rows)
 
@@ -297,9 +280,7 @@ def comparison_table(result: ForceControl) -> PageTable:
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the end of the stroke, one column per demand (paper, Fig. 7)."""
     unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
-    return _draw_columns(
-        rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0
-    )
+    return _draw_columns(rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
 
 
 @use_report_style
@@ -370,35 +351,22 @@ def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
         ("demand", outcome.trial.demand.force, DEMAND_COLOUR, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING_COLOUR, 0.9, "-"),
         ("measured, full", outcome.recordings["full"]["force_read_N"], RISING_COLOUR, 1.4, "-"),
-        (
-            "simulated program, full",
-            outcome.simulated_force["full"],
-            SIMULATED_COLOUR,
-            0.8,
-            (0, (4, 3)),
-        ),
+        ("simulated program, full", outcome.simulated_force["full"], SIMULATED_COLOUR, 0.8, (0, (4, 3))),
     )
     for label, force, colour, width, dashes in curves:
         ax.plot(*_thin_curve(rig, outcome, force), color=colour, lw=width, ls=dashes, label=label)
 
 
-def _draw_deviations(
-    ax: Axes, rig: ForceControlRig, outcome: ForceOutcome, *, title: bool = True
-) -> None:
+def _draw_deviations(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome, *, title: bool = True) -> None:
     worst = []
     for name in (controller for controller in _DRAWN_ERRORS if controller in outcome.recordings):
         deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
         label = f"error, {CONTROLLER_TITLES[name]}"
         ax.plot(
-            *_thin_curve(rig, outcome, deviation),
-            color=COLOURS[_DRAWN_ERRORS[name]],
-            lw=1.0,
-            label=label,
+            *_thin_curve(rig, outcome, deviation), color=COLOURS[_DRAWN_ERRORS[name]], lw=1.0, label=label
         )
-        worst.append(
-            f"{CONTROLLER_TITLES[name]} {_worst_percent(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%"
-        )
+        worst.append(f"{CONTROLLER_TITLES[name]} {_worst_percent(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%")
     if title:
         text = textwrap.fill(f"worst: {'; '.join(worst)}", MAX_TITLE_LETTERS)
         ax.set_title(text, fontsize=8.0, weight="normal")

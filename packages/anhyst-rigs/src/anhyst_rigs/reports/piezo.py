@@ -23,12 +23,7 @@ from anhyst_rigs.reports.study.page import (
 from anhyst_rigs.reports.study.task import SimulationTask, files_written
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.engine.table import Interval
-from anhyst_rigs.study.piezo import (
-    COMPENSATION_TITLES,
-    DEVIATION_METRICS,
-    PiezoTracking,
-    simulate_tracking,
-)
+from anhyst_rigs.study.piezo import COMPENSATION_TITLES, DEVIATION_METRICS, PiezoTracking, simulate_tracking
 
 COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
@@ -64,8 +59,7 @@ def comparison_table(tracked: PiezoTracking) -> PageTable:
 def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
     """Return the terminal output of a piezo stage."""
     return TerminalSummary(
-        [comparison_table(tracked)],
-        [f"rms with compensation over without: {tracked.deviation_ratio():.2f}"],
+        [comparison_table(tracked)], [f"rms with compensation over without: {tracked.deviation_ratio():.2f}"]
     )
 
 
@@ -81,9 +75,7 @@ def render(tracked: PiezoTracking, command: str) -> str:
         "the noise of its sensor.",
         notes=(verdict_note(tracked.verdict),),
         tiles=tuple(
-            comparison_tile(
-                metric, tracked.errors["full"][metric.key], baseline[metric.key], "a constant"
-            )
+            comparison_tile(metric, tracked.errors["full"][metric.key], baseline[metric.key], "a constant")
             for metric in DEVIATION_METRICS
         ),
         comparison=comparison_table(tracked),

@@ -54,10 +54,7 @@ def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
 
 def _headline(runs: MonteCarlo) -> Headline:
     file = runs.plants.file
-    counts = [
-        f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}"
-        for name in in_report_order(runs.runs)
-    ]
+    counts = [f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}" for name in in_report_order(runs.runs)]
     has_losses = any(runs.lost_count(name) for name in runs.runs)
     return Headline(
         title=file.name,
@@ -89,8 +86,7 @@ def _spread_text(runs: MonteCarlo) -> str:
 def _drift_section(runs: MonteCarlo) -> Section:
     spreads = {
         _figure_title(figure, name): {
-            method: figure.factor * np.array(runs.values(method, figure.key, case))
-            for method in runs.runs
+            method: figure.factor * np.array(runs.values(method, figure.key, case)) for method in runs.runs
         }
         for figure in runs.plants.figures
         for case, name in enumerate(figure.case_names)
@@ -103,9 +99,7 @@ def _drift_section(runs: MonteCarlo) -> Section:
         f"{', '.join(str(percent) for percent in PERCENTILES)} %. A lost plant counts as "
         "infinite.",
     )
-    return Section(
-        "drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs))
-    )
+    return Section("drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs)))
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
@@ -136,7 +130,9 @@ def _worst_plants(runs: MonteCarlo) -> Items:
         value_text = "lost"
         if math.isfinite(values[worst]):
             value_text = f"{format_number(figure.factor * values[worst], 2)}{NBSP}{figure.unit}"
-        text = f"{_figure_title(figure, name)}, {value_text}: plant {worst}, {_drift_text(runs.drifts[worst])}"
+        text = (
+            f"{_figure_title(figure, name)}, {value_text}: plant {worst}, {_drift_text(runs.drifts[worst])}"
+        )
         rows.append(text)
     return Items(f"Worst plants of {own}", tuple(rows))
 
@@ -145,9 +141,7 @@ def _drift_text(drift: Drift) -> str:
     changes = []
     for key, value in drift.as_dict().items():
         name, _, unit = key.rpartition("_")
-        value_text = (
-            f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
-        )
+        value_text = f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
         changes.append(f"{name.replace('_', ' ')} {value_text}")
     return ", ".join(changes).replace("-", MINUS)
 

@@ -23,9 +23,7 @@ from anhyst_rigs.study.piezo import PiezoTracking
 from anhyst_rigs.study.tracking.simulate import TrackingStudy
 
 
-def study_output(
-    result: StudyResult, printed: TerminalSummary, written: str
-) -> Iterator[str | PageTable]:
+def study_output(result: StudyResult, printed: TerminalSummary, written: str) -> Iterator[str | PageTable]:
     """Return the terminal output of a study: losses, verdict, files written, tables."""
     tables, lines = printed
     yield from (f"lost: {loss}" for loss in result.lost_in)
@@ -64,9 +62,7 @@ class HasPlants(Protocol):
     def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
         """Return the rig file, and all files that it and a controller file name."""
 
-    def plants(
-        self, rig: PathLike, controller: PathLike | None, progress: Progress | None
-    ) -> Plants:
+    def plants(self, rig: PathLike, controller: PathLike | None, progress: Progress | None) -> Plants:
         """Read the data for simulating drifted plants."""
 
 
@@ -101,9 +97,7 @@ def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo
     setup_progress(1, 1)
     runs = run_plants(sampled_plants, task.out, count, run_progress)
     runs.write_figures(figures)
-    write_page(
-        task.report_path, plants.render(runs, files, task.command(f" --monte-carlo {count}"))
-    )
+    write_page(task.report_path, plants.render(runs, files, task.command(f" --monte-carlo {count}")))
     return runs
 
 

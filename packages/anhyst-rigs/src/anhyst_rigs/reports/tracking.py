@@ -51,12 +51,7 @@ from anhyst_rigs.study.tracking.measures import (
     SETTLING_BANDS_M,
     cross_talk_metrics,
 )
-from anhyst_rigs.study.tracking.simulate import (
-    COMPENSATOR,
-    TrackingStudy,
-    VariantResult,
-    explore_stage,
-)
+from anhyst_rigs.study.tracking.simulate import COMPENSATOR, TrackingStudy, VariantResult, explore_stage
 
 
 def limit_texts(study: TrackingStudy) -> list[str]:
@@ -67,12 +62,8 @@ def limit_texts(study: TrackingStudy) -> list[str]:
     def compare(own_value: float, baseline: float, title: str) -> str:
         word = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
         if baseline <= SETTLING_BANDS_M[-1]:
-            word = (
-                f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
-            )
-        return (
-            f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {word}"
-        )
+            word = f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
+        return f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {word}"
 
     return [
         compare(
@@ -155,9 +146,7 @@ def figure_learning(tried: Mapping[MethodName, VariantResult]) -> Figure:
     ax = figure.subplots()
     for name, variant in tried.items():
         peaks = 1e9 * np.asarray(variant.learning_peaks_m)
-        ax.semilogy(
-            np.arange(1, peaks.size + 1), peaks, marker="o", ms=3, label=name, **line_style(name)
-        )
+        ax.semilogy(np.arange(1, peaks.size + 1), peaks, marker="o", ms=3, label=name, **line_style(name))
     ax.set_xlabel("trial")
     ax.set_ylabel("peak error [nm]")
     legend_below(figure, ax, columns=6)
@@ -177,9 +166,7 @@ def terminal_summary(study: TrackingStudy) -> TerminalSummary:
             if variant.calibration
         ),
     ]
-    return TerminalSummary(
-        [comparison_table(study), *cross_tables(study), *loss_tables(study)], lines
-    )
+    return TerminalSummary([comparison_table(study), *cross_tables(study), *loss_tables(study)], lines)
 
 
 def render(study: TrackingStudy, command: str) -> str:
@@ -205,8 +192,7 @@ def render(study: TrackingStudy, command: str) -> str:
 def comparison_table(study: TrackingStudy) -> PageTable:
     """Return the figures of all variants on the test set-point."""
     return method_table(
-        f"All variants on the test set-point, crossover "
-        f"{study.rig.settings.tracking.crossover_Hz:g} Hz",
+        f"All variants on the test set-point, crossover {study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
         {name: variant.interval for name, variant in study.variants.items()},
         "Without the first scan. Moving average and deviation over a slit of "
@@ -242,9 +228,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
     """Return a table of the stage after the loss of each magnet, if the rig file requests this."""
     rows = [loss.table_cells() for loss in study.losses]
-    return (
-        [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
-    )
+    return [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
 
 
 def _headline(study: TrackingStudy) -> Headline:
@@ -280,17 +264,13 @@ def _headline(study: TrackingStudy) -> Headline:
 
 
 _TILE_METRICS = [
-    metric
-    for metric in METRICS
-    if metric.key in ("peak_m", "average_m", "settling_50_s", "settling_10_s")
+    metric for metric in METRICS if metric.key in ("peak_m", "average_m", "settling_50_s", "settling_10_s")
 ]
 _COUNT_WORDS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 
 def _scan_section(study: TrackingStudy) -> Section:
-    not_lost = {
-        name: variant for name, variant in study.variants.items() if variant.recording.loss is None
-    }
+    not_lost = {name: variant for name, variant in study.variants.items() if variant.recording.loss is None}
     shown = not_lost or study.variants
     names = ", ".join(shown)
     scan = study.rig.settings.scan
@@ -311,10 +291,7 @@ def _limit_section(study: TrackingStudy) -> Section:
         ("small forces: peak [nm]", lambda variant: 1e9 * variant.small_force_measures.peak_m),
         ("mean over the slit [nm]", lambda one: 1e9 * one.small_force_measures.average_m),
         ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
-        (
-            "one repeated set-point: peak [nm]",
-            lambda one: 1e9 * one.repeated_setpoint_measures.peak_m,
-        ),
+        ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.peak_m),
         ("mean over the slit [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.average_m),
         ("into 50 nm [ms]", lambda one: 1e3 * one.repeated_setpoint_measures.settling_50_s),
     )

@@ -12,13 +12,7 @@ from matplotlib.figure import Figure
 
 from anhyst.support.figures import ALARM_COLOUR, new_figure, use_report_style, write_png
 from anhyst.support.kinds import MethodName
-from anhyst_rigs.reports.study.page import (
-    COLOURS,
-    INK_COLOUR,
-    in_report_order,
-    legend_below,
-    line_style,
-)
+from anhyst_rigs.reports.study.page import COLOURS, INK_COLOUR, in_report_order, legend_below, line_style
 from anhyst_rigs.study.engine.table import Metric
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, GainFigures
 from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_aims

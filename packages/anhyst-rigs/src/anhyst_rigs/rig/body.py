@@ -136,14 +136,11 @@ class BodyRig:
             return None
         if getattr(self.settings.control, "calibrate", False):
             raise InputError(
-                f"{self.path}: control.calibration: not permitted with calibrate = true; omit "
-                "one of them",
+                f"{self.path}: control.calibration: not permitted with calibrate = true; omit one of them",
                 code="not-both",
                 key="control.calibration",
             )
-        return read_calibration(
-            self.calibration_path, self.path, self.settings, self.parameter_names
-        )
+        return read_calibration(self.calibration_path, self.path, self.settings, self.parameter_names)
 
     def _resolve_path(self, name: str | None) -> Path | None:
         return None if name is None else self.path.parent / name
@@ -189,9 +186,7 @@ class BodyRig:
             gap_range = (0.8 * body.stop_low_m, 1.2 * body.stop_high_m)
             return make_flux_table(file.magnet.poles, file.steel, 1.5 * max_current, gap_range)
         table = read_flux_table(self.flux_table_path)
-        check_flux_range(
-            self.flux_table_path, table, body.stop_low_m, body.stop_high_m, max_current
-        )
+        check_flux_range(self.flux_table_path, table, body.stop_low_m, body.stop_high_m, max_current)
         return table
 
     @cached_property
@@ -200,9 +195,7 @@ class BodyRig:
         file, table = self.settings, self.settings.magnet
         if table.kind == LAW_KIND:
             return self.make_law_magnet()
-        return make_iron_magnet(
-            table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron
-        )
+        return make_iron_magnet(table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron)
 
     def make_law_magnet(self, law: Model | None = None) -> Magnet:
         """Return the magnet with its identified law or with another one."""
@@ -217,9 +210,7 @@ class BodyRig:
             self.settings.magnet.poles, law.iron_at(operating_gap), rows, eddy, self.flux_linkage
         )
 
-    def static_map(
-        self, current: FloatArray, gap: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def static_map(self, current: FloatArray, gap: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return force, flux linkage and flux density along a quasi-static path."""
         path = np.ascontiguousarray(current), np.ascontiguousarray(gap)
         force, linkage, density = Coil(self.magnet).run(*path).T.copy()
@@ -262,12 +253,8 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must contain that of the amplifier; widen low_A or high_A"
         yield FileFault(file.key_path(shunt), text, code="range-too-narrow")
-    lowest_reversal = min(
-        reversal for record in file.measurement.records for reversal in record.turns
-    )
-    if min(lowest_reversal, 0.0) * file.measurement.current_max_A < min(
-        amplifier.current_low_A, 0.0
-    ):
+    lowest_reversal = min(reversal for record in file.measurement.records for reversal in record.turns)
+    if min(lowest_reversal, 0.0) * file.measurement.current_max_A < min(amplifier.current_low_A, 0.0):
         text = f"the amplifier begins at {amplifier.current_low_A:g} A; raise the reversal points"
         yield FileFault(("measurement", "records"), text, code="beyond-amplifier")
     if file.measurement.current_max_A > amplifier.current_high_A:
@@ -286,9 +273,7 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
         text = "is bidirectional, which only a stage supports; choose another kind"
         yield FileFault(file.key_path(first, "kind"), text, code="not-for-this-kind")
     if first.direction != AGAINST_X["d"]:
-        text = (
-            f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
-        )
+        text = f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
         yield FileFault(file.key_path(first, "direction"), text, code="wrong-direction")
     if opposite is None or total is None:
         return
@@ -356,9 +341,7 @@ def frequency_faults(
     for case in cases:
         frequency, text = case.frequency_Hz, ""
         if frequency >= max_frequency:
-            text = (
-                f"{frequency:g} Hz is not below a tenth of rate_Hz, {max_frequency:g} Hz; lower it"
-            )
+            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {max_frequency:g} Hz; lower it"
         elif frequency < min_frequency:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {MAX_PERIOD_S:g} s"
             text += "; raise it"

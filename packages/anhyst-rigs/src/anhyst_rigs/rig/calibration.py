@@ -41,9 +41,7 @@ BEARING_PARAMETERS: Mapping[int, tuple[ParameterName, ...]] = {
 def stage_parameter_names(magnets: int) -> tuple[ParameterName, ...]:
     """Return the parameters of a stage, in the order of the file."""
     patterns = ("scale_{}", "gap_zero_{}_m", "width_{}")
-    magnet_parameters = (
-        pattern.format(magnet) for pattern in patterns for magnet in range(1, magnets + 1)
-    )
+    magnet_parameters = (pattern.format(magnet) for pattern in patterns for magnet in range(1, magnets + 1))
     return (*magnet_parameters, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
 
 

@@ -72,8 +72,7 @@ class ScanCase(Table):
         for peak in (*self.train_m_per_s2, *self.test_m_per_s2):
             if self.speed_m_per_s / peak < self.jerk_phase_s:
                 raise InputError(
-                    f"{peak:g} m/s2 is not reached before speed_m_per_s is; lower it or "
-                    "shorten jerk_phase_s",
+                    f"{peak:g} m/s2 is not reached before speed_m_per_s is; lower it or shorten jerk_phase_s",
                     code="not-reached",
                 )
         if self.slit_s >= self.cruise_s:

@@ -39,9 +39,7 @@ def simulate_loop(follow: PathFollower, loop: Loop, zero: float = 0.0) -> FloatA
     assert loop.schedule is not None
     before = np.array(loop.history.turning_points) - zero
     if before.size:
-        follow(
-            before, np.array(loop.history.schedule_at_points(loop.schedule[0]), dtype=np.float64)
-        )
+        follow(before, np.array(loop.history.schedule_at_points(loop.schedule[0]), dtype=np.float64))
     current = loop.input - zero
     if loop.history.kind == "settled":
         follow(current, loop.schedule)  # a cycle brings the pinned cells to their steady state
@@ -128,10 +126,7 @@ class PlantCheck:
     @property
     def report_lines(self) -> list[str]:
         """Lines of the report that are always given."""
-        text = [
-            f"deviation from the loops: plant: {self.plant.text}; compensator's model: "
-            f"{self.model.text}"
-        ]
+        text = [f"deviation from the loops: plant: {self.plant.text}; compensator's model: {self.model.text}"]
         if self.guessed_keys:
             text.append(f"guessed for the plant: {', '.join(self.guessed_keys)}")
         return text

@@ -66,9 +66,7 @@ class Drift:
         parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
         drifted = {name: value for name, value in values.items() if value}
         units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
-        return {
-            f"{name}_{unit}": factor * drifted[name] for name, (unit, factor) in units.items()
-        } | {
+        return {f"{name}_{unit}": factor * drifted[name] for name, (unit, factor) in units.items()} | {
             f"{part}_{number}_{key}": value
             for part, drifts in parts.items()
             for number, drift in enumerate(drifts, 1)
@@ -79,9 +77,7 @@ class Drift:
         """Return a drift with only the named quantities, also for each magnet."""
         heads = self.heads if "heads" in names else ()
         values = {name: getattr(self, name) for name in names if name != "heads"}
-        return Drift(
-            **values, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads
-        )
+        return Drift(**values, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads)
 
 
 NO_DRIFT = Drift()
@@ -93,12 +89,8 @@ def sample_drift(file: RigFile, rng: np.random.Generator) -> Drift:
     The lag `eddy` is the absolute value of its sample.
     """
     spreads = SPREADS[file.control.kind]
-    magnets = tuple(
-        _sample_spreads(file, spreads.magnet, rng) for _ in file.body_magnets if spreads.magnet
-    )
-    heads = tuple(
-        _sample_spreads(file, spreads.head, rng) for _ in file.position_sensors if spreads.head
-    )
+    magnets = tuple(_sample_spreads(file, spreads.magnet, rng) for _ in file.body_magnets if spreads.magnet)
+    heads = tuple(_sample_spreads(file, spreads.head, rng) for _ in file.position_sensors if spreads.head)
     return replace(_sample_spreads(file, spreads.rig_wide, rng), magnets=magnets, heads=heads)
 
 
@@ -168,9 +160,7 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     drifted_rig = replace(rig, settings=drifted_file(rig.settings, drift))
     settings = drifted_rig.settings
     if rig.law is not None:
-        return make_plant(
-            drifted_rig, seed, drifted_rig.make_law_magnet(drifted_law(rig.law, drift))
-        )
+        return make_plant(drifted_rig, seed, drifted_rig.make_law_magnet(drifted_law(rig.law, drift)))
     scales = [drift.first_scale] * len(settings.body_magnets)
     if len(scales) == 2:
         scales[1] = drift.second_scale
@@ -182,9 +172,7 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     }
     numbers = plant_parameters(drifted_rig)
     numbers.body["centre"] = _shift_position(settings.body.centre_m, drift)
-    for magnet_drift, actuator, gap in zip(
-        complete_drifts, numbers.actuators, numbers.heads, strict=False
-    ):
+    for magnet_drift, actuator, gap in zip(complete_drifts, numbers.actuators, numbers.heads, strict=False):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
             actuator["flux_probe"] = {**probe, "gain": probe["gain"] + magnet_drift.flux_gain}
@@ -192,18 +180,13 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     for magnet_drift, head in zip(drift.heads, numbers.heads[len(complete_drifts) :], strict=False):
         head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], magnet_drift)}
     return make_plant(
-        drifted_rig,
-        seed,
-        *(magnets[magnet_drift] for magnet_drift in complete_drifts),
-        parameters=numbers,
+        drifted_rig, seed, *(magnets[magnet_drift] for magnet_drift in complete_drifts), parameters=numbers
     )
 
 
 def _shift_position(place: Sequence[float], drift: Drift) -> list[float]:
     shift = (drift.place_x, drift.place_y, drift.place_z)
-    return [
-        coordinate + displacement for coordinate, displacement in zip(place, shift, strict=True)
-    ]
+    return [coordinate + displacement for coordinate, displacement in zip(place, shift, strict=True)]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
@@ -246,9 +229,7 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
     cells = cell_weights(model)
     shares = cells.weights.sum(axis=1) / cells.saturation
     reversible_share = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
-    factors = np.full(
-        shares.size, (1.0 - reversible_share) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0
-    )
+    factors = np.full(shares.size, (1.0 - reversible_share) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
     factors[0] = reversible_share / shares[0] if shares[0] > 0.0 else 1.0
     drifted_weights = replace(
         cells,
@@ -257,9 +238,7 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
     )
     removed_names = {spec.name for spec in model.operator_law.parameters}
     removed_names -= {spec.name for spec in get_law(model.law, drifted_weights).parameters}
-    parameters = {
-        name: value for name, value in model.parameters.items() if name not in removed_names
-    }
+    parameters = {name: value for name, value in model.parameters.items() if name not in removed_names}
     return replace(model, cells=drifted_weights, parameters=parameters)
 
 
@@ -268,14 +247,11 @@ def change_rig(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
     return replace(rig, settings=rig.settings.with_changes(changes))
 
 
-def change_iron(
-    rig: BodyRig, reversible_fraction: float | None = None, width: float = 1.0
-) -> BodyRig:
+def change_iron(rig: BodyRig, reversible_fraction: float | None = None, width: float = 1.0) -> BodyRig:
     """Return a rig with another iron of the same family and without a calibration."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
-            f"{rig.path}: magnet.kind: a magnet with a law has no iron to change; write "
-            '"electromagnet"',
+            f'{rig.path}: magnet.kind: a magnet with a law has no iron to change; write "electromagnet"',
             code="not-iron-of-cells",
             key="magnet.kind",
         )
@@ -290,9 +266,7 @@ def change_iron(
                 key="iron.family",
             )
         keys["reversible_fraction"] = reversible_fraction
-    return change_rig(
-        remove_calibration(rig), {f"iron.{key}": value for key, value in keys.items()}
-    )
+    return change_rig(remove_calibration(rig), {f"iron.{key}": value for key, value in keys.items()})
 
 
 def remove_calibration(rig: BodyRig) -> BodyRig:

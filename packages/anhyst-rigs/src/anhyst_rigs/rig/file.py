@@ -193,11 +193,7 @@ class RigFile(Table):
         """
         file = self
         for path, value in changes.items():
-            file = (
-                file._with_gap(value)
-                if path == "gap_m"
-                else file._with_value(path.split("."), value)
-            )
+            file = file._with_gap(value) if path == "gap_m" else file._with_value(path.split("."), value)
         return file
 
     def _with_gap(self, gap: float) -> RigFile:
@@ -210,9 +206,7 @@ class RigFile(Table):
 
     def _with_value(self, path: list[str], value: Any) -> RigFile:
         attribute, *inner_path = path
-        field = (
-            f"given_{attribute}" if f"given_{attribute}" in type(self).model_fields else attribute
-        )
+        field = f"given_{attribute}" if f"given_{attribute}" in type(self).model_fields else attribute
         table = getattr(self, attribute)
         changed = _set_nested(table, inner_path, value) if inner_path else value
         if attribute == "iron":
@@ -242,9 +236,5 @@ def _set_nested(table: Any, path: list[str], value: Any) -> Any:
     if not isinstance(table, Table) or attribute not in type(table).model_fields:
         raise KeyError(attribute)
     return table.model_copy(
-        update={
-            attribute: _set_nested(getattr(table, attribute), inner_path, value)
-            if inner_path
-            else value
-        }
+        update={attribute: _set_nested(getattr(table, attribute), inner_path, value) if inner_path else value}
     )

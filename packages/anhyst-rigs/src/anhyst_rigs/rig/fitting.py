@@ -135,9 +135,7 @@ def calibrate_magnet(
         (low_current, high_current), (near_gap, far_gap) = valid.input, valid.schedule
         gap_range = near_gap + gap_zero - gap_margin, far_gap + gap_zero + gap_margin
         valid = replace(
-            valid,
-            input=(low_current / current_factor, high_current / current_factor),
-            schedule=gap_range,
+            valid, input=(low_current / current_factor, high_current / current_factor), schedule=gap_range
         )
     nodes = tuple(gap + gap_zero for gap in model.nodes)
     model = replace(model, nodes=nodes, parameters={**parameters, **changed}, valid=valid)
@@ -168,8 +166,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
         force=np.concatenate(forces),
         flux_density=np.concatenate(densities),
         delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
-        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corners)
-        + rig.settings.magnet.eddy_time_s,
+        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corners) + rig.settings.magnet.eddy_time_s,
     )
 
 
@@ -190,7 +187,5 @@ def _is_same_law(law: Model, model: Model) -> bool:
         return False
     sources = {source.sha256 for source in law.provenance.sources}
     common_sources = sources & {source.sha256 for source in model.provenance.sources}
-    has_same_parameters = (
-        dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
-    )
+    has_same_parameters = dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
     return has_same_parameters or bool(common_sources)

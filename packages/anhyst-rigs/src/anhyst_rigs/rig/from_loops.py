@@ -133,8 +133,7 @@ def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
     slow_loops = select_slow_loops(loops)
     fit = _StaticFit(thin_loops(slow_loops, COARSE_SAMPLES), table)
     best_result = min(
-        (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS),
-        key=lambda result: result[0],
+        (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS), key=lambda result: result[0]
     )
     fit = _StaticFit(thin_loops(slow_loops, FINE_SAMPLES), table)
     _, parameters = fit.minimise(best_result[1])
@@ -165,9 +164,7 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     if file.solenoid is not None or not file.magnet.has_iron_from_loops or file.iron is not None:
         return rig
     fitted = fit_magnet(loops, file.magnet)
-    completed = file.with_table_replaced(
-        file.magnet, file.magnet.model_copy(update=fitted.magnet_keys)
-    )
+    completed = file.with_table_replaced(file.magnet, file.magnet.model_copy(update=fitted.magnet_keys))
     irons = [*file.irons, fitted.steel]
     return replace(rig, settings=completed.model_copy(update={"irons": irons}), fitted=fitted)
 
@@ -194,14 +191,10 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
     fast_loops = [loop for group in speeds.fast for loop in group]
     fast = thin_loops(loops.with_loops(fast_loops), FAST_LOOP_SAMPLES * len(fast_loops))
     max_force = largest_output(loops)
-    weight = 1.0 / (
-        RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fast.loops))
-    )
+    weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fast.loops)))
 
     def table(parameters: FloatArray) -> SolidTable:
-        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(
-            parameters[0]
-        )
+        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(parameters[0])
         path = given.path_m or fitted.poles.iron_length * _logistic(parameters[1])
         return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
@@ -209,20 +202,14 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
         solid = table(parameters).make_solid_iron(fitted.poles.iron_length)
         magnet = make_iron_magnet(fitted.poles, fitted.steel, solid=solid)
         deviations = [
-            simulate_loop_in_time(magnet, loop, fitted.zero_current)
-            + fitted.zero_force
-            - loop.output
+            simulate_loop_in_time(magnet, loop, fitted.zero_current) + fitted.zero_force - loop.output
             for loop in fast.loops
         ]
-        return np.concatenate(
-            [weight * np.concatenate(deviations), parameters / _LOG_CONDUCTIVITY_SIGMA]
-        )
+        return np.concatenate([weight * np.concatenate(deviations), parameters / _LOG_CONDUCTIVITY_SIGMA])
 
     starts = (np.array([log_conductivity, 0.0]) for log_conductivity in LOG_CONDUCTIVITY_STARTS)
     start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
-    return table(
-        least_squares(misses, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x
-    )
+    return table(least_squares(misses, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x)
 
 
 class _StaticFit:
@@ -265,9 +252,7 @@ class _StaticFit:
             * poles.turns**2
             / math.sqrt(poles.width * poles.depth)
         )
-        guessed = [
-            key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None
-        ]
+        guessed = [key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None]
         return FittedPlant(
             replace(poles, resistance=table.resistance_ohm or resistance),
             steel,
@@ -277,16 +262,12 @@ class _StaticFit:
         )
 
     def _named_parameters(self, at: FloatArray) -> dict[str, float]:
-        return dict(
-            zip(self._names, (self._prior_mean + self._prior_sigma * at).tolist(), strict=True)
-        )
+        return dict(zip(self._names, (self._prior_mean + self._prior_sigma * at).tolist(), strict=True))
 
     def _make_poles_and_steel(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
         table = self._table
         width, depth = table.pole_width_m, table.pole_depth_m
-        side = (
-            math.exp(values["side"]) if "side" in values else math.sqrt((width or 0) * (depth or 0))
-        )
+        side = math.exp(values["side"]) if "side" in values else math.sqrt((width or 0) * (depth or 0))
         width = width or (side * side / depth if depth else side)
         depth = depth or side * side / width
         poles = Poles(
@@ -326,9 +307,7 @@ class _StaticFit:
         return np.concatenate([self._weight * np.concatenate(deviations), at])
 
 
-def _parameter_priors(
-    loops: Loops, table: MagnetTable, top: float
-) -> dict[str, tuple[float, float]]:
+def _parameter_priors(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[float, float]]:
     """Return prior mean and standard deviation of all parameters, as logarithms or log odds."""
     area, turns = MU_0 * top / MAX_FORCE_FLUX_DENSITY_T**2, 0.0
     width, depth = table.pole_width_m, table.pole_depth_m
@@ -366,12 +345,8 @@ def _estimate_turns_squared_area(loops: Loops) -> float:
     for loop in loops.loops:
         assert loop.schedule is not None
         max_force = float(np.max(loop.output))
-        is_usable = (
-            (loop.output > 0.05 * max_force) & (loop.output < 0.4 * max_force) & (loop.input != 0.0)
-        )
-        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[
-            is_usable
-        ].tolist()
+        is_usable = (loop.output > 0.05 * max_force) & (loop.output < 0.4 * max_force) & (loop.input != 0.0)
+        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[is_usable].tolist()
     return float(np.median(estimates)) if estimates else 1.0
 
 

@@ -28,11 +28,7 @@ _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     LikeTable: ("? + . .", "magnet", "a second [[magnet]], with like and direction"),
     SolenoidTable: (". . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
     tables.StackTable: (". . . 1", "stack", "a [[stack]]"),
-    tables.AmplifierTable: (
-        "1 1 1 .",
-        "amplifier",
-        'an [[amplifier]] with mode "current" or "voltage"',
-    ),
+    tables.AmplifierTable: ("1 1 1 .", "amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
     tables.StackAmplifierTable: (". . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
     tables.BodyTable: ("1 1 . .", "body", "a [[body]] with mass_kg and stops"),
     tables.FlexureTable: (". . . 1", "body", "a [[body]] with resonance_Hz"),
@@ -119,9 +115,7 @@ def _count_faults(file: RigFile) -> Iterator[FileFault]:
             yield FileFault((key,), f"{rig_title} needs {title}; add one", code="missing")
         elif len(places) > max_count:
             text = (
-                f"{rig_title} does not use {title}"
-                if not max_count
-                else f"{rig_title} has only one of them"
+                f"{rig_title} does not use {title}" if not max_count else f"{rig_title} has only one of them"
             )
             yield FileFault(places[int(max_count)], f"{text}; remove it", code="not-for-this-kind")
     if _count_limits(file, _TABLE_RULES[SolenoidTable][0])[1] and len(file.magnets) != 1:
@@ -177,9 +171,7 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"'{name}' is already used; choose another name"
             yield FileFault(("magnet", number, "name"), text, code="name-taken")
     for path, magnet in file.tables():
-        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {
-            *magnet_names
-        }:
+        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {*magnet_names}:
             text = f"there is no such [[magnet]]; name one or more of {', '.join(magnet_names)}"
             yield FileFault((*path, "magnets"), text, code="unknown-name")
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):

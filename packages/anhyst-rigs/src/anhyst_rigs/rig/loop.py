@@ -162,17 +162,11 @@ class SimulatedLoop(ClosedLoop):
     """Closed loop of a setup, optionally with another plant."""
 
     def __init__(
-        self,
-        setup: Setup,
-        seed: int = 0,
-        is_magnetised_first: bool = False,
-        plant: Plant | None = None,
+        self, setup: Setup, seed: int = 0, is_magnetised_first: bool = False, plant: Plant | None = None
     ) -> None:
         rig, plant = setup.rig, plant or setup.make_plant(seed)
         if is_magnetised_first:
             for magnet in range(len(rig.settings.body_magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     plant.hold(current, magnet)
-        super().__init__(
-            plant, setup.make_controller(), current_controllers(rig), setup.recorded_columns
-        )
+        super().__init__(plant, setup.make_controller(), current_controllers(rig), setup.recorded_columns)

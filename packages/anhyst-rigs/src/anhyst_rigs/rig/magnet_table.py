@@ -101,13 +101,9 @@ class MagnetTable(Table):
             text = 'model and flux_table belong to kind "law"; write that, or remove them'
             raise InputError(text, code="not-for-this-kind")
         if self.iron is None and (self.kind != LAW_KIND or self.flux_table is None):
-            raise InputError(
-                f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
-            )
+            raise InputError(f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing")
         if self.solid is not None and self.kind == LAW_KIND:
-            raise InputError(
-                'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
-            )
+            raise InputError('solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind")
         parameters = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
         for key in sorted(parameters.keys() - self.numbers):
             text = f"needs numbers.{key}, {parameters[key]}; add it"
@@ -122,9 +118,7 @@ class MagnetTable(Table):
             raise InputError(text, code="missing")
         for name, key in POLE_KEYS.items():
             if name != "joints" and getattr(self, key) is None:
-                raise InputError(
-                    f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing"
-                )
+                raise InputError(f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing")
         if self.solid_iron is not None and self.solid_iron.length > (self.iron_length_m or 0.0):
             raise InputError("solid.path_m is longer than iron_length_m; lower it", code="too-long")
         if not self._has_circuit():
@@ -140,9 +134,7 @@ class MagnetTable(Table):
             return False
         if poles.outer is None:
             return not self.is_bidirectional
-        time_constant = (
-            poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
-        )
+        time_constant = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
         is_finite = math.isfinite(poles.bias) and math.isfinite(poles.spring)
         return (
             is_finite
@@ -217,17 +209,11 @@ def _table_tag(value: Any) -> str:
     if isinstance(value, Table):
         return f"{BRANCH_PREFIX}{_TAGS[type(value)]}"
     if not isinstance(value, dict) or value.get("kind") != "solenoid":
-        return (
-            f"{BRANCH_PREFIX}{'like' if isinstance(value, dict) and 'like' in value else 'magnet'}"
-        )
+        return f"{BRANCH_PREFIX}{'like' if isinstance(value, dict) and 'like' in value else 'magnet'}"
     return f"{BRANCH_PREFIX}solenoid"
 
 
-_TAGS: dict[type[Table], str] = {
-    MagnetTable: "magnet",
-    LikeTable: "like",
-    SolenoidTable: "solenoid",
-}
+_TAGS: dict[type[Table], str] = {MagnetTable: "magnet", LikeTable: "like", SolenoidTable: "solenoid"}
 MagnetEntry = Annotated[
     Annotated[MagnetTable, Tag(f"{BRANCH_PREFIX}magnet")]
     | Annotated[LikeTable, Tag(f"{BRANCH_PREFIX}like")]

@@ -91,9 +91,7 @@ class CampaignTable(MeasurementTable):
                     code="speed-out-of-range",
                 )
         if len({f"{speed:.4g}" for speed in self.fast_A_per_s}) < len(self.fast_A_per_s):
-            raise InputError(
-                "fast_A_per_s: a speed occurs twice; give each once", code="name-twice"
-            )
+            raise InputError("fast_A_per_s: a speed occurs twice; give each once", code="name-twice")
         return self
 
 
@@ -149,9 +147,7 @@ class MeasuredLoops:
         try:
             return list_input_files(self.paths, self.options.read_options(self.rig.parent).sidecar)
         except InputError as error:
-            raise faults_error(
-                self.rig, [FileFault(_FILES_KEY, str(error), code=error.code)]
-            ) from error
+            raise faults_error(self.rig, [FileFault(_FILES_KEY, str(error), code=error.code)]) from error
 
     def read(self) -> Loops:
         """Read and clean the loops."""
@@ -209,8 +205,6 @@ def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
             if (measured := closing.measure_step(loop, runs[0])) is None:
                 continue
             step, sigma = measured
-            errors = [
-                (step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs
-            ]
+            errors = [(step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs]
             squared_errors.append([error**2 for error in errors])
     return np.array(squared_errors).reshape(-1, len(models))

@@ -71,9 +71,7 @@ def measure_path(
     return sensors["current"].read(path), sensors["force"].read(force)
 
 
-def measure_stack_displacement(
-    rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed
-) -> FloatArray:
+def measure_stack_displacement(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) -> FloatArray:
     """Return the readings of a piezo stage, m, along voltages, V, after long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
@@ -85,9 +83,7 @@ def measure_stack_displacement(
             code="stack-leaves-all-bounds",
             key="stack[1]",
         )
-    return np.asarray(
-        np.round(readings / sensor.step_m) * sensor.step_m if sensor.step_m else readings
-    )
+    return np.asarray(np.round(readings / sensor.step_m) * sensor.step_m if sensor.step_m else readings)
 
 
 SAMPLES_PER_FAST_CYCLE = 200
@@ -107,11 +103,7 @@ def measure_at_gap(
     With `fast_rates`, A/s, all records are measured in time, and full cycles at each rate are
     added.
     """
-    gap, conditioning, high = (
-        campaign.gaps_m[index],
-        conditioning_path(campaign),
-        campaign.current_max_A,
-    )
+    gap, conditioning, high = (campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A)
     sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s
     runs = [
         (record.name, [high * turn for turn in record.turns], sweep_rate, sample_s)
@@ -129,9 +121,7 @@ def measure_at_gap(
         for turn in conditioning:
             specimen.hold(turn, gap)
         path, sensors = sweep_path(turns, speed * sample), held.sensors([index, number], sample)
-        current, force = measure_path(
-            specimen, sensors, gap, path, sample if fast_rates else math.inf
-        )
+        current, force = measure_path(specimen, sensors, gap, path, sample if fast_rates else math.inf)
         loop = Loop(
             label=f"{rounded if float(rounded) == float(exact) else exact}mm-{name}",
             input=current,
@@ -194,8 +184,6 @@ def measure_loops(rig: BodyRig) -> Loops:
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
     fast = campaign.fast_A_per_s
-    loops = [
-        loop for place in places for loop in measure_at_gap(held, campaign, place, fast_rates=fast)
-    ]
+    loops = [loop for place in places for loop in measure_at_gap(held, campaign, place, fast_rates=fast)]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

@@ -39,9 +39,7 @@ class Closing:
         ends = []
         for rows in (self.before, self.after):
             order = np.argsort(loop.input[rows])
-            ends.append(
-                float(np.interp(self.closing_input, loop.input[rows][order], output[rows][order]))
-            )
+            ends.append(float(np.interp(self.closing_input, loop.input[rows][order], output[rows][order])))
         return ends[1] - ends[0]
 
     def measure_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
@@ -65,9 +63,7 @@ class Closing:
         if squared_sum.size == 0:
             return None
         variance = (
-            float(squared_sum[0])
-            / (relative_input.size - 3)
-            * float(np.linalg.inv(terms.T @ terms)[2, 2])
+            float(squared_sum[0]) / (relative_input.size - 3) * float(np.linalg.inv(terms.T @ terms)[2, 2])
         )
         return float(coefficients[2]) + self.output_step(loop, model_output), math.sqrt(variance)
 

@@ -77,9 +77,7 @@ class PiezoRig:
     @property
     def corner_ticks(self) -> int:
         """Number of ticks over which the corners of the path are rounded."""
-        return max(
-            1, round(self.settings.displacement_case.corner_s * self.settings.timing.rate_Hz)
-        )
+        return max(1, round(self.settings.displacement_case.corner_s * self.settings.timing.rate_Hz))
 
     @property
     def response_delay(self) -> float:
@@ -102,10 +100,7 @@ class PiezoRig:
 
 def integration_steps(file: RigFile, seconds: float) -> int:
     """Return the number of integration steps in a time, s: at least 40 per resonance period."""
-    return max(
-        1,
-        math.ceil(seconds / min(MAX_INTEGRATION_STEP_S, 1.0 / (40.0 * file.flexure.resonance_Hz))),
-    )
+    return max(1, math.ceil(seconds / min(MAX_INTEGRATION_STEP_S, 1.0 / (40.0 * file.flexure.resonance_Hz))))
 
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:

@@ -28,9 +28,7 @@ ON_GROUND = 2
 """What a head is fixed to: ``anhyst_plant_base``."""
 
 
-def make_plant(
-    rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParameters | None = None
-) -> Plant:
+def make_plant(rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParameters | None = None) -> Plant:
     """Return the plant of a rig, at rest on the stop of the largest gap.
 
     The parameters default to those of the rig. Magnets that are not given equal the first one.
@@ -85,10 +83,7 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
             "line": line,
             "zero": 0.0,
             "sensor": _ideal_sensor((-1.0, 1.0), sensor.noise_m)
-            | {
-                "gain": 1.0 + sensor.beam_gain_error,
-                "offset": sensor.beam_gain_error * sensor.dead_path_m,
-            },
+            | {"gain": 1.0 + sensor.beam_gain_error, "offset": sensor.beam_gain_error * sensor.dead_path_m},
             "base": ON_GROUND if sensor.stands else ON_BODY,
         }
         for line, sensor in lines.heads
@@ -153,11 +148,7 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
         "gravity": rig.lines_of_action.gravity,
         "force_along": rig.lines_of_action.force_along,
         "force_sensor": force_sensor,
-        "cable": {
-            "at": body.cable_m,
-            "stiffness": body.cable_N_per_m,
-            "damping": body.cable_N_s_per_m,
-        },
+        "cable": {"at": body.cable_m, "stiffness": body.cable_N_per_m, "damping": body.cable_N_s_per_m},
         "tick": rig.dt,
         "substeps": timing.substeps,
         "delay": round(delay_substeps),
@@ -201,22 +192,14 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     }
     probe = file.hall_probe
     return sensors | {
-        "hall": _ideal_sensor((0.0, 0.0), 0.0)
-        if probe is None
-        else probe.plant_parameters(rig.substep)
+        "hall": _ideal_sensor((0.0, 0.0), 0.0) if probe is None else probe.plant_parameters(rig.substep)
     }
 
 
 def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
     """Return a sensor without converter, lag, gain error and offset."""
     low, high = ends
-    constants = {
-        "gain": 1.0,
-        "share": first_order_share(math.inf),
-        "step": 0.0,
-        "offset": 0.0,
-        "delay": 0,
-    }
+    constants = {"gain": 1.0, "share": first_order_share(math.inf), "step": 0.0, "offset": 0.0, "delay": 0}
     return {"low": low, "high": high, "noise": noise, **constants}
 
 

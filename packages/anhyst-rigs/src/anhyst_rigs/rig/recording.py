@@ -45,9 +45,7 @@ def column_name(signal: str, unit: str, number: int = 1) -> str:
 
 def magnet_columns(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
     """Return the columns of some signals, magnet by magnet."""
-    return tuple(
-        column_name(*name, number) for number in range(first, last + 1) for name in signals
-    )
+    return tuple(column_name(*name, number) for number in range(first, last + 1) for name in signals)
 
 
 COLUMNS: tuple[str, ...] = (

@@ -42,9 +42,7 @@ def _relocated_paths(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, A
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):
         names = file.content.get(path[0], {}).get(path[1])
         if names is not None:
-            paths[path] = (
-                [seen(file_name) for file_name in names] if isinstance(names, list) else seen(names)
-            )
+            paths[path] = [seen(file_name) for file_name in names] if isinstance(names, list) else seen(names)
     return paths
 
 
@@ -55,9 +53,7 @@ def _head_comments(text: list[str]) -> Iterator[str]:
         yield line
 
 
-def _toml_lines(
-    content: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]
-) -> Iterator[str]:
+def _toml_lines(content: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
     order = [field.alias or name for name, field in RigFile.model_fields.items()]
     keys = sorted(content, key=lambda key: order.index(key) if key in order else len(order))
     for key in keys:
@@ -87,9 +83,7 @@ def _table_lines(
             yield from _table_lines(inner_title, (*path, key, number), row, notes)
 
 
-def _entry_lines(
-    path: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]
-) -> Iterator[str]:
+def _entry_lines(path: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
     before, note = notes.get(path, ("", ""))
     key = toml_key(str(path[-1]))
     if _is_table(value):

@@ -86,9 +86,7 @@ class GapSensorTable(DigitisedSensorTable):
     def _apply_defaults(self) -> Self:
         check_order("low_m", self.low_m, "high_m", self.high_m)
         if self.step_m is not None and self.adc_bits is not None:
-            raise InputError(
-                "step_m and adc_bits both give the resolution; keep one", code="both-given"
-            )
+            raise InputError("step_m and adc_bits both give the resolution; keep one", code="both-given")
         missing_keys = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
         if self.step_m is not None or self.adc_bits is not None:
             missing_keys -= _RESOLUTION_KEYS

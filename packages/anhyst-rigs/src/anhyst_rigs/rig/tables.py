@@ -129,9 +129,7 @@ class BodyTable(Table):
     def _ordered(self) -> Self:
         check_order("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
         if self.free != [axis for axis in AXES if axis in self.free]:
-            raise InputError(
-                f"free must list some of {list(AXES)} in this order", code="wrong-order"
-            )
+            raise InputError(f"free must list some of {list(AXES)} in this order", code="wrong-order")
         if {*AXES[3:]} & {*self.free} and self.inertia_kg_m2 is None:
             raise InputError("a body that rotates needs inertia_kg_m2; add it", code="missing")
         return self
@@ -156,8 +154,7 @@ BodyEntry = Annotated[
     Discriminator(
         lambda value: (
             f"{BRANCH_PREFIX}flexure"
-            if isinstance(value, FlexureTable)
-            or (isinstance(value, dict) and "resonance_Hz" in value)
+            if isinstance(value, FlexureTable) or (isinstance(value, dict) and "resonance_Hz" in value)
             else f"{BRANCH_PREFIX}body"
         )
     ),
@@ -183,8 +180,7 @@ class StackTable(Table):
     def _check_lengths(self) -> Self:
         if len(self.creep_times_s) != len(self.creep_shares):
             raise InputError(
-                "creep_shares must contain one share for each of creep_times_s",
-                code="length-differs",
+                "creep_shares must contain one share for each of creep_times_s", code="length-differs"
             )
         if len(self.creep_times_s) > MAX_CREEP_TERMS:
             raise InputError(
@@ -307,9 +303,7 @@ SPREADS: Mapping[str, Spreads] = {
         },
         head={f"place_{axis}": "head_m" for axis in "xyz"},
     ),
-    "force": Spreads(
-        {**_IRON_SPREADS, "gap_offset": "gap_zero_m", "first_scale": "current_percent"}
-    ),
+    "force": Spreads({**_IRON_SPREADS, "gap_offset": "gap_zero_m", "first_scale": "current_percent"}),
     "displacement": Spreads(
         {"stroke": "stroke_percent", "creep": "creep_percent", "resonance": "resonance_percent"}
     ),

@@ -64,9 +64,7 @@ def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
 ) -> BearingBench | ForceBench | StageBench | PiezoBench:
     """Open the virtual bench of a rig."""
-    with tempfile.TemporaryDirectory(
-        prefix="anhyst-"
-    ) as folder:  # firmware needs it only until opened
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # firmware needs it only until opened
         parts = split_progress(progress, (2.0, 1.0))
         bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
     next(parts)(1, 1)
@@ -83,9 +81,7 @@ def controller_url(xcp: str | None, port: str | None) -> str | None:
     """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
     if xcp is not None and port is not None:
         raise InputError(
-            "--port: one controller at a time; omit --port or --xcp",
-            code="options-together",
-            key="--port",
+            "--port: one controller at a time; omit --port or --xcp", code="options-together", key="--port"
         )
     return port if xcp is None else f"socket://{xcp}"
 
@@ -106,8 +102,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
         raise InputError(
-            f"{folder}: is not a fixed-point controller of force; compile one",
-            code="not-a-compiled-folder",
+            f"{folder}: is not a fixed-point controller of force; compile one", code="not-a-compiled-folder"
         )
     loops = read_rig_loops(rig)
     signals, limits = manifest["signals"], manifest["limits"]
@@ -119,10 +114,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
         _find_model_file(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
         CompileRequest(law_kind, manifest["io"], float(manifest["rate_Hz"])),
         Scales(
-            signals["demand"]["scale"],
-            signals["current"]["scale"],
-            gap_signal["low"],
-            gap_signal["high"],
+            signals["demand"]["scale"], signals["current"]["scale"], gap_signal["low"], gap_signal["high"]
         ),
         DemandLimits(tuple(limits["demand"]), tuple(limits["current"])),
     )
@@ -209,11 +201,7 @@ def prepare_force(
     rig = complete_rig(rig, loops)
     next(parts)(1, 1)
     program = build_program(
-        "full",
-        identify_force_model(rig, loops),
-        rig.settings.timing.rate_Hz,
-        "library",
-        folder / "full",
+        "full", identify_force_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
     )
     next(parts)(1, 1)
     return PreparedForce(rig, loops, program)

@@ -158,9 +158,7 @@ class Benefit:
 
     def mean_loop_width(self, scale: float) -> float:
         """Return the mean loop width of the irons of a scale, relative to the largest current."""
-        return float(
-            np.mean([c.iron.loop_width for c in self.cells if c.iron.pinning_scale == scale])
-        )
+        return float(np.mean([c.iron.loop_width for c in self.cells if c.iron.pinning_scale == scale]))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of ``benefit.json``."""
@@ -253,10 +251,7 @@ def _map_iron(
 
 
 def _make_step_cell(
-    iron: IronFigures,
-    height: float,
-    steps: Mapping[MethodName, list[list[StepResult]]],
-    rig: BodyRig,
+    iron: IronFigures, height: float, steps: Mapping[MethodName, list[list[StepResult]]], rig: BodyRig
 ) -> MapCell:
     """Return the cell of one step height."""
     runs: dict[MethodName, _StepPairs] = {  # up and down, seed by seed
@@ -276,9 +271,7 @@ def _make_step_cell(
         for name, pairs in runs.items()
     }
     has_probe = rig.settings.hall_probe is not None
-    return make_map_cell(
-        iron, height, values, standstill, has_probe, [metric.key for metric in STEP_METRICS]
-    )
+    return make_map_cell(iron, height, values, standstill, has_probe, [metric.key for metric in STEP_METRICS])
 
 
 def make_map_cell(
@@ -332,17 +325,12 @@ def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Meth
         return MethodComparison(baseline, None, None)
     full_values, baseline_values = values["full"][key], values[baseline][key]
     return MethodComparison(
-        baseline,
-        mean_ratio(full_values, baseline_values),
-        mean_interval(baseline_values - full_values),
+        baseline, mean_ratio(full_values, baseline_values), mean_interval(baseline_values - full_values)
     )
 
 
 def _with_overshoot_floor(
-    compared: MethodComparison,
-    values: _Values,
-    standstill: Mapping[MethodName, float],
-    height: float,
+    compared: MethodComparison, values: _Values, standstill: Mapping[MethodName, float], height: float
 ) -> MethodComparison:
     """Return a comparison of overshoots with the floor below which they count as none."""
     if compared.baseline is None or compared.quotient is None:
@@ -400,9 +388,7 @@ def _map_plants(
     label = "" if slope_ratio is None else label_iron(slope_ratio)
     width = assess_loops(loops).width_relative
     iron = IronFigures(scale, fraction, width, slope_ratio, None, label)
-    runs = {
-        method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods
-    }
+    runs = {method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods}
     complete_runs = {
         method: method_runs
         for method, method_runs in runs.items()
@@ -412,9 +398,7 @@ def _map_plants(
     for case, positions in _cases(plants).items():
         values = {
             method: {
-                figure.key: np.array(
-                    [_largest_value(run[figure.key], positions) for run in method_runs]
-                )
+                figure.key: np.array([_largest_value(run[figure.key], positions) for run in method_runs])
                 for figure in plants.figures
             }
             for method, method_runs in complete_runs.items()
@@ -429,16 +413,12 @@ def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
     return {
-        f"worst of {stage}": [
-            position for position, stage_name in enumerate(stages) if stage_name == stage
-        ]
+        f"worst of {stage}": [position for position, stage_name in enumerate(stages) if stage_name == stage]
         for stage in dict.fromkeys(stages)
     }
 
 
-def _largest_value(
-    figure: float | Sequence[float | None] | None, positions: Sequence[int]
-) -> float:
+def _largest_value(figure: float | Sequence[float | None] | None, positions: Sequence[int]) -> float:
     """Return the largest of some values of a figure; infinite if a level was not reached."""
     values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in values)
@@ -485,8 +465,7 @@ def _cell_dict(cell: MapCell) -> dict[str, Any]:
         "standstill_rms_m": dict(cell.standstill),
         **{
             f"against_{opponent}": {
-                name: _comparison_dict(comparison)
-                for name, comparison in getattr(cell, opponent).items()
+                name: _comparison_dict(comparison) for name, comparison in getattr(cell, opponent).items()
             }
             for opponent in ("strongest", "ratio", "flux")
         },

@@ -95,9 +95,7 @@ class Fleet(Result):
     @property
     def own_errors(self) -> FloatArray:
         """Rms error of each evaluated magnet with its own controller, over the largest output."""
-        return np.array(
-            [math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.evaluated]
-        )
+        return np.array([math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.evaluated])
 
     @property
     def is_good(self) -> list[bool]:
@@ -120,9 +118,7 @@ class Fleet(Result):
         if self.spread is None:
             return []
         names = [magnet["name"] for magnet in self.evaluated]
-        return [
-            name for name, is_outlier in zip(names, self.spread.outlier, strict=True) if is_outlier
-        ]
+        return [name for name, is_outlier in zip(names, self.spread.outlier, strict=True) if is_outlier]
 
     def facts(self) -> dict[str, str]:
         """Return the number of good magnets, with their own and with the common model."""
@@ -148,10 +144,7 @@ class Fleet(Result):
                     "shared_percent": 100.0 * self.shared_errors[index],
                     "distance": float(distance[index]),
                     "outlier": magnet["name"] in self.outliers,
-                    **{
-                        name: magnet["values"][magnet["quantities"].index(name)]
-                        for name in self.quantities
-                    },
+                    **{name: magnet["values"][magnet["quantities"].index(name)] for name in self.quantities},
                     **self._pooled_columns(index),
                 }
             )
@@ -186,9 +179,7 @@ class Fleet(Result):
             if spread is None
             else {
                 name: {"mean": float(mean), "scatter": float(scatter)}
-                for name, mean, scatter in zip(
-                    self.quantities, spread.mean, spread.scatter, strict=True
-                )
+                for name, mean, scatter in zip(self.quantities, spread.mean, spread.scatter, strict=True)
             },
             "results": [
                 {
@@ -216,9 +207,7 @@ class Fleet(Result):
         """Draw the error of each magnet with its own controller and with the common model."""
         order = np.argsort(self.own_errors)
         positions = np.arange(len(order))
-        ax.plot(
-            positions, 100.0 * np.array(self.shared_errors)[order], "o", ms=4, label="common model"
-        )
+        ax.plot(positions, 100.0 * np.array(self.shared_errors)[order], "o", ms=4, label="common model")
         ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="own model")
         ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")
         ax.set_xlabel("magnets, by their own error")
@@ -242,8 +231,7 @@ def fleet(
     out_folder = Path(out)
     if Path(folder).resolve() in {out_folder.resolve(), out_folder.resolve().parent}:
         raise InputError(
-            f"{out}: is in the folder of the magnets; write to another folder",
-            code="out-among-inputs",
+            f"{out}: is in the folder of the magnets; write to another folder", code="out-among-inputs"
         )
     out_folder.mkdir(parents=True, exist_ok=True)
     for name in (TABLE_FILE, FIGURES_FILE):
@@ -257,9 +245,7 @@ def fleet(
             code="no-magnet-judged",
         )
     result = _compare_magnets(members, results, choice.settings, out_folder, jobs)
-    write_csv(
-        out_folder / TABLE_FILE, {name: _csv_column(c) for name, c in result.to_columns().items()}
-    )
+    write_csv(out_folder / TABLE_FILE, {name: _csv_column(c) for name, c in result.to_columns().items()})
     write_json(out_folder / FIGURES_FILE, result.as_dict())
     return result
 
@@ -286,9 +272,7 @@ def _compare_magnets(
     # An offset may be fitted to some magnets only. Quantities that all magnets have are compared.
     quantity_sets = [set(result["quantities"]) for result in evaluated]
     names = tuple(
-        name
-        for name in evaluated[0]["quantities"]
-        if all(name in result for result in quantity_sets)
+        name for name in evaluated[0]["quantities"] if all(name in result for result in quantity_sets)
     )
     spread = None
     if names and len(evaluated) >= MIN_MAGNETS_FOR_SPREAD:

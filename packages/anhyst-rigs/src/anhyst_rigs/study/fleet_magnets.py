@@ -61,8 +61,7 @@ def find_members(folder: PathLike) -> list[Member]:
     root = Path(folder)
     if not root.is_dir():
         raise InputError(
-            f"{root}: is not a folder; give one with a file or folder for each magnet",
-            code="no-such-folder",
+            f"{root}: is not a folder; give one with a file or folder for each magnet", code="no-such-folder"
         )
     members = [
         Member(path.stem if path.is_file() else path.name, path)
@@ -77,8 +76,7 @@ def find_members(folder: PathLike) -> list[Member]:
     for member in members:
         if member.name in names:
             raise InputError(
-                f"{member.source}: two magnets are called '{member.name}'; rename one",
-                code="name-twice",
+                f"{member.source}: two magnets are called '{member.name}'; rename one", code="name-twice"
             )
         names.add(member.name)
     return members
@@ -178,9 +176,7 @@ def _evaluate(task: FleetTask) -> dict[str, Any]:
     model_file = model.save(folder / MODEL_FILE)
     request = CompileRequest(settings.kind, settings.io, settings.rate)
     compiled = compile_model(model_file, folder / CONTROLLER_FOLDER, request)
-    verified = verify(
-        folder / CONTROLLER_FOLDER, settings.on, _VERIFICATION_STEPS, _VERIFICATION_STEPS
-    )
+    verified = verify(folder / CONTROLLER_FOLDER, settings.on, _VERIFICATION_STEPS, _VERIFICATION_STEPS)
     fit, uncertainty = model.fit, model.uncertainty
     assert fit is not None
     assert uncertainty is not None
@@ -237,11 +233,7 @@ class FleetChoice:
         """Return the task of a magnet; pilots keep the settings that were given."""
         search = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
-            member,
-            self.settings,
-            out,
-            (search.law, search.gap_map),
-            self.identifications.get(member.name),
+            member, self.settings, out, (search.law, search.gap_map), self.identifications.get(member.name)
         )
 
 
@@ -259,23 +251,16 @@ def choose_law(
     identifications: dict[str, IdentifyResult] = {}
     tried_members: list[Member] = []
     while len(identifications) < PILOT_COUNT and len(tried_members) < len(members):
-        next_members = members[
-            len(tried_members) : len(tried_members) + PILOT_COUNT - len(identifications)
-        ]
+        next_members = members[len(tried_members) : len(tried_members) + PILOT_COUNT - len(identifications)]
         tried_members += next_members
         tasks = [
-            FleetTask(member, settings, out, (settings.law, settings.gap_map))
-            for member in next_members
+            FleetTask(member, settings, out, (settings.law, settings.gap_map)) for member in next_members
         ]
         results = map_ordered(_identify_pilot, tasks, jobs=jobs)
-        identifications |= {
-            m.name: r for m, r in zip(next_members, results, strict=True) if r is not None
-        }
+        identifications |= {m.name: r for m, r in zip(next_members, results, strict=True) if r is not None}
     if not identifications:
         return FleetChoice(settings)
-    chosen = {
-        name: (member.model.law, member.model.gap_map) for name, member in identifications.items()
-    }
+    chosen = {name: (member.model.law, member.model.gap_map) for name, member in identifications.items()}
     most_common = Counter(chosen.values()).most_common(1)[0][0]
     pilots = tuple(name for name, own in chosen.items() if own == most_common)
     law, gap_map = most_common[0], "auto" if most_common[1] == "none" else most_common[1]
@@ -287,9 +272,7 @@ def choose_law(
     }
     write_json(out / CHOICE_FILE, content)
     return FleetChoice(
-        replace(settings, law=law, gap_map=gap_map),
-        pilots,
-        {name: identifications[name] for name in pilots},
+        replace(settings, law=law, gap_map=gap_map), pilots, {name: identifications[name] for name in pilots}
     )
 
 
@@ -314,9 +297,7 @@ def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[st
     }
 
 
-def _load_choice(
-    members: Sequence[Member], settings: FleetSettings, path: Path
-) -> FleetChoice | None:
+def _load_choice(members: Sequence[Member], settings: FleetSettings, path: Path) -> FleetChoice | None:
     """Return a stored decision for the same magnets and settings, otherwise None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

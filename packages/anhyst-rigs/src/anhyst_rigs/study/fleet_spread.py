@@ -55,9 +55,7 @@ class MagnetEstimate:
         cls, values: ArrayLike, std: Sequence[float | None] | FloatArray, correlation: ArrayLike
     ) -> MagnetEstimate:
         """Convert the uncertainty of a model; a missing standard deviation becomes infinite."""
-        full_std = np.array(
-            [math.inf if value is None else value for value in std], dtype=np.float64
-        )
+        full_std = np.array([math.inf if value is None else value for value in std], dtype=np.float64)
         full_std = np.where(np.isnan(full_std), math.inf, full_std)
         matrix = np.array(correlation, dtype=np.float64)
         matrix = matrix if matrix.size else np.eye(len(full_std))
@@ -113,17 +111,13 @@ class _Coordinates:
     def to_coordinates(self, values: FloatArray) -> FloatArray:
         positive = np.where(self.log, values, 1.0)
         return np.where(
-            self.log,
-            np.log(positive),
-            np.where(self.asinh, np.arcsinh(values), values / self.scale),
+            self.log, np.log(positive), np.where(self.asinh, np.arcsinh(values), values / self.scale)
         )
 
     def to_quantities(self, coordinates: FloatArray) -> FloatArray:
         curved = np.where(self.log | self.asinh, coordinates, 0.0)
         return np.where(
-            self.log,
-            np.exp(curved),
-            np.where(self.asinh, np.sinh(curved), coordinates * self.scale),
+            self.log, np.exp(curved), np.where(self.asinh, np.sinh(curved), coordinates * self.scale)
         )
 
     def slope(self, values: FloatArray) -> FloatArray:
@@ -138,14 +132,9 @@ def estimate_spread(
     quantities = np.array([estimate.values for estimate in estimates])
     transform = _Coordinates.from_values(quantities, coordinates or ["plain"] * quantities.shape[1])
     values = transform.to_coordinates(quantities)
-    sigma = np.clip(
-        [estimate.std for estimate in estimates] / transform.slope(quantities), MIN_STD, MAX_STD
-    )
+    sigma = np.clip([estimate.std for estimate in estimates] / transform.slope(quantities), MIN_STD, MAX_STD)
     covariances = np.array(
-        [
-            estimate.correlation * np.outer(s, s)
-            for estimate, s in zip(estimates, sigma, strict=True)
-        ]
+        [estimate.correlation * np.outer(s, s) for estimate, s in zip(estimates, sigma, strict=True)]
     )
     limit = chdtri(values.shape[1], OUTLIER_PROBABILITY / len(values))
     belongs = _central_half(values)
@@ -185,9 +174,7 @@ def _central_half(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool
     return np.asarray(worst <= np.median(worst))
 
 
-def _expectation_maximisation(
-    values: FloatArray, covariances: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and scatter of the magnets."""
     mean = np.median(values, axis=0)
     scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
@@ -197,12 +184,8 @@ def _expectation_maximisation(
         pooled = np.array([posterior for posterior, _ in posteriors])
         variances = np.array([np.diag(posterior) for _, posterior in posteriors])
         mean = pooled.mean(axis=0)
-        scatter = np.sqrt(
-            np.maximum(((pooled - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2)
-        )
-        if np.allclose(mean, previous[0], rtol=1e-6) and np.allclose(
-            scatter, previous[1], rtol=1e-4
-        ):
+        scatter = np.sqrt(np.maximum(((pooled - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2))
+        if np.allclose(mean, previous[0], rtol=1e-6) and np.allclose(scatter, previous[1], rtol=1e-4):
             break
     return mean, scatter
 
@@ -223,6 +206,4 @@ def _squared_distances(
     """Return the squared Mahalanobis distance of each magnet from the mean."""
     prior = np.diag(scatter**2)
     deviations = values - mean
-    return np.array(
-        [a @ np.linalg.solve(s + prior, a) for a, s in zip(deviations, covariances, strict=True)]
-    )
+    return np.array([a @ np.linalg.solve(s + prior, a) for a, s in zip(deviations, covariances, strict=True)])

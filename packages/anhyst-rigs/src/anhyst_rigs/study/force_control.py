@@ -29,12 +29,7 @@ from anhyst_rigs.link.virtual_boards import find_qemu
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.force.bench import Demand, add_lead_in, triangle_demand
 from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
-from anhyst_rigs.rig.force.programs import (
-    Program,
-    identify_force_model,
-    loops_at_gap,
-    read_rig_loops,
-)
+from anhyst_rigs.rig.force.programs import Program, identify_force_model, loops_at_gap, read_rig_loops
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.engine.table import FIGURES_FILE, Judgement, StudyResult
@@ -106,13 +101,11 @@ class ForceControl(StudyResult):
         """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""
         if self.lost_in:
             raise NegativeResult(
-                f"the force was lost: {'; '.join(self.lost_in)}; all files are kept",
-                code="force-lost",
+                f"the force was lost: {'; '.join(self.lost_in)}; all files are kept", code="force-lost"
             )
         if differing_ticks := self.figures["ticks_that_differ"]:
             raise NegativeResult(
-                "the current of the firmware differs from the simulated program at "
-                f"{differing_ticks} ticks",
+                f"the current of the firmware differs from the simulated program at {differing_ticks} ticks",
                 code="firmware-differs",
             )
 
@@ -128,9 +121,7 @@ class ForceControl(StudyResult):
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
         errors = self._errors()
         for name in dict.fromkeys(row["controller"] for row in errors):
-            mean_error_N = np.mean(
-                [row["error_rms_N"] for row in errors if row["controller"] == name]
-            )
+            mean_error_N = np.mean([row["error_rms_N"] for row in errors if row["controller"] == name])
             facts[name] = f"force error {mean_error_N:.3g} N rms"
         return facts | self.losses_fact()
 
@@ -143,9 +134,7 @@ class ForceControl(StudyResult):
                 "error_rms_N": figures["true"]["rms_N"],
                 "error_worst_N": figures["true"]["worst_N"],
             }
-            for number, (outcome, trial) in enumerate(
-                zip(self.outcomes, self.figures["trials"], strict=True)
-            )
+            for number, (outcome, trial) in enumerate(zip(self.outcomes, self.figures["trials"], strict=True))
             for name, figures in trial["controllers"].items()
         ]
 
@@ -206,8 +195,7 @@ def force_control(
         models = dict(zip(baselines, found_models, strict=True))
         programs = _build_programs(complete, models, board, folder, next(progress_parts))
         controllers = {
-            scope: Controllers(programs[scope], results, board)
-            for scope, results in baselines.items()
+            scope: Controllers(programs[scope], results, board) for scope, results in baselines.items()
         }
         tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
         outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
@@ -231,9 +219,7 @@ def build_program(name: MethodName, model: Model, rate: float, board: str, folde
     model = model if name == "full" else model.at_rest
     folder.mkdir(parents=True, exist_ok=True)
     write_model(model, folder / "model.toml")
-    compiled = compile_model(
-        folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate)
-    )
+    compiled = compile_model(folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate))
     block = compiled.plan.block
     assert isinstance(block, Block)
     return Program(
@@ -264,10 +250,7 @@ def _build_programs(
         for name in _compiled_methods(model)
     ]
     programs = iter(map_ordered(_build_program, tasks, progress))
-    return {
-        scope: tuple(next(programs) for _ in _compiled_methods(model))
-        for scope, model in models.items()
-    }
+    return {scope: tuple(next(programs) for _ in _compiled_methods(model)) for scope, model in models.items()}
 
 
 def _collect_demands(rig: ForceControlRig, path: PathLike | None) -> list[Demand]:
@@ -278,9 +261,7 @@ def _collect_demands(rig: ForceControlRig, path: PathLike | None) -> list[Demand
     names = [demand.name for demand in demands]
     if len(set(names)) < len(names):
         raise InputError(
-            f"{rig.path}: case.name: two demands have the same name",
-            code="name-twice",
-            key="case.name",
+            f"{rig.path}: case.name: two demands have the same name", code="name-twice", key="case.name"
         )
     return demands
 

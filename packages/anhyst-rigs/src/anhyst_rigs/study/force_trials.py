@@ -17,12 +17,7 @@ from anhyst.compensate.force_controller import Compensator
 from anhyst.compensate.methods import MODEL_METHODS
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bench.force import run_firmware
-from anhyst_rigs.rig.force.bench import (
-    ActuatorStand,
-    Demand,
-    moving_gap,
-    run_open_loop,
-)
+from anhyst_rigs.rig.force.bench import ActuatorStand, Demand, moving_gap, run_open_loop
 from anhyst_rigs.rig.force.file import ForceControlRig
 from anhyst_rigs.rig.force.programs import Program, count_differing_ticks
 from anhyst_rigs.rig.recording import Recording, SignalBound, find_loss, peak_deviation
@@ -136,9 +131,7 @@ def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers)
         baseline_stand = make_stand()
         if not is_demagnetised:
             baseline_stand.condition(controllers.conditioning, gap[0])
-        recordings[name] = run_open_loop(
-            baseline_stand, gap, baseline.run(trial.demand.force, gap_reading)
-        )
+        recordings[name] = run_open_loop(baseline_stand, gap, baseline.run(trial.demand.force, gap_reading))
     return ForceOutcome(trial, recordings, simulated_force, differing_ticks)
 
 
@@ -178,9 +171,7 @@ def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
         "mean": float(np.abs(deviation).mean()),
     }
     newtons = {f"{name}_N": error for name, error in errors.items()}
-    return newtons | {
-        f"{name}_percent": 100.0 * error / force_max for name, error in errors.items()
-    }
+    return newtons | {f"{name}_percent": 100.0 * error / force_max for name, error in errors.items()}
 
 
 def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
@@ -198,9 +189,7 @@ def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[
         scores[name] = {
             kind: error_figures((force - demand.force)[demand.lead_in :], force_max)
             for kind, force in forces.items()
-        } | (
-            {"differing": outcome.differing_ticks[name]} if name in outcome.differing_ticks else {}
-        )
+        } | ({"differing": outcome.differing_ticks[name]} if name in outcome.differing_ticks else {})
     return scores
 
 
@@ -246,9 +235,7 @@ def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]
         error = (recording["force_N"] - demand.force)[demand.lead_in :]
         current = recording["current_A"][demand.lead_in :]
         bounds = (
-            SignalBound(
-                "the force error reached the largest force of the rig", error, -force_max, force_max
-            ),
+            SignalBound("the force error reached the largest force of the rig", error, -force_max, force_max),
             SignalBound("the current became infinite", current, -math.inf, math.inf),
         )
         loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
@@ -257,9 +244,7 @@ def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]
     return losses
 
 
-def make_figures(
-    rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: str
-) -> dict[str, Any]:
+def make_figures(rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
     """Return the content of ``figures.json``."""
     force_max = rig.settings.force.force_max_N
     trials = [
@@ -314,9 +299,7 @@ def judge_stages(summary: Summary) -> Judgement:
         )
         for stage, name in strongest_baselines(summary).items()
     ]
-    return judge_against_baselines(
-        "worst error of full", compared, "stages", BENEFICIAL_CONDITIONS["force"]
-    )
+    return judge_against_baselines("worst error of full", compared, "stages", BENEFICIAL_CONDITIONS["force"])
 
 
 def verdict_dict(summary: Summary) -> dict[str, Any]:

@@ -126,9 +126,7 @@ def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoo
 
 def _make_drawn_loop(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
     indices = thin_rows(loop.input, _DRAWN_POINTS * max(1, loop.reversals // 2))
-    return DrawnLoop(
-        kind, loop.schedule_value, loop.input[indices].tolist(), force[indices].tolist()
-    )
+    return DrawnLoop(kind, loop.schedule_value, loop.input[indices].tolist(), force[indices].tolist())
 
 
 class ModelWithLoops(NamedTuple):
@@ -192,10 +190,7 @@ def compare_models(old: Model, new: Model, loops: Loops) -> ModelComparison:
 def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
     indices = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
     columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
-    rounded = {
-        name: [float(f"{value:.5g}") for value in values[indices]]
-        for name, values in columns.items()
-    }
+    rounded = {name: [float(f"{value:.5g}") for value in values[indices]] for name, values in columns.items()}
     return {"label": loop.label, **rounded}
 
 
@@ -282,9 +277,7 @@ def _adjustable_limits(specimen: Specimen) -> dict[str, Bound]:
     }
 
 
-def identify_model(
-    progress: Progress, prepared: Improvable, folder: Path, old: Model
-) -> dict[str, Any]:
+def identify_model(progress: Progress, prepared: Improvable, folder: Path, old: Model) -> dict[str, Any]:
     """Identify a model of the measured loops as the rig file states; write and compare it."""
     loops = read_loops(folder / LOOPS_FILE)
     new = prepared.identify(loops, progress)

@@ -103,9 +103,7 @@ class PiezoTracking(StudyResult):
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
         """Deviations by compensation, in the figures of :data:`DEVIATION_METRICS`."""
-        deviations = {
-            name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()
-        }
+        deviations = {name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()}
         return {
             name: {"worst_m": peak_deviation(deviation), "rms_m": rms(deviation)}
             for name, deviation in deviations.items()
@@ -147,9 +145,7 @@ class PiezoTracking(StudyResult):
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation with every compensation, m."""
-        return rows_to_columns(
-            [{"compensation": name, **errors} for name, errors in self.errors.items()]
-        )
+        return rows_to_columns([{"compensation": name, **errors} for name, errors in self.errors.items()])
 
     def draw(self, ax: Axes) -> None:
         """Draw the deviation with every compensation over time."""
@@ -192,9 +188,7 @@ def simulate_tracking(rig: PiezoRig) -> PiezoTracking:
 
 def first_evaluated_tick(rig: PiezoRig) -> int:
     """Return the first tick of the evaluation."""
-    return round(
-        SETTLING_CYCLES * rig.settings.timing.rate_Hz / rig.settings.displacement_case.frequency_Hz
-    )
+    return round(SETTLING_CYCLES * rig.settings.timing.rate_Hz / rig.settings.displacement_case.frequency_Hz)
 
 
 def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceController]:
@@ -252,9 +246,7 @@ def _constant_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
     drive, displacement = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
     slope, offset = np.polyfit(displacement, drive, 1)
-    return _make_curve_inverse(
-        rig, np.polynomial.Polynomial([offset, slope]), float(displacement.max()), 1
-    )
+    return _make_curve_inverse(rig, np.polynomial.Polynomial([offset, slope]), float(displacement.max()), 1)
 
 
 def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
@@ -294,9 +286,9 @@ def follow_reference(
 
     ``plant`` replaces the nominal plant.
     """
-    noise = rig.settings.position_sensor.noise_m * np.random.default_rng(
-        noise_seed
-    ).standard_normal(target.size)
+    noise = rig.settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
+        target.size
+    )
     time = rig.dt * np.arange(target.size, dtype=np.float64)
     expected = np.interp(time - rig.response_delay, time, target)
     loop = rig.make_loop(plant or rig, copy_at_rest(inverse))
@@ -320,6 +312,4 @@ MAX_WORTHWHILE_RATIO = 0.5
 def judge_ratio(ratio: float) -> Judgement:
     """Return the verdict for a deviation with compensation over that without."""
     compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - MAX_WORTHWHILE_RATIO)
-    return judge_against_baselines(
-        "compensation", [compared], "measures", BENEFICIAL_CONDITIONS["piezo"]
-    )
+    return judge_against_baselines("compensation", [compared], "measures", BENEFICIAL_CONDITIONS["piezo"])

@@ -87,11 +87,7 @@ def bearing_plants(
 ) -> Plants:
     """Return the random plants of a bearing; the controller is that of the nominal plant."""
     main_variant = controller.settings.compensation.variant
-    names = (
-        tuple(dict.fromkeys((*BEARING_METHODS, main_variant)))
-        if methods is None
-        else tuple(methods)
-    )
+    names = tuple(dict.fromkeys((*BEARING_METHODS, main_variant))) if methods is None else tuple(methods)
     inputs = check_inputs(rig, controller)
     setups = make_setups(inputs.rig, controller, inputs.identify_magnet(), names)
     height_cases = tuple(rig.settings.step.heights_m), "height_m"
@@ -119,9 +115,7 @@ def run_bearing(
     """Run one plant of a bearing; returns its figures, or only the time of a loss."""
     setup = setups[method]
     rig, settings = setup.rig, setup.rig.settings
-    scenario = plan_steps(
-        rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S
-    )
+    scenario = plan_steps(rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S)
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
     recording = loop.run(scenario)
     lost_at_s = levitation_loss_time(rig, recording, scenario.lift_end_tick)
@@ -157,9 +151,7 @@ def _evaluate_steps(
     }
 
 
-def read_bearing_plants(
-    rig: PathLike, controller: PathLike | None, progress: Progress | None
-) -> Plants:
+def read_bearing_plants(rig: PathLike, controller: PathLike | None, progress: Progress | None) -> Plants:
     """Read the files of a bearing, and return its random plants."""
     return bearing_plants(*read_files(rig, controller))
 
@@ -167,9 +159,7 @@ def read_bearing_plants(
 FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 
 
-def force_plants(
-    rig: ForceControlRig, model: Model | None = None, loops: Loops | None = None
-) -> Plants:
+def force_plants(rig: ForceControlRig, model: Model | None = None, loops: Loops | None = None) -> Plants:
     """Return the random plants of a force rig: at every held position, and with a moving armature.
 
     The loops are those of the rig file, unless others are given.
@@ -209,9 +199,7 @@ def force_plants(
     )
 
 
-def read_force_plants(
-    rig: PathLike, controller: PathLike | None, progress: Progress | None
-) -> Plants:
+def read_force_plants(rig: PathLike, controller: PathLike | None, progress: Progress | None) -> Plants:
     """Read a force rig, and return its random plants."""
     return force_plants(read_rig(rig))
 
@@ -251,16 +239,10 @@ def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
         return replace(rig, settings=drifted_file(rig.settings, drift))
     iron = file.iron
     keys = iron.drifted_keys(drift.pinning, drift.reversible, drift.saturation)
-    return replace(
-        rig, solenoid_file=file.model_copy(update={"iron": iron.model_copy(update=keys)})
-    )
+    return replace(rig, solenoid_file=file.model_copy(update={"iron": iron.model_copy(update=keys)}))
 
 
-PIEZO_METHODS: Mapping[MethodName, str] = {
-    "ratio": "none",
-    "single-valued": "single-valued",
-    "full": "full",
-}
+PIEZO_METHODS: Mapping[MethodName, str] = {"ratio": "none", "single-valued": "single-valued", "full": "full"}
 """Names of the inverses of a piezo stage, by method."""
 
 
@@ -270,9 +252,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
     return Plants(
         file=rig.settings,
         run=partial(
-            run_piezo,
-            rig,
-            {name: inverses[inverse_name] for name, inverse_name in PIEZO_METHODS.items()},
+            run_piezo, rig, {name: inverses[inverse_name] for name, inverse_name in PIEZO_METHODS.items()}
         ),
         methods=tuple(PIEZO_METHODS),
         own_method="full",
@@ -290,9 +270,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
     )
 
 
-def read_piezo_plants(
-    rig: PathLike, controller: PathLike | None, progress: Progress | None
-) -> Plants:
+def read_piezo_plants(rig: PathLike, controller: PathLike | None, progress: Progress | None) -> Plants:
     """Read a piezo stage, and return its random plants."""
     return piezo_plants(read_piezo_rig(rig))
 
@@ -376,12 +354,7 @@ def stage_plants(
         own_method=COMPENSATOR,
         figures=tuple(
             PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
-            for metric in (
-                MOVING_AVERAGE,
-                PEAK_ERROR,
-                SETTLING_TIME,
-                *cross_talk_metrics(rig.settings),
-            )
+            for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME, *cross_talk_metrics(rig.settings))
         ),
         input_files=tuple(rig.measured_loops.files),
         setting_texts={},
@@ -391,9 +364,7 @@ def stage_plants(
     )
 
 
-def read_stage_plants(
-    rig: PathLike, controller: PathLike | None, progress: Progress | None
-) -> Plants:
+def read_stage_plants(rig: PathLike, controller: PathLike | None, progress: Progress | None) -> Plants:
     """Read a stage, and return its random plants."""
     return stage_plants(read_stage(rig), progress=progress)
 
@@ -421,16 +392,12 @@ def run_stage(
     for names in errors.values():
         plant = replace(setup, drift=drift.select(names))
         learner = calibrate_running_stage(plant, magnet, gains, noise + TRAINING_SEED)
-        run = track(
-            learner.corrected_stage(plant.drift) if learner else plant, set_point, gains, noise
-        )
+        run = track(learner.corrected_stage(plant.drift) if learner else plant, set_point, gains, noise)
         if run.loss is not None:
             return {"lost_s": run.dt * run.loss.tick}
         measures = measure(run, set_point, scan_case.slit_s)
         for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME):
             figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
-        for key, largest_error in cross_talk(
-            run, set_point, stationary_axes(setup.rig.settings)
-        ).items():
+        for key, largest_error in cross_talk(run, set_point, stationary_axes(setup.rig.settings)).items():
             figures.setdefault(key, []).append(largest_error)
     return figures

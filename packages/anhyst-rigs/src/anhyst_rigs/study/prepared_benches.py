@@ -180,13 +180,9 @@ class PreparedForce(ForceRig):
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
-        request = CompileRequest(
-            self.program.kind, "q31", self.complete_rig.settings.timing.rate_Hz
-        )
+        request = CompileRequest(self.program.kind, "q31", self.complete_rig.settings.timing.rate_Hz)
         board_model = _adapt_to_board(model, self.model, request.kind)
-        return _make_force_plan(
-            board_model, request, self.program.scales, self.program.block.limits
-        )
+        return _make_force_plan(board_model, request, self.program.scales, self.program.block.limits)
 
 
 @dataclass(frozen=True)
@@ -287,9 +283,7 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
     return model
 
 
-def _make_force_plan(
-    model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits
-) -> Plan:
+def _make_force_plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
     """Plan a force model for the signals and limits of a board."""
     valid = ValidRange(
         _intersect_ranges(model.valid_range.input, limits.current),
@@ -313,9 +307,7 @@ def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
     model_gaps = None if model.valid is None else model.valid.schedule
     tolerance = _GAP_TOLERANCE * (high - low)
     if model_gaps is None or model_gaps[0] > low + tolerance or model_gaps[1] < high - tolerance:
-        known_text = (
-            "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
-        )
+        known_text = "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
         raise InputError(
             f"model: is valid at {known_text}, the board works from {low:g} to {high:g} m; measure loops "
             "at both ends",

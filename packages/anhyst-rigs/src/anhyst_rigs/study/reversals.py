@@ -70,18 +70,14 @@ def _local_slope(input_values: FloatArray, output_values: FloatArray, input_valu
         return 0.0
     # A parabola, so that the curvature does not bias the slope.
     return float(
-        np.polynomial.Polynomial.fit(
-            input_values[is_near] - input_value, output_values[is_near], 2
-        ).deriv()(0.0)
+        np.polynomial.Polynomial.fit(input_values[is_near] - input_value, output_values[is_near], 2).deriv()(
+            0.0
+        )
     )
 
 
 def _changes_after_reversal(
-    input_values: FloatArray,
-    output_values: FloatArray,
-    branch: Branch,
-    next_branch: Branch,
-    reach: float,
+    input_values: FloatArray, output_values: FloatArray, branch: Branch, next_branch: Branch, reach: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the changes of input and output just after a reversal, sample by sample."""
     tip = next_branch.start

@@ -254,9 +254,7 @@ class DriftMonitor:
         self._splitter = _BranchSplitter(REVERSAL_RATIO * (high - low))
         self._learning_values = {"level": [], "width": []}
         if self.min_drift is None:
-            self.min_drift = MIN_DRIFT_RATIO * max(
-                abs(end) for end in self.model.valid_range.output
-            )
+            self.min_drift = MIN_DRIFT_RATIO * max(abs(end) for end in self.model.valid_range.output)
 
     def add_samples(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray
@@ -264,12 +262,8 @@ class DriftMonitor:
         """Add a chunk of samples."""
         if ticks.size == 0 or self.finding.drift is not None:
             return self.finding
-        if np.any(np.diff(ticks) <= 0) or (
-            self._last_tick is not None and ticks[0] <= self._last_tick
-        ):
-            raise InputError(
-                "ticks do not increase; pass the chunks in order", code="time-not-rising"
-            )
+        if np.any(np.diff(ticks) <= 0) or (self._last_tick is not None and ticks[0] <= self._last_tick):
+            raise InputError("ticks do not increase; pass the chunks in order", code="time-not-rising")
         self._last_tick = int(ticks[-1])
         residuals = force - self._stepper.follow(current, gap)
         for tick, current_A, residual in zip(
@@ -309,18 +303,14 @@ class DriftMonitor:
             # The first cycle deletes the unknown history, so it is not used.
             assert self.min_drift is not None
             self._charts = {
-                name: CusumChart(
-                    Reference.from_values(rows[1:]), self.min_drift, 2.0 * self.run_length
-                )
+                name: CusumChart(Reference.from_values(rows[1:]), self.min_drift, 2.0 * self.run_length)
                 for name, rows in self._learning_values.items()
             }
         usual_residual = float(
             np.sqrt(np.mean(self._mean_squares[1 : LEARNING_CYCLES + 1] or self._mean_squares))
         )
         last_residual = float(np.sqrt(self._mean_squares[-1]))
-        self.finding = Finding(
-            len(self._cycle_ends), not self._charts, drift, usual_residual, last_residual
-        )
+        self.finding = Finding(len(self._cycle_ends), not self._charts, drift, usual_residual, last_residual)
 
 
 @dataclass(frozen=True)
@@ -369,9 +359,7 @@ def watch_recording(
     (run,) = recording.loops
     if run.time is None or run.schedule is None:
         raise InputError("a recording needs columns t_s and gap_m", code="columns-missing")
-    monitor = DriftMonitor(
-        model, float(run.schedule[0]), run.history, run_length=run_length, min_drift=least
-    )
+    monitor = DriftMonitor(model, float(run.schedule[0]), run.history, run_length=run_length, min_drift=least)
     ticks = np.arange(run.n, dtype=np.float64)
     finding = monitor.add_samples(ticks, run.input, run.schedule, run.output)
     return WatchResult(finding, (run.n - 1) / float(run.time[-1] - run.time[0]))

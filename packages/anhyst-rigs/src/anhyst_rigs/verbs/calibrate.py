@@ -81,20 +81,13 @@ def show(result: Calibration, arguments: Mapping[str, Any]) -> Iterator[OutputPa
     """Return the terminal output: the estimated parameters, and the fit of each method."""
     from anhyst.cli.printing import TerminalTable
 
-    rows = TerminalTable(
-        "estimated from motion", ["method", "parameter", "value", "+/-", "before", ""]
-    )
+    rows = TerminalTable("estimated from motion", ["method", "parameter", "value", "+/-", "before", ""])
     for method in result.file.method:
         for parameter in method.parameter:
-            values = (
-                f"{value:.3g}" for value in (parameter.value, parameter.sigma, parameter.prior)
-            )
+            values = (f"{value:.3g}" for value in (parameter.value, parameter.sigma, parameter.prior))
             frozen_note = "fixed: not identifiable" if parameter.frozen else ""
             rows.add_row(
-                method.name,
-                parameter.name,
-                *values,
-                frozen_note if method.is_applied else "not used",
+                method.name, parameter.name, *values, frozen_note if method.is_applied else "not used"
             )
     yield rows
     yield from (f"{name}: {text}" for name, text in result.facts().items())

@@ -121,9 +121,7 @@ def excite(
     return excitation
 
 
-def show(
-    result: Excitation | CalibratingMove, arguments: Mapping[str, Any]
-) -> Iterator[OutputPart]:
+def show(result: Excitation | CalibratingMove, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the drives or the effect of the motion, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation
 
@@ -145,9 +143,7 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     gap = ["gap mm"] if specimen.gaps else []
     reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
     heads = [*gap, f"largest {unit}", reached, f"operating point {unit}", "limited by"]
-    table = TerminalTable(
-        f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads
-    )
+    table = TerminalTable(f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads)
     for place in excitation.probed_gaps:
         table.add_row(
             *([f"{1e3 * place.gap:g}"] if gap else []),
@@ -158,9 +154,7 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
         )
     minutes = figures["duration_s"] / 60.0
     warmth = figures["warmth"]
-    warmth_text = (
-        "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of the trip level"
-    )
+    warmth_text = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of the trip level"
     yield table
     yield f"{minutes:.1f} min of measurement, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warmth_text}"
     yield from (f"note: {note}" for note in excitation.notes)
@@ -178,17 +172,12 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     heads = ["posterior / prior sigma", "this motion", "its own set-point"]
     table = TerminalTable(f"{move.duration_s:.2f} s", heads)
     for kind, names in kinds.items():
-        sigma_ratios = [
-            [f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)
-        ]
+        sigma_ratios = [[f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)]
         table.add_row(
-            kind,
-            *(" to ".join(dict.fromkeys((min(ratios), max(ratios)))) for ratios in sigma_ratios),
+            kind, *(" to ".join(dict.fromkeys((min(ratios), max(ratios)))) for ratios in sigma_ratios)
         )
     table.add_row("duration, s", *(f"{motion.duration_s:.2f}" for motion in (move, own_setpoint)))
-    table.add_row(
-        "condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint))
-    )
+    table.add_row("condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint)))
     hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
     yield table
     for axis, leg in result.legs.items():

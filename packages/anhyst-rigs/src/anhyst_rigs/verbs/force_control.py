@@ -83,9 +83,7 @@ def force_control(
     from anhyst_rigs.verbs.init import init
 
     sources: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
-    paths = [
-        Path(check_path(item, "force_control: rig", "the path of a rig file")) for item in sources
-    ]
+    paths = [Path(check_path(item, "force_control: rig", "the path of a rig file")) for item in sources]
     check_path(out, "force_control: out")
     is_from_loops = len(paths) > 1 or paths[0].suffix != ".toml"
     if is_from_loops:

@@ -128,13 +128,7 @@ def simulate(
     from anhyst.support.jobs import use_scheduler
     from anhyst.support.kinds import require_capability
     from anhyst.support.toml_file import require_rig
-    from anhyst_rigs.reports.studies import (
-        HasBenefit,
-        HasBoard,
-        HasPlants,
-        HasSimulation,
-        map_benefit,
-    )
+    from anhyst_rigs.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation, map_benefit
     from anhyst_rigs.reports.studies import monte_carlo as run_plants
     from anhyst_rigs.reports.study.task import SimulationTask
 
@@ -223,8 +217,7 @@ def _fault_table(endings: Sequence[FaultOutcome]) -> TerminalTable:
         )
         rows.add_row(
             ending.injection.name,
-            ending.fault.name.lower().replace("_", " ")
-            + ("" if ending.is_as_expected else " (wrong)"),
+            ending.fault.name.lower().replace("_", " ") + ("" if ending.is_as_expected else " (wrong)"),
             end,
             "" if ending.is_levitating else f"{1e3 * ending.seconds:.0f}",
             f"{1e3 * ending.rest_speed:.1f}" if ending.rest_speed else "",

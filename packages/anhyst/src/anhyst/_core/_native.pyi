@@ -85,9 +85,7 @@ class CellOperator:
     @property
     def steepest(self) -> float:
         """Upper bound of dM/dx over all states."""
-    def run(
-        self, omega: _Array, r: _Array, begins: NDArray[np.int64]
-    ) -> tuple[_Array, _Array, int]:
+    def run(self, omega: _Array, r: _Array, begins: NDArray[np.int64]) -> tuple[_Array, _Array, int]:
         """Return x, M, status along x + omega*M(x) = r; each drive begins demagnetised."""
     def sensitivity(
         self,
@@ -173,9 +171,7 @@ class FixedCompensator:
     @property
     def memory(self) -> NDArray[np.int32]: ...
     def set_memory(self, words: NDArray[np.int32]) -> None: ...
-    def run(
-        self, demand: NDArray[np.int32], gap: NDArray[np.int32], q15: bool
-    ) -> NDArray[np.int32]: ...
+    def run(self, demand: NDArray[np.int32], gap: NDArray[np.int32], q15: bool) -> NDArray[np.int32]: ...
     def conditioning_length(self) -> int: ...
     def conditioning_q15(self, tick: int) -> int: ...
 
@@ -211,9 +207,7 @@ class FixedController:
     def start(self, reference: int, position: int, load: int, output: int) -> None: ...
     def solve(self, reference: int, position: int, load: int) -> int: ...
     def commit(self, applied: int) -> None: ...
-    def change(
-        self, gains: NDArray[np.int32], reference: int, position: int, load: int
-    ) -> None: ...
+    def change(self, gains: NDArray[np.int32], reference: int, position: int, load: int) -> None: ...
     @property
     def wanted(self) -> int:
         """Last output before its limits, q28."""
@@ -308,9 +302,7 @@ class FixedForceController:
     @staticmethod
     def compensator(kind: str, words: _Words) -> FixedForceController: ...
     @staticmethod
-    def flux(
-        entries: _Words, wanted: _Words, loop: _Words, low: int, high: int
-    ) -> FixedForceController:
+    def flux(entries: _Words, wanted: _Words, loop: _Words, low: int, high: int) -> FixedForceController:
         """Create one with a flux loop; a row of `loop` is mantissa and shift of a factor."""
     def fuse(self, wanted: _Words, loop: _Words, most: int, low: int, high: int) -> None: ...
     def solve(self, demand: int, gap: int, flux: int) -> int:
@@ -451,10 +443,7 @@ class _Position(LoopController):
 
 class _RealPosition(_Position):
     def __init__(
-        self,
-        gains: _Array,
-        magnets: list[ForceController] | list[ForceControllerF32],
-        settings: _Numbers,
+        self, gains: _Array, magnets: list[ForceController] | list[ForceControllerF32], settings: _Numbers
     ) -> None: ...
 
 class Position(_RealPosition):

@@ -57,10 +57,7 @@ def _print_version(is_requested: bool) -> None:
 @app.callback()
 def _anhyst(
     _version: Annotated[
-        bool,
-        typer.Option(
-            "--version", help="Print the version.", callback=_print_version, is_eager=True
-        ),
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     """Identify actuators with hysteresis from measured loops, and compensate them.

@@ -125,9 +125,7 @@ def load_verbs() -> list[Verb]:
         except (Exception, SystemExit) as error:
             if name in project_verbs:
                 raise
-            print_warning(
-                f"left out: the verb {name} of {module_name}: {error}; update its package"
-            )
+            print_warning(f"left out: the verb {name} of {module_name}: {error}; update its package")
     return sorted(found, key=lambda verb: (verb.place, verb.name))
 
 
@@ -141,9 +139,9 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
     run.__annotations__ = {option.name: option.annotation for option in _command_parameters(verb)}
     about = [use_option_names(verb.docstring.summary, _option_names(verb))]
     about += [f"Example: {example}" for example in verb.docstring.examples]
-    app.command(
-        verb.command, help="\n\n".join(about), no_args_is_help=True, rich_help_panel=verb.place[1]
-    )(run)
+    app.command(verb.command, help="\n\n".join(about), no_args_is_help=True, rich_help_panel=verb.place[1])(
+        run
+    )
 
 
 def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
@@ -163,8 +161,7 @@ def _option_names(verb: Verb) -> dict[str, str]:
     """Return the option of each parameter."""
     described = verb.docstring.parameters
     return {
-        name: (name in described and described[name].flag)
-        or f"--{name.strip('_').replace('_', '-')}"
+        name: (name in described and described[name].flag) or f"--{name.strip('_').replace('_', '-')}"
         for name in verb.parameters
     }
 
@@ -219,10 +216,7 @@ _PATH_TYPES = ((r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]), (r"\bPath
 
 def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
-    text, annotation = (
-        inspect.formatannotation(parameter.annotation).strip("'"),
-        parameter.annotation,
-    )
+    text, annotation = (inspect.formatannotation(parameter.annotation).strip("'"), parameter.annotation)
     with suppress(Exception):  # a name that is imported for type checkers only
         annotation = eval(annotation, vars(module)) if isinstance(annotation, str) else annotation
     if NoneType in get_args(annotation):
@@ -263,15 +257,11 @@ def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any
         if isinstance(value, str) and "Sequence[str]" in str(verb.parameters[name].annotation):
             arguments[name] = value.split(",")
         parameter = verb.docstring.parameters.get(name)
-        if name in _READING_PARAMETERS and (
-            parameter is None or _SHARED_TEXT_MARK in parameter.type_text
-        ):
+        if name in _READING_PARAMETERS and (parameter is None or _SHARED_TEXT_MARK in parameter.type_text):
             texts[name] = value
     read = asdict(read_options(**texts)) if texts else {}
     has_reading = "reading" in inspect.signature(verb.function).parameters
-    return arguments | {
-        name: read[name] for name, value in texts.items() if has_reading or value is not None
-    }
+    return arguments | {name: read[name] for name, value in texts.items() if has_reading or value is not None}
 
 
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:

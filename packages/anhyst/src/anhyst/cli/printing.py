@@ -54,9 +54,7 @@ class TerminalTable:
         blocks: list[list[_Column]] = []
         while rest or not blocks:
             fitting = [first]
-            while (
-                rest and sum(c.width + len(_COLUMN_GAP) for c in (*fitting, rest[0])) <= width + 2
-            ):
+            while rest and sum(c.width + len(_COLUMN_GAP) for c in (*fitting, rest[0])) <= width + 2:
                 fitting.append(rest.pop(0))
             if len(fitting) == 1 and rest:
                 fitting.append(rest.pop(0))

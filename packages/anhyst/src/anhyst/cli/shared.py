@@ -45,9 +45,7 @@ def _set_verbose(is_requested: bool) -> bool:
 Verbose = Annotated[
     bool,
     typer.Option(
-        "--verbose",
-        help="Print all lines and columns, not only the first 25.",
-        callback=_set_verbose,
+        "--verbose", help="Print all lines and columns, not only the first 25.", callback=_set_verbose
     ),
 ]
 
@@ -80,9 +78,7 @@ def print_parts(*parts: OutputPart) -> None:
         if isinstance(part, str | TerminalTable):
             printer.print([part])
         else:  # a table of a page, and its caption
-            rows = [
-                [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows
-            ]
+            rows = [[cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows]
             drawn = TerminalTable(part.title, part.head, rows)
             printer.print([drawn, part.caption] if part.caption else [drawn])
 
@@ -128,9 +124,7 @@ class ProgressEstimate:
         )
         remaining = self.remaining_s()
         return (
-            elapsed_text
-            if remaining is None
-            else f"{elapsed_text}, about {_duration_text(remaining)} left"
+            elapsed_text if remaining is None else f"{elapsed_text}, about {_duration_text(remaining)} left"
         )
 
 

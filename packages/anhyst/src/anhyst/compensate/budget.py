@@ -91,9 +91,7 @@ def _drift_part(held_demands: Sequence[HeldDemand], model: Model) -> BudgetPart:
 def _model_fit_part(plan: Plan) -> BudgetPart:
     fit = plan.model.fit
     if fit is None:
-        return BudgetPart(
-            "model_fit", "model fit", None, None, "the model file contains no fit errors"
-        )
+        return BudgetPart("model_fit", "model fit", None, None, "the model file contains no fit errors")
     note = "deviation of the model from the measured loops, from the model file"
     return BudgetPart("model_fit", "model fit", fit.worst, fit.rms, note)
 
@@ -150,9 +148,7 @@ def _advise_drift(plan: Plan) -> str:
 def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
     """Return the error for a drift that exceeds the requested accuracy."""
     return NegativeResult(
-        f"accuracy: {explain_drift(plan, budget)}; nothing was written",
-        code="model-drifts",
-        key="accuracy",
+        f"accuracy: {explain_drift(plan, budget)}; nothing was written", code="model-drifts", key="accuracy"
     )
 
 

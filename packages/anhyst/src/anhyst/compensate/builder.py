@@ -94,9 +94,7 @@ class BlockBuilder:
 
     def dynamic_block(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
         """Return a block with these sizes, including the layers or the lag of the model."""
-        return self.build(
-            sizes, number_format or self.number_format, is_static=self.dynamic_model is None
-        )
+        return self.build(sizes, number_format or self.number_format, is_static=self.dynamic_model is None)
 
     def build(self, sizes: TableSizes, number_format: NumberFormat, *, is_static: bool) -> Block:
         """Return a block in a number format; `is_static` omits the eddy-current lag."""

@@ -90,9 +90,7 @@ def find_max_field(
 ) -> float:
     """Return the largest ``|x|`` for currents within their limits, A/m."""
     return max(
-        _solve_field(
-            weights, coefficients.air_flux, abs(limit - bias), flux_coefficient, field_coefficient
-        )
+        _solve_field(weights, coefficients.air_flux, abs(limit - bias), flux_coefficient, field_coefficient)
         for bias, flux_coefficient, field_coefficient in zip(
             coefficients.bias, coefficients.flux, coefficients.field, strict=True
         )
@@ -102,11 +100,7 @@ def find_max_field(
 
 @lru_cache(maxsize=256)
 def _solve_field(
-    weights: CellWeights,
-    air_flux: float,
-    drive: float,
-    flux_coefficient: float,
-    field_coefficient: float,
+    weights: CellWeights, air_flux: float, drive: float, flux_coefficient: float, field_coefficient: float
 ) -> float:
     """Return the field on the initial curve for a current; cached for blocks of many sizes."""
 
@@ -114,9 +108,7 @@ def _solve_field(
         flux = initial_magnetisation(weights, x) / weights.saturation + air_flux * x
         return flux_coefficient * flux + field_coefficient * x - drive
 
-    upper_bound = (drive + abs(flux_coefficient)) / (
-        field_coefficient + flux_coefficient * air_flux
-    )
+    upper_bound = (drive + abs(flux_coefficient)) / (field_coefficient + flux_coefficient * air_flux)
     return float(brentq(drive_error, 0.0, upper_bound)) if drive > 0.0 else 0.0
 
 
@@ -127,9 +119,7 @@ def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellW
     their thresholds, weighted by their magnetisation, where this moves the thresholds least.
     """
     sums = weights.weights.sum(axis=1)
-    reachable = [
-        i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0
-    ]
+    reachable = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
     merged = [(weights.thresholds[i], weights.weights[i]) for i in reachable]
     while len(merged) > max_cells:
         row_sums = np.array([row.sum() for _, row in merged])
@@ -200,13 +190,9 @@ def make_cell_law(frame: BlockFrame, *, is_static: bool) -> LawTables:
     """
     model, coefficients = frame.model, frame.coefficients
     is_solid = model.layers is not None
-    rows = make_cell_rows(
-        cell_weights(model), coefficients, frame.limits, frame.sizes, is_solid=is_solid
-    )
+    rows = make_cell_rows(cell_weights(model), coefficients, frame.limits, frame.sizes, is_solid=is_solid)
     law_coefficients = coefficients.bias, coefficients.flux, coefficients.field * rows.max_field
-    return LawTables(
-        law_coefficients, partial(_pack, frame, rows, None if is_static else model.layers)
-    )
+    return LawTables(law_coefficients, partial(_pack, frame, rows, None if is_static else model.layers))
 
 
 def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:

@@ -77,8 +77,7 @@ def flux_gain(model: Model, scales: Scales, gaps: FloatArray) -> FloatArray:
     """Return the flux for a full-scale output at each gap, in units of :func:`flux_unit`."""
     full_scale_flux_power = scales.demand / model.interpolate_parameter("c_out", gaps)
     return np.asarray(
-        (np.sqrt(full_scale_flux_power) if model.power == 2 else full_scale_flux_power)
-        / flux_unit(model)
+        (np.sqrt(full_scale_flux_power) if model.power == 2 else full_scale_flux_power) / flux_unit(model)
     )
 
 

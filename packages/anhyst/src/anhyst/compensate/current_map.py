@@ -105,13 +105,9 @@ def make_current_map(
 ) -> CurrentMap:
     """Make a map whose full scales include every entry plus and minus half the loop width."""
     current = max(operating.current_max, float((np.abs(entries) + half_width).max()))
-    scales = Scales(
-        round_full_scale(operating.force_max), round_full_scale(current), *operating.gap_range
-    )
+    scales = Scales(round_full_scale(operating.force_max), round_full_scale(current), *operating.gap_range)
     force_low = -operating.is_bipolar * scales.demand
-    return CurrentMap(
-        np.ascontiguousarray(entries), scales, operating.currents, constants, force_low
-    )
+    return CurrentMap(np.ascontiguousarray(entries), scales, operating.currents, constants, force_low)
 
 
 def fit_ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
@@ -145,9 +141,7 @@ def _fit_tangent_map(
     tangent = fit(surface, operating.force, operating.gap, operating.force_max)
     force = surface.force[[0, -1]] - operating.force
     gap = np.array(operating.gap_range) - operating.gap
-    entries = (
-        tangent.current + tangent.current_per_force * force + tangent.current_per_gap * gap[:, None]
-    )
+    entries = tangent.current + tangent.current_per_force * force + tangent.current_per_gap * gap[:, None]
     numbers = {"k_i_N_per_A": tangent.k_i}
     if stiffness_name is not None:
         numbers[stiffness_name] = tangent.k_s
@@ -174,9 +168,7 @@ def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
     gap_range = scales.gap_low, scales.gap_high
     middle_gap = 0.5 * (gap_range[0] + gap_range[1])
-    loops = [
-        _simulate_loop(model, current_max, gap) for gap in (gap_range[0], middle_gap, gap_range[1])
-    ]
+    loops = [_simulate_loop(model, current_max, gap) for gap in (gap_range[0], middle_gap, gap_range[1])]
     model_loops = Loops(tuple(loops), model.input, model.output, model.schedule)
     surface = fit_surface(model_loops, (0.0, scales.demand), gap_range)
     line = fit_line(surface, 0.5 * force_max, middle_gap, force_max)
@@ -240,9 +232,7 @@ class PlayMap:
         mantissa, shift = to_factor("steepness of the play", quarter_steepness)
         low, high = table.limits
         if fixed:
-            low, high = (
-                as_word(end / self.scales.current, 2.0**15, "limit") for end in (low, high)
-            )
+            low, high = (as_word(end / self.scales.current, 2.0**15, "limit") for end in (low, high))
         words = {
             "PLAY_DEMAND_LOW": table.force_low,
             "PLAY_CURRENT_LOW": low,
@@ -348,9 +338,7 @@ def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> flo
     grid = np.log(np.geomspace(*RADIUS_RANGE, RADIUS_GRID_POINTS) * operating.current_max)
     best_index = int(np.argmin([mean_squared_error(at) for at in grid.tolist()]))
     bracket = grid[max(best_index - 1, 0)], grid[min(best_index + 1, RADIUS_GRID_POINTS - 1)]
-    minimum = minimize_scalar(
-        mean_squared_error, bounds=bracket, method="bounded", options={"xatol": 0.01}
-    )
+    minimum = minimize_scalar(mean_squared_error, bounds=bracket, method="bounded", options={"xatol": 0.01})
     return float(np.exp(minimum.x))
 
 
@@ -442,9 +430,7 @@ def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
         current = np.concatenate([loop.input for loop in members])
         force = np.concatenate([loop.output for loop in members])
         is_used = force <= force_max
-        ratios.append(
-            float(force[is_used] @ current[is_used] / (current[is_used] @ current[is_used]))
-        )
+        ratios.append(float(force[is_used] @ current[is_used] / (current[is_used] @ current[is_used])))
     return ConstantRatio(np.array(list(groups), dtype=np.float64), np.array(ratios))
 
 

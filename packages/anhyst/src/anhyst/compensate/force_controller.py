@@ -66,9 +66,7 @@ class Compensator(ABC):
 
 Native = _core.ForceController | _core.ForceControllerF32 | _core.FixedForceController
 
-REAL_CONTROLLERS: Mapping[
-    NumberFormat, type[_core.ForceController] | type[_core.ForceControllerF32]
-] = {
+REAL_CONTROLLERS: Mapping[NumberFormat, type[_core.ForceController] | type[_core.ForceControllerF32]] = {
     "f64": _core.ForceController,
     "f32": _core.ForceControllerF32,
 }
@@ -136,9 +134,7 @@ class ForceController(Compensator):
             return native.solve(demand, used_gap, flux)
         flux_full_scale = self.parameters.flux_full_scale
         flux_code = _FLUX_NOT_MEASURED if math.isnan(flux) else to_q31(flux / flux_full_scale)
-        code = native.solve(
-            to_q31(demand / scales.demand), to_q31(scales.gap_fraction(used_gap)), flux_code
-        )
+        code = native.solve(to_q31(demand / scales.demand), to_q31(scales.gap_fraction(used_gap)), flux_code)
         return code / _Q31 * scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
@@ -147,9 +143,7 @@ class ForceController(Compensator):
         used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
             return native.commit(applied, used_gap)
-        expected = native.commit(
-            to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap))
-        )
+        expected = native.commit(to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap)))
         return expected / _Q31 * scales.demand
 
     def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
@@ -252,9 +246,9 @@ class FixedTwin(Twin):
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
         share = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
-        return np.clip(
-            np.rint(share * self.code_of_one), -self.code_of_one, self.code_of_one - 1.0
-        ).astype(np.int32)
+        return np.clip(np.rint(share * self.code_of_one), -self.code_of_one, self.code_of_one - 1.0).astype(
+            np.int32
+        )
 
     def demand_codes(self, demand: ArrayLike) -> CodeArray:
         """Convert demands in units of the output to codes."""
@@ -300,9 +294,7 @@ class FixedTwin(Twin):
         currents = self._core.run(codes, self.gap_codes(gap, codes.size), self.io == "q15")
         return currents / self.code_of_one * self.block.scales.current
 
-    def run_with_losses(
-        self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
-    ) -> FloatArray:
+    def run_with_losses(self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray) -> FloatArray:
         """Run with an amplifier that deviates by `loss`, as a fraction of its range."""
         limits = self.current_codes(self.block.limits.current).tolist()
         losses = ((limits[1] - limits[0]) * loss).round().astype(int)
@@ -355,9 +347,7 @@ class RealTwin(Twin):
         at = np.broadcast_to(np.asarray(gaps, dtype=np.float64), demands.shape).copy()
         return self._core.run(demands, at)
 
-    def run_with_losses(
-        self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
-    ) -> FloatArray:
+    def run_with_losses(self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray) -> FloatArray:
         """Run with an amplifier that deviates by `loss`, as a fraction of its range."""
         low, high = self.block.limits.current
         gaps = np.full(loss.size, self._gap_or_lowest(None)) if gap is None else gap

@@ -77,21 +77,15 @@ def find_max_field(law: NormalisedLaw, current: tuple[float, float]) -> float:
     )
     is_negative = flux_coefficient < 0.0
     positive, negative = (
-        (drive[rows], flux_coefficient[rows], field_coefficient[rows])
-        for rows in (~is_negative, is_negative)
+        (drive[rows], flux_coefficient[rows], field_coefficient[rows]) for rows in (~is_negative, is_negative)
     )
     return max(
-        law.kappa,
-        _max_field_on_ascending_branch(law, *positive),
-        _max_field_on_anhysteretic(law, *negative),
+        law.kappa, _max_field_on_ascending_branch(law, *positive), _max_field_on_anhysteretic(law, *negative)
     )
 
 
 def _max_field_on_ascending_branch(
-    law: NormalisedLaw,
-    drive: FloatArray,
-    flux_coefficient: FloatArray,
-    field_coefficient: FloatArray,
+    law: NormalisedLaw, drive: FloatArray, flux_coefficient: FloatArray, field_coefficient: FloatArray
 ) -> float:
     """Return the largest field on the ascending branch, where the magnetisation is lowest.
 
@@ -104,24 +98,15 @@ def _max_field_on_ascending_branch(
     def drive_error(x: float) -> float:
         pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
         m = (1.0 - law.c) * pinned + law.c * float(langevin(np.array([x]))[0][0])
-        return float(
-            np.min(flux_coefficient * (m + law.air_flux * x) + field_coefficient * x - drive)
-        )
+        return float(np.min(flux_coefficient * (m + law.air_flux * x) + field_coefficient * x - drive))
 
     return float(
-        brentq(
-            drive_error,
-            -1.0 - law.kappa,
-            float(np.max(drive / field_coefficient)) + law.kappa + 1.0,
-        )
+        brentq(drive_error, -1.0 - law.kappa, float(np.max(drive / field_coefficient)) + law.kappa + 1.0)
     )
 
 
 def _max_field_on_anhysteretic(
-    law: NormalisedLaw,
-    drive: FloatArray,
-    flux_coefficient: FloatArray,
-    field_coefficient: FloatArray,
+    law: NormalisedLaw, drive: FloatArray, flux_coefficient: FloatArray, field_coefficient: FloatArray
 ) -> float:
     """Return the largest field on the anhysteretic curve, for negative flux coefficients."""
     x = np.full(drive.shape, np.inf)
@@ -179,9 +164,7 @@ def _pack(law: NormalisedLaw, tables: FullTables, sizes: TableSizes, pack: Packe
     pack.put_table("FULL_INVERSE", tables.inverse / max_field, 32767.0)
     pack.put_weight("FULL_RATE", max_field / (law.kappa * np.log(2.0)) / 16.0, "k")
     steepness = max_field / law.kappa
-    pack.put_number(
-        "FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1
-    )
+    pack.put_number("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
     pack.put_number("FULL_AIR", law.air_flux * max_field / 4.0, "h", min_word=1)
     pack.put_number("FULL_REVERSIBLE", law.c, "c")
     pack.put_number("FULL_PLAY", law.dead_band / max_field, "r_d")

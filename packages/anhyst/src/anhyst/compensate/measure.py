@@ -62,9 +62,7 @@ def run_with_losses(model: Model, block: Block, io: Io, path: DemandPath) -> Pat
     size = path.demand.size
     is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
-    current = make_twin(block, io).run_with_losses(
-        path.demand, path.gap, np.where(is_evaluated, 0.0, loss)
-    )
+    current = make_twin(block, io).run_with_losses(path.demand, path.gap, np.where(is_evaluated, 0.0, loss))
     return PathRun(path, current, predict_output(model, current, path), is_evaluated)
 
 
@@ -109,9 +107,7 @@ def compare_with_demand(
     title = "random reversals with an amplifier that deviates"
     runs.append(run_with_losses(model, block, io, replace(loss_path, name="losses", title=title)))
     runs_with_errors = [(run, demand_error(run, block.limits, step)) for run in runs]
-    return summarise_errors(
-        (run.path.name, error) for run, error in runs_with_errors
-    ), runs_with_errors
+    return summarise_errors((run.path.name, error) for run, error in runs_with_errors), runs_with_errors
 
 
 def compare_compensators(
@@ -122,9 +118,7 @@ def compare_compensators(
     return compare_outputs(paths, first, second)
 
 
-def predict_outputs(
-    model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
-) -> list[FloatArray]:
+def predict_outputs(model: Model, block: Block, io: Io, paths: Sequence[DemandPath]) -> list[FloatArray]:
     """Return the outputs of the model with a compensator, for each path."""
     return [run_twin(model, block, io, path).output for path in paths]
 
@@ -154,11 +148,7 @@ def snap_gaps(
 
 
 def measure_gap_interpolation(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes,
-    paths: Sequence[DemandPath],
+    model: Model, scales: Scales, limits: DemandLimits, sizes: TableSizes, paths: Sequence[DemandPath]
 ) -> OutputDeviation:
     """Return the error due to linear interpolation over the gap, with everything else exact."""
     if not model.needs_schedule:
@@ -178,9 +168,7 @@ def measure_gap_interpolation(
 
         demand_above_offset = path.demand - interpolate(circuit.out_0)
         gain = interpolate((1.0 / circuit.c_out) ** (1.0 / power)) / unit
-        flux = gain * (
-            np.sqrt(np.maximum(demand_above_offset, 0.0)) if power == 2 else demand_above_offset
-        )
+        flux = gain * (np.sqrt(np.maximum(demand_above_offset, 0.0)) if power == 2 else demand_above_offset)
         exact = model.circuit(gap, np.zeros(gap.size))
         reached = model.invert(exact.output(flux * unit), gap, history="demagnetised")
         x = (1.0 - alpha) * reached.field + alpha * reached.flux_density / MU_0
@@ -240,9 +228,7 @@ class CompensatorTrial:
     @cached_property
     def compiled_runs(self) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
         """Worst error of the compiled block over all paths, and the error along each path."""
-        return compare_with_demand(
-            self.builder.model, self.static_block, self.builder.io, self.paths
-        )
+        return compare_with_demand(self.builder.model, self.static_block, self.builder.io, self.paths)
 
     def measure_parts(self, reference_output: float) -> list[BudgetPart]:
         """Return the error of each step from the model to C; `reference_output` is 100 %."""
@@ -263,9 +249,7 @@ class CompensatorTrial:
         builder = self.builder
         if builder.kind == "full":
             return []
-        measured = compare_with_demand(
-            builder.model, builder.exact_block(FINE_SIZES), "f64", self.paths
-        )
+        measured = compare_with_demand(builder.model, builder.exact_block(FINE_SIZES), "f64", self.paths)
         part = _make_part("law", "straight anhysteretic", *measured)
         return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
 
@@ -279,9 +263,7 @@ class CompensatorTrial:
             note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
         fine_block = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
-        deviation = compare_compensators(
-            model, (self.exact_block, "f64"), (fine_block, "f64"), snapped
-        )
+        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), snapped)
         note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 
@@ -306,9 +288,7 @@ class CompensatorTrial:
             paths = builder.output_range.paths(
                 above_remanence=True, seed=BUDGET_SEED, length=BUDGET_PATH_LENGTH
             )
-            deviation = measure_gap_interpolation(
-                model, builder.scales, builder.limits, self.sizes, paths
-            )
+            deviation = measure_gap_interpolation(model, builder.scales, builder.limits, self.sizes, paths)
             note = "linear interpolation over the gap, everything else exact"
         else:
             coarse, fine = (
@@ -317,11 +297,7 @@ class CompensatorTrial:
             )
             deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
             note = "selected gap tables compared with those of the fit, everything else fine"
-        return [
-            BudgetPart(
-                "gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note
-            )
-        ]
+        return [BudgetPart("gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note)]
 
     def _measure_sampling(self) -> BudgetPart:
         """Return the error if each current is applied two ticks late.
@@ -334,9 +310,7 @@ class CompensatorTrial:
         ticks = int(np.clip(crossing, 8, MAX_CROSSING_TICKS))
         wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # two cycles 0..1..0
         gap = builder.scales.gap_at(wave)
-        demand = output_range.demand(
-            0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True
-        )
+        demand = output_range.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True)
         error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
             f"{rate:g} Hz: a current at the end of its hold after one tick of delay, while demand and "
@@ -407,8 +381,6 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
             circuit.in_0[at_tick] - circuit.in_0[two_ticks_later]
         )
         reached, *_ = iron.forward(later_drive, circuit.rho[two_ticks_later], no_rate, state)
-        output = (
-            circuit.c_out[two_ticks_later] * reached**model.power + circuit.out_0[two_ticks_later]
-        )
+        output = circuit.c_out[two_ticks_later] * reached**model.power + circuit.out_0[two_ticks_later]
         error[two_ticks_later] = output - demand[two_ticks_later]
     return error

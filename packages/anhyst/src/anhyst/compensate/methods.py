@@ -29,13 +29,7 @@ from anhyst.compensate.current_map import (
     make_current_map,
     table_words,
 )
-from anhyst.compensate.force_controller import (
-    REAL_CONTROLLERS,
-    ForceController,
-    Io,
-    MethodParameters,
-    Native,
-)
+from anhyst.compensate.force_controller import REAL_CONTROLLERS, ForceController, Io, MethodParameters, Native
 from anhyst.compensate.plan import CompileRequest, make_plan, round_full_scale
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
@@ -46,20 +40,11 @@ from anhyst.support.block_words import Scales
 from anhyst.support.cache import cached_result
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName, NumberFormat
-from anhyst.support.numeric import (
-    FloatArray,
-    first_order_share,
-    to_factor,
-    to_q31,
-    to_smoothing_factor,
-)
+from anhyst.support.numeric import FloatArray, first_order_share, to_factor, to_q31, to_smoothing_factor
 
 
 def restrict_model(
-    model: Model,
-    currents: tuple[float, float],
-    forces: tuple[float, float],
-    gaps: tuple[float, float],
+    model: Model, currents: tuple[float, float], forces: tuple[float, float], gaps: tuple[float, float]
 ) -> Model:
     """Return a model whose valid range is that of one magnet of a bearing."""
     if not is_actuator(model):
@@ -67,9 +52,7 @@ def restrict_model(
         raise InputError(text, code="not-current-to-force", key="model")
     covered = model.valid_range.schedule
     if covered is None or gaps[0] < covered[0] - 1e-9 or gaps[1] > covered[1] + 1e-9:
-        covered_text = (
-            "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
-        )
+        covered_text = "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
         raise InputError(
             f"model: is valid for {covered_text}, but needs {gaps[0]:g} to {gaps[1]:g} m; identify it "
             "from loops at more gaps, or narrow the range",
@@ -167,9 +150,7 @@ def design_flux_loop(
     tick = 1.0 / rate
     column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
     neighbours = slice(column - 1, column + 2)
-    flux_per_current = np.ptp(density[:, neighbours], axis=1) / np.ptp(
-        surface.current[:, neighbours], axis=1
-    )
+    flux_per_current = np.ptp(density[:, neighbours], axis=1) / np.ptp(surface.current[:, neighbours], axis=1)
     crossover = 0.5 / (calibration.delay + 0.5 * tick)
     integral = crossover / float(flux_per_current.max())
     return FluxGains(
@@ -229,9 +210,7 @@ def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxL
     """Design the flux loop for a method with given scales."""
     operating, calibration = sources.operating, sources.flux_calibration
     if calibration is None:
-        raise InputError(
-            "flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux"
-        )
+        raise InputError("flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux")
     density = calibration.density_at(surface.force, surface.gap)
     gains = design_flux_loop(calibration, surface, density, operating.force, operating.rate)
     force_range = np.array([-operating.is_bipolar * scales.demand, scales.demand])
@@ -266,9 +245,7 @@ class FluxFeedback:
         """Return a new force controller of the core."""
         table, loop = self.map, self.loop
         if number_format == "fixed":
-            return _core.FixedForceController.flux(
-                table.entry_words(), *loop.words(), *table.limit_codes()
-            )
+            return _core.FixedForceController.flux(table.entry_words(), *loop.words(), *table.limit_codes())
         tables = table.entries, loop.flux_table, loop.gains.as_array
         return REAL_CONTROLLERS[number_format].flux(*tables, *table.real_arguments())
 
@@ -318,11 +295,7 @@ class FusedInverse:
         else:
             ends = self.force_low, scales.demand, scales.gap_low, scales.gap_high
             native.fuse(
-                self.loop.flux_table,
-                self.loop.gains.as_array,
-                self.max_added_current,
-                *ends,
-                *self.limits,
+                self.loop.flux_table, self.loop.gains.as_array, self.max_added_current, *ends, *self.limits
             )
         return native
 
@@ -365,8 +338,6 @@ BASELINE_METHODS = tuple(name for name, method in METHODS.items() if method.role
 MODEL_METHODS = tuple(name for name, method in METHODS.items() if method.role == "model")
 
 
-def make_compensator(
-    method: MethodName, sources: Sources, number_format: NumberFormat
-) -> ForceController:
+def make_compensator(method: MethodName, sources: Sources, number_format: NumberFormat) -> ForceController:
     """Fit a method, and return its force controller."""
     return ForceController(method, number_format, METHODS[method].fit(sources, number_format))

@@ -148,21 +148,15 @@ def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: floa
     demand = bottom + level * (top - bottom)
     ascending = np.linspace(bottom, demand, 2 * APPROACH_RAMP_TICKS)
     descending = np.concatenate(
-        [
-            np.linspace(bottom, top, APPROACH_RAMP_TICKS),
-            np.linspace(top, demand, APPROACH_RAMP_TICKS),
-        ]
+        [np.linspace(bottom, top, APPROACH_RAMP_TICKS), np.linspace(top, demand, APPROACH_RAMP_TICKS)]
     )
     drift = max(
-        _max_drift(plan, home_gap, case, approach, top - bottom)
-        for approach in (ascending, descending)
+        _max_drift(plan, home_gap, case, approach, top - bottom) for approach in (ascending, descending)
     )
     return HeldDemand(case.title, demand, case.seconds, drift)
 
 
-def _max_drift(
-    plan: Plan, home_gap: float, case: _Case, approach: FloatArray, demand_span: float
-) -> float:
+def _max_drift(plan: Plan, home_gap: float, case: _Case, approach: FloatArray, demand_span: float) -> float:
     """Return the largest change of the output since the first return, in its unit.
 
     A periodic movement ends early if compensator and model have returned to the same states.

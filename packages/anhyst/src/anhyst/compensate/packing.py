@@ -82,9 +82,7 @@ def split_factor(factor: float, name: str) -> tuple[int, int]:
     return weight, shift
 
 
-WORD_FORMATS = {
-    (kind, word.name): word.format for kind, body in BODY_WORDS.items() for word in body
-}
+WORD_FORMATS = {(kind, word.name): word.format for kind, body in BODY_WORDS.items() for word in body}
 """Format of each word, by kind and name."""
 
 
@@ -95,9 +93,7 @@ class Packer:
     itself, and a shift that belongs to a weight is 0.
     """
 
-    def __init__(
-        self, kind: Kind, model_hash: int = 0, number_format: NumberFormat = "fixed"
-    ) -> None:
+    def __init__(self, kind: Kind, model_hash: int = 0, number_format: NumberFormat = "fixed") -> None:
         self.kind = kind
         self.number_format = number_format
         self._head = np.zeros(MIN_BLOCK_WORDS)
@@ -119,9 +115,7 @@ class Packer:
         """Set a word to a number of at least `min_word`; messages contain `key`."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         code_of_one = CODE_OF_ONE[WORD_FORMATS[self.kind, name]]
-        self._head[index] = (
-            max(as_word(value, code_of_one, key), min_word) if self.is_fixed else value
-        )
+        self._head[index] = max(as_word(value, code_of_one, key), min_word) if self.is_fixed else value
 
     def put_limit(self, name: str, value: float, scale: float, key: str) -> None:
         """Set a limit of a signal; rounded word times rounded scale never exceeds the limit."""
@@ -144,9 +138,7 @@ class Packer:
         index = WORD_INDEX_OF_KIND[self.kind][name]
         self._head[index : index + 2] = split_single(value) if self.is_fixed else (value, 0.0)
 
-    def put_table(
-        self, name: str, values: FloatArray, code_of_one: float, min_word: int = -32767
-    ) -> None:
+    def put_table(self, name: str, values: FloatArray, code_of_one: float, min_word: int = -32767) -> None:
         """Add a table; in fixed point, the word `code_of_one` is 1.0."""
         words = np.asarray(values, dtype=np.float64)
         if self.is_fixed:
@@ -174,8 +166,7 @@ class Packer:
         end = MIN_BLOCK_WORDS
         for name, values in self._tables.items():
             duplicate = next(
-                (n for n, v in self._tables.items() if n in tables and np.array_equal(v, values)),
-                None,
+                (n for n, v in self._tables.items() if n in tables and np.array_equal(v, values)), None
             )
             if duplicate is None:
                 tables[name] = (end, values.size)
@@ -244,23 +235,13 @@ class BlockFrame:
         A tick is one implicit step of the diffusion equation. As in :func:`current_coefficients`,
         ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)`` in a layer.
         """
-        iron, unit, rate = (
-            iron_parameters(self.model),
-            flux_unit(self.model),
-            self.conditioning.rate,
-        )
+        iron, unit, rate = (iron_parameters(self.model), flux_unit(self.model), self.conditioning.rate)
         alpha = iron["alpha"]
         rate_field = iron["gamma"] * rate / (layers.count - 1) * unit * (1.0 - alpha)
         return rate_field, -alpha * unit / MU_0
 
     def make_block(
-        self,
-        kind: Kind,
-        law: LawTables,
-        model_hash: int,
-        number_format: NumberFormat,
-        *,
-        is_static: bool,
+        self, kind: Kind, law: LawTables, model_hash: int, number_format: NumberFormat, *, is_static: bool
     ) -> Block:
         """Make the block of a law; `is_static` omits the lag of the flux."""
         pack = Packer(kind, model_hash, number_format)
@@ -308,12 +289,7 @@ class BlockFrame:
         pack.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
     def _pack_coefficients(
-        self,
-        pack: Packer,
-        bias: FloatArray,
-        flux: FloatArray,
-        field: FloatArray,
-        lag: FloatArray | None,
+        self, pack: Packer, bias: FloatArray, flux: FloatArray, field: FloatArray, lag: FloatArray | None
     ) -> None:
         """Set the coefficients of the current, A for each unit of flux, field and lag."""
         full_scale = self.scales.current

@@ -62,9 +62,7 @@ class OutputRange:
     high: FloatArray
     remanent: FloatArray  # output at the lowest current, after the highest current; shape (g,)
 
-    def demand(
-        self, fraction: FloatArray, gap: FloatArray, above_remanence: bool = False
-    ) -> FloatArray:
+    def demand(self, fraction: FloatArray, gap: FloatArray, above_remanence: bool = False) -> FloatArray:
         """Return the demands for fractions 0..1 of the range.
 
         With `above_remanence`, the range starts 3 % above the output that remains at the lowest
@@ -74,14 +72,10 @@ class OutputRange:
         low, high = (np.interp(gap, self.gaps, end) for end in (bottom, self.high))
         return np.asarray(low + (high - low) * fraction)
 
-    def paths(
-        self, *, above_remanence: bool = False, seed: int = 1, length: int = 1
-    ) -> list[DemandPath]:
+    def paths(self, *, above_remanence: bool = False, seed: int = 1, length: int = 1) -> list[DemandPath]:
         """Return all paths on which a compensator is measured."""
         collected = []
-        for name, (title, fraction, gap_fraction) in _make_shapes(
-            self.has_gap, seed, 1500 * length
-        ).items():
+        for name, (title, fraction, gap_fraction) in _make_shapes(self.has_gap, seed, 1500 * length).items():
             gap = self.scales.gap_at(gap_fraction)
             shown_title = title if self.has_gap else title.removesuffix(", gap at rest")
             demand = self.demand(fraction, gap, above_remanence)
@@ -116,9 +110,7 @@ def find_output_range(model: Model, scales: Scales, limits: DemandLimits) -> Out
     gaps = np.linspace(scales.gap_low, scales.gap_high, RANGE_GAPS)
     low, high = limits.current
     reversals = np.array([high, low, high, low])
-    outputs = np.array(
-        [model.predict(reversals, gap, history="demagnetised").output for gap in gaps]
-    )
+    outputs = np.array([model.predict(reversals, gap, history="demagnetised").output for gap in gaps])
     span = outputs[:, 2] - outputs[:, 3]
     top = np.minimum(outputs[:, 3] + MAX_OUTPUT_SHARE * span, limits.demand[1])
     bottom = np.full(RANGE_GAPS, limits.demand[0])
@@ -129,9 +121,7 @@ def find_output_range(model: Model, scales: Scales, limits: DemandLimits) -> Out
     return OutputRange(scales, model.needs_schedule, gaps, bottom, top, outputs[:, 3])
 
 
-def _make_shapes(
-    has_gap: bool, seed: int, size: int
-) -> dict[str, tuple[str, FloatArray, FloatArray]]:
+def _make_shapes(has_gap: bool, seed: int, size: int) -> dict[str, tuple[str, FloatArray, FloatArray]]:
     """Return the title, the demand and the gap of each path; demand and gap are fractions 0..1."""
     random = np.random.default_rng(seed)
     shapes = {
@@ -181,9 +171,7 @@ def _nested_triangles() -> FloatArray:
     return np.interp(positions, np.arange(len(corners)), corners)
 
 
-def _random_reversals(
-    random: np.random.Generator, size: int, mean_interval: float = 25.0
-) -> FloatArray:
+def _random_reversals(random: np.random.Generator, size: int, mean_interval: float = 25.0) -> FloatArray:
     """Return straight lines between random levels at random times; 0..1."""
     times = np.concatenate([[0.0], np.cumsum(random.exponential(mean_interval, size))])
     levels = random.random(times.size)

@@ -67,9 +67,7 @@ def plan_start_up(
     return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
 
 
-def difference_after_start_up(
-    model: Model, scales: Scales, limits: DemandLimits, cycles: int
-) -> float:
+def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits, cycles: int) -> float:
     """Return the largest difference of the outputs for different histories, over all gaps.
 
     The model runs a number of start-up cycles, and then a test sequence.
@@ -77,9 +75,7 @@ def difference_after_start_up(
     low, high = limits.current
     corners = [low, high] * cycles + [low]
     corners += [low + fraction * (high - low) for fraction in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
-    drive = np.concatenate(
-        [[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(corners))]
-    )
+    drive = np.concatenate([[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(corners))])
     first_sample = 1 + 2 * RAMP_SAMPLES * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)
     largest = 0.0
@@ -132,10 +128,7 @@ class CompileRequest:
             raise InputError(
                 f"--rate: is {self.rate:g} Hz; give 1 to 1000000", code="out-of-range", key="--rate"
             )
-        if (
-            self.accuracy is not None
-            and not MIN_ACCURACY_PERCENT <= self.accuracy <= MAX_ACCURACY_PERCENT
-        ):
+        if self.accuracy is not None and not MIN_ACCURACY_PERCENT <= self.accuracy <= MAX_ACCURACY_PERCENT:
             text = f"--accuracy: is {self.accuracy:g} %; give {MIN_ACCURACY_PERCENT:g} to {MAX_ACCURACY_PERCENT:g}"
             raise InputError(text, code="out-of-range", key="--accuracy")
         if self.name is not None:
@@ -177,9 +170,7 @@ def round_full_scale(largest: float) -> float:
     decade = 10.0 ** np.floor(np.log10(largest))
     # The value 1.0 itself has no code.
     mantissa = next(
-        candidate
-        for candidate in ROUND_MANTISSAS
-        if candidate * decade > largest * (1.0 + 2.0**-15)
+        candidate for candidate in ROUND_MANTISSAS if candidate * decade > largest * (1.0 + 2.0**-15)
     )
     return float(f"{mantissa * decade:.6g}")
 
@@ -239,17 +230,7 @@ def make_plan(
     static_block = block if dynamic_model is None else builder(sizes)
     name = request.name or c_name(model.name)
     return Plan(
-        name,
-        request,
-        model,
-        builder,
-        sizes,
-        block,
-        static_block,
-        start_up,
-        result,
-        reference,
-        allowance,
+        name, request, model, builder, sizes, block, static_block, start_up, result, reference, allowance
     )
 
 
@@ -292,9 +273,7 @@ def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
     if output_map(model.output).has_natural_zero:
         return largest
     offsets = np.atleast_1d(model.parameters["out_0"])
-    return max(
-        largest, *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand))
-    )
+    return max(largest, *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand)))
 
 
 def find_scales(model: Model, limits: DemandLimits) -> Scales:

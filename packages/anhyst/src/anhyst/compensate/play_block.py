@@ -43,11 +43,7 @@ def pack_play(
     for word, halves in (("MAGIC", MAGIC), ("MODEL", (model_hash & 0xFFFF, model_hash >> 16))):
         row[WORD_INDEX[word] : WORD_INDEX[word] + 2] = halves
     end = MIN_BLOCK_WORDS
-    named: dict[str, float] = {
-        "LAYOUT": LAYOUT_VERSION,
-        "KIND": KINDS["play"],
-        "SCALE_UNITS": _UNIT_CODES,
-    }
+    named: dict[str, float] = {"LAYOUT": LAYOUT_VERSION, "KIND": KINDS["play"], "SCALE_UNITS": _UNIT_CODES}
     for name, values in tables.items():
         named[name], end = end, end + values.size
     for name, value in {**words, **named, "LENGTH": end}.items():

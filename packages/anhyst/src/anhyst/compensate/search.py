@@ -110,9 +110,7 @@ class BlockSearch:
         """
         full_scale = self.builder.scales.demand
         knees = range(2, 9)
-        return next(
-            (k for k in knees if full_scale * 4.0 ** -(k + 1) <= MAX_KNEE_SHARE * self.allowance), 8
-        )
+        return next((k for k in knees if full_scale * 4.0 ** -(k + 1) <= MAX_KNEE_SHARE * self.allowance), 8)
 
     def run(self) -> BlockSearchResult:
         """Run the search."""
@@ -145,9 +143,7 @@ class BlockSearch:
             return compare_with_demand(b.model, block, b.io, paths)[0].worst
 
         target = MAX_CONVERGED_RATIO * max_error(FINE_SIZES.iterations)
-        return next(
-            (n + 1 for n in ITERATION_RANGE if max_error(n) <= target), FINE_SIZES.iterations
-        )
+        return next((n + 1 for n in ITERATION_RANGE if max_error(n) <= target), FINE_SIZES.iterations)
 
     def _total_error(self, sizes: TableSizes) -> float:
         """Return the error of some sizes.
@@ -187,25 +183,17 @@ class BlockSearch:
             paths = b.output_range.paths(above_remanence=True)
             sizes = [replace(FINE_SIZES, gap_segments=n) for n in GAP_SEGMENT_RANGE]
             parts = b.model, b.scales, b.limits
-            return [
-                (s.gap_segments, measure_gap_interpolation(*parts, s, paths).worst) for s in sizes
-            ]
+            return [(s.gap_segments, measure_gap_interpolation(*parts, s, paths).worst) for s in sizes]
         allowed = MAX_GAP_ERROR_SHARE * max(self._law_errors)
 
         def gap_error(sizes: TableSizes) -> float:
             runs = compare_with_demand(b.model, b.exact_block(sizes), "f64", self.paths)[1]
-            coarse, fine = (
-                [run.output for run, _ in each[:-1]] for each in (runs, self._fine_runs)
-            )
+            coarse, fine = ([run.output for run, _ in each[:-1]] for each in (runs, self._fine_runs))
             return max(
-                self._excess_error(runs),
-                compare_outputs(self.paths, coarse, fine).worst - allowed,
-                0.0,
+                self._excess_error(runs), compare_outputs(self.paths, coarse, fine).worst - allowed, 0.0
             )
 
-        return [
-            (n, gap_error(replace(FINE_SIZES, gap_segments=n))) for n in range(LAW_GAP_SEGMENTS + 1)
-        ]
+        return [(n, gap_error(replace(FINE_SIZES, gap_segments=n))) for n in range(LAW_GAP_SEGMENTS + 1)]
 
     def _table_error(self, sizes: TableSizes) -> float:
         """Return the error of the law's tables alone, at gaps that are knots of the gap tables."""

@@ -106,9 +106,7 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
     tasks = []
     for low, high in FIT_LOOPS:
         wave = 1.0 - np.abs(np.arange(SAMPLES_PER_CYCLE) / (SAMPLES_PER_CYCLE / 2) - 1.0)
-        demand = np.tile(
-            low * max_output + (high * max_output - low * max_output) * wave, FIT_CYCLES
-        )
+        demand = np.tile(low * max_output + (high * max_output - low * max_output) * wave, FIT_CYCLES)
         inverse = model.invert(demand, np.full(demand.size, gap), history="demagnetised")
         flux = (inverse.flux_density / unit).astype(np.float64)
         last_cycle = slice(flux.size - SAMPLES_PER_CYCLE, None)
@@ -117,11 +115,7 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
         current_per_flux = np.ptp(inverse.drive[last_cycle]) / np.ptp(flux[last_cycle])
         power = model.power
         weight = (
-            power
-            * float(circuit.c_out[0])
-            * unit**power
-            * flux[last_cycle] ** (power - 1)
-            / current_per_flux
+            power * float(circuit.c_out[0]) * unit**power * flux[last_cycle] ** (power - 1) / current_per_flux
         )
         tasks.append(_FitTask(demand, flux, inverse.drive, weight, last_cycle))
     return tasks
@@ -181,9 +175,7 @@ def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Pac
     pack.put_table("SIMPLE_CURVE", states, 32768.0)
 
 
-def _simulate_states(
-    rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes
-) -> list[FloatArray]:
+def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
     """Return the bounded state along each row of fluxes, calculated by the C core."""
     pack = Packer("simplified")
     pack.put_integer("POWER", 1)
@@ -218,10 +210,7 @@ def _fit_coefficients(
     shape = len(groups), -1
     tasks = [task for group in groups for task in group]
     weight = np.array([task.weight for task in tasks]).reshape(shape)
-    columns = (
-        [np.ones(SAMPLES_PER_CYCLE) for _ in tasks],
-        [task.flux[task.last_cycle] for task in tasks],
-    )
+    columns = ([np.ones(SAMPLES_PER_CYCLE) for _ in tasks], [task.flux[task.last_cycle] for task in tasks])
     state_columns = [lag[task.last_cycle] for task, lag in zip(tasks, states, strict=True)]
     design = np.array([*columns, state_columns]).reshape(3, *shape) * weight
     target = np.array([task.current[task.last_cycle] for task in tasks]).reshape(shape) * weight
@@ -290,9 +279,9 @@ def _fit_offset(
 
     def cost(reduction: float) -> float:
         shifted = _apply_offset(model, gap, tasks, model_offset - reduction)
-        error = _fit_coefficients(
-            [shifted], _simulate_states(*law, [task.flux for task in shifted], sizes)
-        )[1]
+        error = _fit_coefficients([shifted], _simulate_states(*law, [task.flux for task in shifted], sizes))[
+            1
+        ]
         return float(np.mean(error**4) ** 0.25 * (1.0 + OFFSET_PENALTY * reduction / offset_margin))
 
     minimum = minimize_scalar(
@@ -337,8 +326,7 @@ def fit_closed_form(
     errors = np.abs(residual)
     if np.any(coefficients[:, 2] <= 0.0):
         raise InputError(
-            "the model has no hysteresis that a simplified law can describe; compile with "
-            "--kind full",
+            "the model has no hysteresis that a simplified law can describe; compile with --kind full",
             code="no-hysteresis",
         )
     bias, flux_coefficient, lag_coefficient = coefficients.T
@@ -378,10 +366,7 @@ def _search_rate_and_nu(groups: list[list[_FitTask]], sizes: TableSizes) -> tupl
     initial_guesses = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
     initial_guess = min(initial_guesses, key=lambda point: cost(np.array(point)))
     minimum = minimize(
-        cost,
-        initial_guess,
-        method="Nelder-Mead",
-        options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80},
+        cost, initial_guess, method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80}
     )
     return float(np.exp(minimum.x[0])), float(1.0 / (1.0 + np.exp(-minimum.x[1])))
 

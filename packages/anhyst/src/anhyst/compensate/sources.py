@@ -59,9 +59,7 @@ class FluxCalibration:
         knots = np.unique(self.gap)
         if force[0] < 0.0:
             fits = [np.polyfit(*self._points_at(knot), 1) for knot in knots.tolist()]
-            slope, intercept = (
-                np.interp(gap, knots, column)[:, None] for column in np.transpose(fits)
-            )
+            slope, intercept = (np.interp(gap, knots, column)[:, None] for column in np.transpose(fits))
             return np.asarray(intercept + slope * force)
         constants = []
         for knot in knots.tolist():
@@ -69,7 +67,9 @@ class FluxCalibration:
             root = np.sqrt(self.force[rows])
             constant = float(root @ self.flux_density[rows] / (root @ root)) if rows.any() else 0.0
             if not constant > 0.0:
-                text = f"flux calibration: at gap {knot:g} m the flux density does not increase with the force"
+                text = (
+                    f"flux calibration: at gap {knot:g} m the flux density does not increase with the force"
+                )
                 raise InputError(text, code="not-monotone")
             constants.append(constant)
         return np.asarray(np.interp(gap, knots, constants)[:, None] * np.sqrt(force)[None, :])
@@ -177,9 +177,7 @@ def simulate_loops(model: Model, operating: OperatingRange) -> Loops:
 
 
 def _make_drive(reversals: Sequence[float], current_max: float) -> FloatArray:
-    return current_max * np.append(
-        np.concatenate(make_ramps(reversals, RAMP_SAMPLES)), reversals[-1]
-    )
+    return current_max * np.append(np.concatenate(make_ramps(reversals, RAMP_SAMPLES)), reversals[-1])
 
 
 def make_ramps(reversals: Sequence[float], samples: int) -> list[FloatArray]:

@@ -26,12 +26,7 @@ from anhyst.support.xcp_map import (
 )
 
 _CODE_OF_ONE = {"q31": 2.0**31, "q30": 2.0**30, "integer": 1.0}
-_ENUMS: dict[str, type[IntEnum]] = {
-    "state": State,
-    "fault": Fault,
-    "phase": Phase,
-    "command": Command,
-}
+_ENUMS: dict[str, type[IntEnum]] = {"state": State, "fault": Fault, "phase": Phase, "command": Command}
 _LAYOUTS = {
     "as_SLONG": "SLONG",
     "as_ULONG": "ULONG",
@@ -85,9 +80,7 @@ class _Conversions:
     def get(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
         """Return a conversion; new ones are numbered."""
         key = (unit, slope, offset)
-        return self.by_content.setdefault(
-            key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset)
-        )
+        return self.by_content.setdefault(key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset))
 
 
 def make_a2l(manifest: Mapping[str, Any]) -> str:
@@ -100,18 +93,13 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
     ]
     controlled_quantity = "force" if manifest["controller"] is None else "position"
     operation = [
-        _value_entry(
-            _limit_ticks(value, rate), AREA_ADDRESSES["setting"] + 4 * number, manifest, conversions
-        )
+        _value_entry(_limit_ticks(value, rate), AREA_ADDRESSES["setting"] + 4 * number, manifest, conversions)
         for number, value in enumerate(SETTINGS)
         if value.body in ("", controlled_quantity)
     ]
     operation += [
         _value_entry(
-            _limit_position(value, manifest),
-            AREA_ADDRESSES["input"] + 4 * number,
-            manifest,
-            conversions,
+            _limit_position(value, manifest), AREA_ADDRESSES["input"] + 4 * number, manifest, conversions
         )
         for number, value in enumerate(INPUTS)
         if value.body in ("", controlled_quantity)
@@ -129,9 +117,7 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
         "description.a2l.j2",
         {
             "name": manifest["name"],
-            "title": _quotable_text(
-                f"{manifest['model']['name']}, {manifest['kind']}, {rate:g} Hz"
-            ),
+            "title": _quotable_text(f"{manifest['model']['name']}, {manifest['kind']}, {rate:g} Hz"),
             "version": manifest["anhyst"],
             "block_at": f"0x{AREA_ADDRESSES['block']:08X}",
             "block_bytes": 2 * MAX_BLOCK_WORDS,
@@ -229,9 +215,7 @@ def _head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
         }
 
 
-def _word_entries(
-    manifest: Mapping[str, Any], conversions: _Conversions
-) -> Iterator[dict[str, Any]]:
+def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Iterator[dict[str, Any]]:
     for word in manifest["parameters"]:
         row = {
             "name": f"block.{word['name'].lower()}",

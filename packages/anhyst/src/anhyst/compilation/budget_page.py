@@ -11,13 +11,7 @@ from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.measure import BudgetPart
 from anhyst.compensate.output_drift import HOLD_TIME_S
 from anhyst.compensate.plan import Decision, Plan
-from anhyst.support.figures import (
-    ALARM_COLOUR,
-    FIGURE_WIDTH_IN,
-    MODEL_COLOUR,
-    svg_text,
-    use_report_style,
-)
+from anhyst.support.figures import ALARM_COLOUR, FIGURE_WIDTH_IN, MODEL_COLOUR, svg_text, use_report_style
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     UNKNOWN_TEXT,
@@ -38,9 +32,7 @@ def explain_choices(plan: Plan) -> list[Decision]:
     """Return the choices of a plan with their reasons."""
     choices = [
         *_signal_choices(plan),
-        _axis_choice(
-            plan, "gap_segments", "tables over the gap", "linear interpolation between the gaps"
-        ),
+        _axis_choice(plan, "gap_segments", "tables over the gap", "linear interpolation between the gaps"),
     ]
     if plan.block.kind == "cells":
         return [*choices, *_cell_choices(plan), _root_choice(plan), _start_up_choice(plan)]
@@ -73,12 +65,7 @@ def _signal_choices(plan: Plan) -> list[Decision]:
     step = LSB[io]
     rows = [
         ("demand", scales.demand, plan.reference_output, model.output.unit),
-        (
-            "current",
-            scales.current,
-            max(abs(end) for end in plan.block.limits.current),
-            model.input.unit,
-        ),
+        ("current", scales.current, max(abs(end) for end in plan.block.limits.current), model.input.unit),
     ]
     choices = [
         Decision(
@@ -111,9 +98,7 @@ def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
         return Decision(name, "constant", "nothing depends on the gap")
     reason = f"{subject} cause an error of {_percent_text(plan, errors[chosen])}"
     if chosen - 1 in errors:
-        reason += (
-            f"; with {2 ** (chosen - 1)} it would be {_percent_text(plan, errors[chosen - 1])}"
-        )
+        reason += f"; with {2 ** (chosen - 1)} it would be {_percent_text(plan, errors[chosen - 1])}"
     return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
 
 
@@ -265,12 +250,7 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
 
 def _held_table(budget: Budget) -> PageTable:
     rows = [
-        [
-            path.title,
-            f"{path.demand:.3g}",
-            f"{path.seconds:g}",
-            f"{percent(budget, path.drift):.2g}",
-        ]
+        [path.title, f"{path.demand:.3g}", f"{path.seconds:g}", f"{percent(budget, path.drift):.2g}"]
         for path in budget.held_demands
     ]
     return make_table(
@@ -290,9 +270,7 @@ def _choice_section(plan: Plan, choices: Sequence[Decision]) -> tuple[PageTable,
 
 def _signal_table(signals: Sequence[str]) -> PageTable:
     lines = [line.partition(" ") for line in signals]
-    return make_table(
-        "", ["signal", "meaning"], [[name, text.strip()] for name, _, text in lines], "", 2
-    )
+    return make_table("", ["signal", "meaning"], [[name, text.strip()] for name, _, text in lines], "", 2)
 
 
 @use_report_style

@@ -21,12 +21,7 @@ from anhyst.compensate.current_map import CurrentMap, fit_uncompensated_map
 from anhyst.compensate.methods import restrict_model
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.compilation.parameters import align_comments, table_initialiser
-from anhyst.control.controller_file import (
-    ControllerFile,
-    ControllerTable,
-    error_at_key,
-    read_controller,
-)
+from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key, read_controller
 from anhyst.control.position import PositionControl, Settings
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
@@ -84,16 +79,12 @@ class CheckedController:
         table = self.table
         assert isinstance(plan.block, Block)
         with error_at_key(self.file):
-            control = table.position_control(
-                plan.block.scales, table.current_converter(), table.pair
-            )
+            control = table.position_control(plan.block.scales, table.current_converter(), table.pair)
             control.gains("fixed")
             settings = control.settings("fixed")
         block = plan.block.scales
         scales = Scales(block.demand, settings["current_full"], block.gap_low, block.gap_high)
-        return ControllerPlan(
-            self, control, plan.block, settings, fit_uncompensated_map(plan.model, scales)
-        )
+        return ControllerPlan(self, control, plan.block, settings, fit_uncompensated_map(plan.model, scales))
 
 
 @dataclass(frozen=True)
@@ -119,8 +110,7 @@ class ControllerPlan:
     def new_position_controller(self) -> FixedPosition:
         """Return the core's controller in its initial state, with demagnetised compensators."""
         compensators = [
-            FixedForceController.compensator(self.block.kind, self.block.words)
-            for _ in range(self.magnets)
+            FixedForceController.compensator(self.block.kind, self.block.words) for _ in range(self.magnets)
         ]
         return FixedPosition(self.gains, compensators, dict(self.settings))
 
@@ -143,10 +133,7 @@ def _find_option_faults(table: ControllerTable, request: CompileRequest) -> list
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
         faults.append(FileFault(("rate_Hz",), text, code="option-differs"))
-    if compensation.variant not in (
-        "full",
-        "simplified",
-    ):  # others are for simulations
+    if compensation.variant not in ("full", "simplified"):  # others are for simulations
         text = f'"{compensation.variant}" is for comparison in simulations; write "full" or "simplified"'
         faults.append(FileFault(("compensation", "variant"), text, code="not-compilable"))
     elif compensation.variant != request.kind:
@@ -223,10 +210,7 @@ def _limit_lines(plan: ControllerPlan) -> CommentedLines:
     yield "},", ""
     for name in ("current_low", "current_high", "current_step"):
         yield _member_line(plan, name, f".{name}"), f"{_current_setting(plan, name):.6g} A"
-    yield (
-        _member_line(plan, "release", ".release"),
-        f"{_current_setting(plan, 'release'):.6g} A a tick",
-    )
+    yield (_member_line(plan, "release", ".release"), f"{_current_setting(plan, 'release'):.6g} A a tick")
 
 
 def _setting_lines(plan: ControllerPlan, name: str) -> CommentedLines:
@@ -318,15 +302,11 @@ def controller_template_values(plan: ControllerPlan, name: str) -> dict[str, obj
         "converter_bits": converter.bits,
         "measured": control.uses_measured_currents,
         "limits_rows": align_comments((f"    {line}", doc) for line, doc in _limit_lines(plan)),
-        "settings_rows": align_comments(
-            (f"    {line}", doc) for line, doc in _setting_lines(plan, name)
-        ),
+        "settings_rows": align_comments((f"    {line}", doc) for line, doc in _setting_lines(plan, name)),
         "plain_rows": table_initialiser(plan.uncompensated.entry_words()),
         "plain_ratio": f"{plan.uncompensated.constants['k_i_N_per_A']:.6g}",
         "plain_entries": plan.uncompensated.entries.size,
-        "plain_segments": [
-            (count - 2).bit_length() for count in plan.uncompensated.entries.shape[::-1]
-        ],
+        "plain_segments": [(count - 2).bit_length() for count in plan.uncompensated.entries.shape[::-1]],
     }
 
 

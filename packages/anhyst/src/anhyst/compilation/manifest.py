@@ -52,9 +52,7 @@ def controller_bytes(magnets: int, block: Block) -> int:
         CELLS=MAX_CELLS,
     )
     further_memories = sizes["anhyst_deeper"] * (block.memory_count - 1)
-    return sizes["anhyst_position_q31"] + magnets * (
-        sizes["anhyst_force_controller_q31"] + further_memories
-    )
+    return sizes["anhyst_position_q31"] + magnets * (sizes["anhyst_force_controller_q31"] + further_memories)
 
 
 def _as_q31_header(text: str) -> str:
@@ -79,8 +77,7 @@ def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
     for text in texts:
         uncommented = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
         sizes |= {
-            name: sizes[original]
-            for original, name in re.findall(r"typedef (\w+) (\w+);", uncommented)
+            name: sizes[original] for original, name in re.findall(r"typedef (\w+) (\w+);", uncommented)
         }
         definitions = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", uncommented)
         for kind, members, name in definitions:
@@ -235,9 +232,7 @@ def check_folder(out: PathLike) -> None:
     if not target.parent.is_dir():
         raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
     if not os.access(target.parent, os.W_OK):
-        raise InputError(
-            f"{target.parent}: cannot be written; name another folder", code="cannot-be-written"
-        )
+        raise InputError(f"{target.parent}: cannot be written; name another folder", code="cannot-be-written")
 
 
 def _is_compiled_folder(folder: Path) -> bool:
@@ -251,9 +246,7 @@ def _is_compiled_folder(folder: Path) -> bool:
         return False
 
 
-def write_folder(
-    out: PathLike, files: Mapping[str, str | bytes], manifest: Mapping[str, object]
-) -> None:
+def write_folder(out: PathLike, files: Mapping[str, str | bytes], manifest: Mapping[str, object]) -> None:
     """Write all files of a folder; an error leaves no partial folder."""
     check_folder(out)
     contents = {name: to_bytes(content) for name, content in files.items()}

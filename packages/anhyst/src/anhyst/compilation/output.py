@@ -156,20 +156,14 @@ def compile_model(
         controller.check_current(model)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     try:
-        plan, budget = _plan_within_allowance(
-            model, request, int(sha256[:8], 16), controller, progress
-        )
+        plan, budget = _plan_within_allowance(model, request, int(sha256[:8], 16), controller, progress)
     except InputError as error:
         raise error.with_location(model_path) from error
     except NegativeResult as error:
         raise not_computed_error(error).with_location(model_path) from error
     if not is_accuracy_reached(budget):
         raise accuracy_error(budget, _find_better_options(model, plan, controller))
-    if (
-        request.accuracy is not None
-        and request.kind == "full"
-        and not is_drift_allowed(plan, budget)
-    ):
+    if request.accuracy is not None and request.kind == "full" and not is_drift_allowed(plan, budget):
         raise drift_error(plan, budget)
     budget_entry, accuracy = budget_dict(budget), _guide_accuracy(budget)
     version = running_version()
@@ -192,9 +186,7 @@ def compile_model(
     output_files = make_package_files(package, files, manifest_entry, values)
     manifest_entry |= {} if package is None else {"package": package}
     write_folder(out, output_files, manifest_entry)
-    return Compiled(
-        Path(out), manifest_entry, (*output_files, MANIFEST_FILE), plan, budget, omissions
-    )
+    return Compiled(Path(out), manifest_entry, (*output_files, MANIFEST_FILE), plan, budget, omissions)
 
 
 def select_compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
@@ -214,9 +206,7 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
             f"and anhyst predict with a column t_s shows the remaining error{alternative}"
         )
     if dynamics is not None and dynamics.lag > 0.0:
-        notes.append(
-            f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time"
-        )
+        notes.append(f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time")
     if dynamics is not None and dynamics.times:
         notes.append(
             f"creep is not compiled: {100.0 * sum(dynamics.shares):.2g} % of a step, within "
@@ -241,15 +231,10 @@ def _find_better_options(model: Model, plan: Plan, controller: CheckedController
         tries.append(("--kind full", replace(compensator, kind="full")))
     elif controller is None:
         finer_formats: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
-        tries += [
-            (f"--io {io}", replace(compensator, io=io))
-            for io in finer_formats.get(compensator.io, ())
-        ]
+        tries += [(f"--io {io}", replace(compensator, io=io)) for io in finer_formats.get(compensator.io, ())]
     for options, request in tries:
         try:
-            budget = _plan_within_allowance(
-                model, request, plan.builder.model_hash, controller, None
-            )[1]
+            budget = _plan_within_allowance(model, request, plan.builder.model_hash, controller, None)[1]
         except (InputError, NegativeResult):
             continue
         if is_accuracy_reached(budget):

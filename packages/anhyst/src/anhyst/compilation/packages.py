@@ -197,9 +197,7 @@ def make_package_files(
     template_values |= {"title": ecosystem.title, "print": ecosystem.print}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
-        contents[path] = _edit_file(
-            ecosystem, path, render(f"packages/{template}", template_values), values
-        )
+        contents[path] = _edit_file(ecosystem, path, render(f"packages/{template}", template_values), values)
     contents["LICENSE"] = license_text()
     if ecosystem.archive is None:
         return contents
@@ -219,14 +217,10 @@ def _edit_guide(text: str) -> str:
     """Return the drop-in guide without the files that a package has no use for."""
     text = re.sub(r"`anhyst.mk` and `anhyst.cmake` do both\.", "The package does both.", text)
     text = re.sub(
-        r"`anhyst.mk` and `anhyst.cmake`( of both\s+folders)?",
-        "the manifests of the packages",
-        text,
+        r"`anhyst.mk` and `anhyst.cmake`( of both\s+folders)?", "the manifests of the packages", text
     )
     text = re.sub(r"(?m)^\| `main.c` \|.*\n", "", text)
-    text = text.replace(
-        "`main.c` contains this, ready to run. On a PC it plays", "The example plays"
-    )
+    text = text.replace("`main.c` contains this, ready to run. On a PC it plays", "The example plays")
     return text.replace("`example/interrupt.c`", "`interrupt.c`")
 
 
@@ -247,9 +241,7 @@ def _folder_part(file: str, name: str) -> str:
     return "replaced" if file in {"main.c", "anhyst.mk", "anhyst.cmake"} else "docs"
 
 
-def _template_values(
-    files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
-) -> dict[str, Any]:
+def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], values: Values) -> dict[str, Any]:
     """Return what the templates show."""
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
@@ -315,10 +307,7 @@ def _statuses(files: Mapping[str, str]) -> list[tuple[str, int, str]]:
     """Return name, number and meaning of every status that is an error."""
     text = files["include/anhyst/numeric/status.h"]
     found = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
-    return [
-        (_camel_case(name), int(number), " ".join(meaning.split()))
-        for meaning, name, number in found
-    ]
+    return [(_camel_case(name), int(number), " ".join(meaning.split())) for meaning, name, number in found]
 
 
 def _flags(files: Mapping[str, str]) -> list[tuple[str, int]]:
@@ -359,8 +348,7 @@ def license_text() -> str:
         file = Path(__file__).resolve().parents[3] / "LICENSE"
         if not file.is_file():
             raise InputError(
-                "the licence of anhyst is missing; install anhyst again",
-                code="installation-incomplete",
+                "the licence of anhyst is missing; install anhyst again", code="installation-incomplete"
             )
         text = file.read_text(encoding="utf-8")
     return text

@@ -42,9 +42,7 @@ def parameters_initialiser(block: Block, names: SignalUnits, schedule: Quantity 
     for word in BODY_WORDS[block.kind]:
         lines += _unused_lines(block, next_word, word.index)
         next_word = word.index
-        value = (
-            block.single_precision(word.name) if word.size == 2 else float(block.words[next_word])
-        )
+        value = block.single_precision(word.name) if word.size == 2 else float(block.words[next_word])
         if word.axis and value:
             tables.setdefault(int(value), []).append(word)
             text = f"{word.doc}, table at {int(value)}"
@@ -118,9 +116,7 @@ def _table_lines(
     values = entries / block.code_of_one(word) * unit.scale
     names_text = " and ".join(each.name for each in words)
     kind = f", {word.format}" if block.is_fixed else ""
-    text = (
-        f"{names_text}{kind}: {word.doc}, {values.min():.6g} to {values.max():.6g} {unit.name}"
-    ).rstrip()
+    text = (f"{names_text}{kind}: {word.doc}, {values.min():.6g} to {values.max():.6g} {unit.name}").rstrip()
     yield from _wrap_comment(f"{first} {text}; {_describe_axis(word, block, schedule)}")
     yield from _entry_lines(entries)
 
@@ -133,8 +129,7 @@ def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
     if word.axis == "distance":
         octaves, segments = block.integer("SIMPLE_OCTAVES"), 2 ** block.integer("SIMPLE_SEGMENTS")
         return (
-            f"{segments} steps of distance from 0 to 2^{4 - octaves}, then {segments} in each "
-            "octave up to 16"
+            f"{segments} steps of distance from 0 to 2^{4 - octaves}, then {segments} in each octave up to 16"
         )
     if word.axis == "moving plays":
         narrow, zone_end = 2 ** block.integer("CELLS_SEGMENTS"), 2.0 ** -block.integer("CELLS_ZONE")
@@ -142,10 +137,9 @@ def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             f"a row for each number of them: {2 * narrow} steps of field from -{zone_end:g} to "
             f"{zone_end:g}, {narrow - round(narrow * zone_end)} on each side from there to 1"
         )
-    return {
-        "play": "one per play",
-        "field, both signs": f"{count} steps of field from -1 to 1",
-    }.get(word.axis, f"{count} steps of {word.axis} from 0 to 1")
+    return {"play": "one per play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(
+        word.axis, f"{count} steps of {word.axis} from 0 to 1"
+    )
 
 
 def _describe_gap_axis(count: int, block: Block, schedule: Quantity | None) -> str:
@@ -163,9 +157,7 @@ def _wrap_comment(text: str) -> list[str]:
 
 def _entry_lines(entries: NDArray[Any]) -> Iterator[str]:
     for start in range(0, len(entries), ENTRIES_PER_LINE):
-        yield from wrap_row(
-            ", ".join(map(_word_literal, entries[start : start + ENTRIES_PER_LINE]))
-        )
+        yield from wrap_row(", ".join(map(_word_literal, entries[start : start + ENTRIES_PER_LINE])))
 
 
 def _word_literal(word: np.generic) -> str:

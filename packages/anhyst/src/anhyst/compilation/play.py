@@ -163,12 +163,7 @@ class CompiledPlay(CompiledFolder):
 
 
 def compile_play(
-    model_path: PathLike,
-    out: PathLike,
-    rate: float,
-    io: str,
-    name: str | None,
-    package: str | None = None,
+    model_path: PathLike, out: PathLike, rate: float, io: str, name: str | None, package: str | None = None
 ) -> CompiledPlay:
     """Compile a map with one play operator to a folder of C."""
     check_package(package)
@@ -207,9 +202,7 @@ class _FileInfo:
     operating: OperatingRange
 
 
-def measure_model_errors(
-    model: Model, play: PlayMap, operating: OperatingRange
-) -> dict[str, CycleErrors]:
+def measure_model_errors(model: Model, play: PlayMap, operating: OperatingRange) -> dict[str, CycleErrors]:
     """Return the force errors of the map, and of the same map without play, relative to the model."""
 
     def predict_force(current: FloatArray, gap: float) -> FloatArray:
@@ -220,9 +213,7 @@ def measure_model_errors(
     without_play = PlayMap(play.map, np.zeros_like(play.half_width), play.radius)
     for name, compensator in ((PLAY_KIND, play), ("single-valued", without_play)):
         for gap in np.linspace(low, high, 5).tolist():
-            reachable_force = float(
-                predict_force(np.linspace(0.0, operating.current_max, 100), gap)[-1]
-            )
+            reachable_force = float(predict_force(np.linspace(0.0, operating.current_max, 100), gap)[-1])
             max_force = min(operating.force_max, 0.98 * reachable_force)
             errors = measure_cycle_errors(
                 ForceController(PLAY_KIND, "fixed", compensator), predict_force, gap, max_force
@@ -253,9 +244,7 @@ def _percent_entries(errors: CycleErrors, max_force: float) -> dict[str, float]:
     }
 
 
-def _make_manifest(
-    info: _FileInfo, play: PlayMap, errors: Mapping[str, CycleErrors]
-) -> dict[str, Any]:
+def _make_manifest(info: _FileInfo, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, Any]:
     scales, operating, model = play.scales, info.operating, info.model
     limits = DemandLimits((0.0, operating.force_max), play.map.limits)
     return {
@@ -274,9 +263,7 @@ def _make_manifest(
         "accuracy": {
             "unit": model.output.unit,
             "largest_output": operating.force_max,
-            **{
-                name: _percent_entries(error, operating.force_max) for name, error in errors.items()
-            },
+            **{name: _percent_entries(error, operating.force_max) for name, error in errors.items()},
         },
     }
 
@@ -313,9 +300,7 @@ def _example_values(info: _FileInfo) -> dict[str, object]:
     }
 
 
-def _make_sources(
-    info: _FileInfo, play: PlayMap, errors: Mapping[str, CycleErrors]
-) -> dict[str, str]:
+def _make_sources(info: _FileInfo, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
     """Return the C files and build files."""
     scales, name = play.scales, info.name
     words = play.block("fixed", int(info.sha256[:8], 16))
@@ -333,9 +318,7 @@ def _make_sources(
         "bytes": words.nbytes,
         "state_bytes": STATE_BYTES,
         "rate": f"{info.operating.rate:.10g}",
-        "errors": {
-            key: _percent_entries(error, info.operating.force_max) for key, error in errors.items()
-        },
+        "errors": {key: _percent_entries(error, info.operating.force_max) for key, error in errors.items()},
     }
     return core_files(PLAY_SOURCES) | {
         f"{name}_parameters.h": render("play_parameters.h.j2", values),

@@ -26,8 +26,7 @@ def _head_lines(words: Words) -> Iterator[str]:
 
 def _table_lines(words: Words) -> Iterator[str]:
     columns, rows = (
-        2 ** int(words[WORD_INDEX[name]]) + 1
-        for name in ("PLAY_FORCE_SEGMENTS", "PLAY_GAP_SEGMENTS")
+        2 ** int(words[WORD_INDEX[name]]) + 1 for name in ("PLAY_FORCE_SEGMENTS", "PLAY_GAP_SEGMENTS")
     )
     for name, doc in (("PLAY_CURRENT", "current without the play"), ("PLAY_HALF", "half-width")):
         first = int(words[WORD_INDEX[name]])

@@ -12,12 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_template_values
 from anhyst.compilation.manifest import controller_bytes, state_bytes
-from anhyst.compilation.parameters import (
-    align_comments,
-    define_parameters,
-    float_literal,
-    scales_initialiser,
-)
+from anhyst.compilation.parameters import align_comments, define_parameters, float_literal, scales_initialiser
 from anhyst.compilation.toolchain import (
     CONTROL_SOURCES,
     KIND_SOURCES,
@@ -115,9 +110,7 @@ def _init_values(name: str, is_float: bool) -> dict[str, object]:
     }
 
 
-def _controller_files(
-    common: Mapping[str, object], name: str, controller: ControllerPlan
-) -> dict[str, str]:
+def _controller_files(common: Mapping[str, object], name: str, controller: ControllerPlan) -> dict[str, str]:
     """Return the files of the position controller; its example replaces that of the compensator."""
     values = dict(common) | controller_template_values(controller, name)
     values["controller"] = escape_comment(str(values["controller"]))
@@ -161,8 +154,7 @@ def _guide_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
         "unit": plan.model.output.unit,
         "layered": plan.block.memory_count > 1,
         "condition": (
-            f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
-            f"{start.seconds:g} s"
+            f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, {start.seconds:g} s"
         ),
         "remaining": f"{100.0 * start.remaining_difference / plan.reference_output:.2g}",
         "state_bytes": state_bytes(plan.block),
@@ -230,10 +222,7 @@ def limit_lines(plan: Plan) -> list[str]:
         return f"({code})" if code < 0 else f"{min(code, code_of_one - 1)}"
 
     texts = [
-        (
-            f"#define {macro}_{name}_{end} {write_limit(value, origin, scale)}",
-            _value_text(value, quantity),
-        )
+        (f"#define {macro}_{name}_{end} {write_limit(value, origin, scale)}", _value_text(value, quantity))
         for name, ends, origin, scale, quantity in rows
         for end, value in zip(("MIN", "MAX"), ends, strict=True)
     ]
@@ -246,10 +235,8 @@ def limit_lines(plan: Plan) -> list[str]:
 def _float_signal_lines(plan: Plan) -> list[str]:
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     lines = [
-        f"demand   in {model.output.unit}, limited to {limits.demand[0]:.6g} to "
-        f"{limits.demand[1]:.6g}",
-        f"current  in {model.input.unit}, limited to {limits.current[0]:.6g} to "
-        f"{limits.current[1]:.6g}",
+        f"demand   in {model.output.unit}, limited to {limits.demand[0]:.6g} to {limits.demand[1]:.6g}",
+        f"current  in {model.input.unit}, limited to {limits.current[0]:.6g} to {limits.current[1]:.6g}",
     ]
     if model.schedule is not None and model.needs_schedule:
         lines.append(
@@ -270,11 +257,7 @@ def _scale_macros(plan: Plan) -> list[str]:
     model, scales, macro = plan.model, plan.block.scales, plan.name.upper()
     rows = [
         (f"{macro}_FULL_SCALE_DEMAND_{_unit_suffix(model.output)}", scales.demand, "demand of 1.0"),
-        (
-            f"{macro}_FULL_SCALE_CURRENT_{_unit_suffix(model.input)}",
-            scales.current,
-            "current of 1.0",
-        ),
+        (f"{macro}_FULL_SCALE_CURRENT_{_unit_suffix(model.input)}", scales.current, "current of 1.0"),
     ]
     if model.schedule is not None:
         unit = _unit_suffix(model.schedule)

@@ -103,9 +103,7 @@ class StageController:
 
     def parameters_name(self, magnet: ForceController) -> str:
         """Return the C name of the parameters of a magnet."""
-        index = [other.parameters is magnet.parameters for other in self.distinct_magnets].index(
-            True
-        )
+        index = [other.parameters is magnet.parameters for other in self.distinct_magnets].index(True)
         return self.name if index == 0 else f"{self.name}_{index + 1}"
 
     @property
@@ -195,9 +193,7 @@ def _template_values(stage: StageController, version: str) -> dict[str, object]:
         "at": f"{{{', '.join(_row_text(row, repr) for row in stage.rows['at'].tolist())}}}",
         "against": list(stage.opponents),
         "allocation": f"{int(settings['allocation'])}U",
-        "corrected": []
-        if stage.correction is None
-        else [_row_text(r) for r in stage.correction.tolist()],
+        "corrected": [] if stage.correction is None else [_row_text(r) for r in stage.correction.tolist()],
         "core": sorted(f"{SOURCE_FOLDER}/{file}" for file in stage.core_sources),
         "real": stage.fixed_controller is None,
         "port": stage.is_fixed,
@@ -224,9 +220,7 @@ def _real_values(stage: StageController) -> dict[str, object]:
         "number": "float",
         "codes": False,
         "tables": [(_table_text(key, stage.rows[key]), doc) for key, doc in TABLE_COMMENTS.items()],
-        "pid": [
-            f"{{{_row_text(row[:3])}, {_row_text(row[3:])}}}" for row in stage.rows["pid"].tolist()
-        ],
+        "pid": [f"{{{_row_text(row[:3])}, {_row_text(row[3:])}}}" for row in stage.rows["pid"].tolist()],
         **{key: float_literal(value) for key, value in values.items()},
         "least": float_literal(stage.force_min),
         "most": f"{stage.name.upper()}_CONTROLLER_FORCE_MAX_N",
@@ -252,12 +246,8 @@ def _code_values(stage: StageController, codes: FixedController) -> dict[str, ob
             "wrench": _row_text(scales.wrench.tolist()),
             "current": float_literal(scales.current),
         },
-        "tables": [
-            (_table_text(name, words[name], is_integer=True), doc) for name, _, doc in tables
-        ],
-        "pid": [
-            f"{{{', '.join(str(int(word)) for word in row)}}}" for row in words["pid"].tolist()
-        ],
+        "tables": [(_table_text(name, words[name], is_integer=True), doc) for name, _, doc in tables],
+        "pid": [f"{{{', '.join(str(int(word)) for word in row)}}}" for row in words["pid"].tolist()],
         **{key: numbers[f"current_{key}"] for key in ("low", "high", "step")},
         **{key: numbers[key] for key in ("idle", "least", "most", "follow", "slew", "off", "jump")},
         **{key: numbers[key] for key in INTEGER_SETTINGS},
@@ -298,8 +288,7 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "headers": headers,
         "parts": by_parameters,
         "own": [f"{'' if words else '&'}{part}_parameters" for part, words in by_magnet],
-        "sources": [f"{part}_parameters.c" for part, _ in by_parameters]
-        + [f"{stage.name}_controller.c"],
+        "sources": [f"{part}_parameters.c" for part, _ in by_parameters] + [f"{stage.name}_controller.c"],
     }
 
 
@@ -345,9 +334,7 @@ def _parameter_definitions(name: str, magnet: ForceController) -> str:
     parameters, is_fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
         words_of = f"{name.upper()}_PARAMETERS_WORDS"
-        return define_parameters(
-            name, words_of, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY
-        )
+        return define_parameters(name, words_of, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY)
     if isinstance(parameters, PlayMap):
         rows = play_initialiser(parameters.block(magnet.format))
         size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if is_fixed else "float"

@@ -62,12 +62,7 @@ def actuator_defines(name: str) -> dict[str, str]:
 
 
 WARNING_FLAGS = ("-Wall", "-Wextra", "-Wconversion")
-FREESTANDING_FLAGS = (
-    "-ffreestanding",
-    "-nostdlib",
-    "-fno-sanitize=undefined",
-    "-fomit-frame-pointer",
-)
+FREESTANDING_FLAGS = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined", "-fomit-frame-pointer")
 TIME_LIMIT_S = 300.0
 
 
@@ -134,12 +129,7 @@ def run_tool(command: Sequence[str], target: str) -> str:
     """Run a compiler or linker, and return its messages."""
     try:
         process = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=TIME_LIMIT_S,
-            check=False,
+            command, capture_output=True, text=True, errors="replace", timeout=TIME_LIMIT_S, check=False
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(
@@ -244,9 +234,7 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
         name = pending.pop()
         if name not in files:
             files[name] = read_core(name)
-            pending += [
-                _header_path(name, included) for included in _INCLUDE_LINE.findall(files[name])
-            ]
+            pending += [_header_path(name, included) for included in _INCLUDE_LINE.findall(files[name])]
     if memories > 1:
         files[MEMORIES_HEADER] = files[MEMORIES_HEADER].replace(
             "ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}"

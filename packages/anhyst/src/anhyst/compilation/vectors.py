@@ -76,9 +76,7 @@ def _make_walk(demand_range: tuple[float, float]) -> tuple[FloatArray, FloatArra
     """Return demands and gaps as fractions of their ranges."""
     random = np.random.default_rng(SEED)
     low, high = demand_range
-    walk = np.cumsum(
-        random.normal(0.0, 0.05, VECTOR_ROWS) * 10.0 ** random.uniform(-3.0, 0.0, VECTOR_ROWS)
-    )
+    walk = np.cumsum(random.normal(0.0, 0.05, VECTOR_ROWS) * 10.0 ** random.uniform(-3.0, 0.0, VECTOR_ROWS))
     demand = low + (high - low) * (0.5 + 0.5 * np.sin(walk * 3.0))
     is_jump = random.random(VECTOR_ROWS) < 0.05
     demand[is_jump] = random.choice([low, high], is_jump.sum())
@@ -202,9 +200,7 @@ class _LevitationRun:
         used_gap = self._read_gap() if read_gap is None else read_gap
         measured = self.currents[0], self.currents[1]
         answer = self.native.tick(used_gap, self.target, 0.0, measured, command=int(command))
-        self.rows.append(
-            (*self._input_codes(used_gap, measured, command), *self._output_codes(answer))
-        )
+        self.rows.append((*self._input_codes(used_gap, measured, command), *self._output_codes(answer)))
         self._move_armature()
         self.currents = [answer[0], answer[1]]
 
@@ -212,9 +208,7 @@ class _LevitationRun:
         step = self.gap_span / _SENSOR_STEPS_PER_RANGE
         return round(self.gap / step) * step
 
-    def _input_codes(
-        self, read_gap: float, measured: tuple[float, float], command: Command
-    ) -> Iterator[int]:
+    def _input_codes(self, read_gap: float, measured: tuple[float, float], command: Command) -> Iterator[int]:
         settings, middle_gap = self.controller.settings, self.controller.control.gap_middle
         position, current = settings["position_full"], settings["current_full"]
         is_dropped = math.isnan(read_gap)
@@ -241,10 +235,7 @@ class _LevitationRun:
         return max(scales.gap_low, min(scales.gap_high, gap))
 
     def _move_armature(self) -> None:
-        forces = [
-            iron.commit(self.currents[i], self._magnet_gap(i))
-            for i, iron in enumerate(self.magnets)
-        ]
+        forces = [iron.commit(self.currents[i], self._magnet_gap(i)) for i, iron in enumerate(self.magnets)]
         net = forces[0] - (forces[1] if len(forces) > 1 else 0.0)
         limits, dt = self.controller.control.limits, self.tick / _SUBSTEPS
         for _ in range(_SUBSTEPS):

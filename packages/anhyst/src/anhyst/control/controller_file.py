@@ -182,9 +182,7 @@ class ControllerTable(Table):
         """Return the gains, designed or as given in the file."""
         if self.gains is not None:
             gains = self.gains
-            return Gains(
-                gains.K_p_N_per_m, gains.K_i_N_per_m_s, gains.K_d_N_s_per_m, gains.K_dd_N_s2_per_m
-            )
+            return Gains(gains.K_p_N_per_m, gains.K_i_N_per_m_s, gains.K_d_N_s_per_m, gains.K_dd_N_s2_per_m)
         rule = self.design
         if rule is None:
             text = "[design] and [gains] are both missing; add one of the two tables"
@@ -210,18 +208,14 @@ class ControllerTable(Table):
         if (converter := self.converter) is not None:
             return ReferenceConverter(converter.low_A, converter.high_A, converter.bits)
         limits = self.limits
-        return ReferenceConverter(
-            limits.current_low_A, limits.current_high_A, DEFAULT_CONVERTER_BITS
-        )
+        return ReferenceConverter(limits.current_low_A, limits.current_high_A, DEFAULT_CONVERTER_BITS)
 
     def force_max(self, pair: PairTable | None) -> float:
         """Return the largest force of one magnet, N."""
         high = self.limits.force_high_N
         return high if pair is None else pair.bias_force_N + 0.5 * high
 
-    def working_gaps(
-        self, pair: PairTable | None, measured: tuple[float, float]
-    ) -> tuple[float, float]:
+    def working_gaps(self, pair: PairTable | None, measured: tuple[float, float]) -> tuple[float, float]:
         """Return the gaps of either magnet for which its compensator is made.
 
         Beyond the measured gaps, a compensator uses the values of the nearest measured gap.
@@ -242,14 +236,10 @@ class ControllerTable(Table):
         return PositionControl(
             pidd2=self.pidd2(),
             levitation=Levitation(
-                **self._values_by_name(
-                    "detect", "rise_speed", "descend_speed", "lift_rate", "set_down_rate"
-                )
+                **self._values_by_name("detect", "rise_speed", "descend_speed", "lift_rate", "set_down_rate")
             ),
             limits=PositionLimits(
-                **self._values_by_name(
-                    "gap_low", "gap_high", "step", "current_low", "current_high"
-                ),
+                **self._values_by_name("gap_low", "gap_high", "step", "current_low", "current_high"),
                 release=self.limits.current_high_A / RELEASE_TIME_S,
                 max_missing_samples=self.safety.max_missing_samples,
                 hold=self.safety.hold_ticks,
@@ -306,9 +296,7 @@ def _find_faults(settings: ControllerTable) -> list[FileFault]:
     for key, unit, quantity in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
         value = getattr(limits, key)
         if not value > 0.0:
-            text = (
-                f"{value:g} {unit} is not above 0, but only a positive {quantity} lifts; raise it"
-            )
+            text = f"{value:g} {unit} is not above 0, but only a positive {quantity} lifts; raise it"
             faults.append(FileFault(("limits", key), text, code="not-above-zero"))
     return faults
 

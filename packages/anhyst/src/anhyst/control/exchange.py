@@ -47,9 +47,7 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     position = position + e * s * t * _W**2 * integral_factor
     reference = weight * p * integral_factor + k
     rows = [(reference, integral_factor), (-position, denominator), (Polynomial([load]), unity)]
-    numerators, denominators = (
-        [[_coefficients_in_z(row[side]) for row in rows]] for side in (0, 1)
-    )
+    numerators, denominators = ([[_coefficients_in_z(row[side]) for row in rows]] for side in (0, 1))
     signals = {"inputs": list(INPUT_NAMES), "outputs": [OUTPUT_NAME]}
     return library.TransferFunction(
         numerators, denominators, dt=1.0 / controller.rate, name="pidd2", **signals
@@ -75,9 +73,7 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
         )
     # cutoff of a low-pass that passes a given share of a step in one tick, Hz
     cutoff, cutoff_2 = (
-        -math.log1p(-share) * rate / (2.0 * math.pi)
-        if share < 1.0 - _RELATIVE_ROUNDING
-        else math.inf
+        -math.log1p(-share) * rate / (2.0 * math.pi) if share < 1.0 - _RELATIVE_ROUNDING else math.inf
         for share in shares
     )
     return Pidd2(
@@ -204,9 +200,7 @@ def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
     above = above / below[-1]
     if order == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
         raise wrong_key(
-            "reference",
-            "has an integral gain that differs from that of the position",
-            code="not-a-pidd2",
+            "reference", "has an integral gain that differs from that of the position", code="not-a-pidd2"
         )
     if p == 0.0:
         return 1.0

@@ -105,9 +105,7 @@ def make_fixed_allocation(
     for name, yields in (("whole", 0.0 * size), ("yields", np.array(drives.yield_weights))):
         allocation = np.linalg.solve(normalised @ normalised.T + np.diag(yields), normalised).T
         words |= _scale_rows(name, (allocation / size) * wrench / (8.0 * force))
-        words[f"{name}_apart"] = np.clip(
-            np.round((identity - allocation @ normalised) * _Q30), -_Q30, _Q30
-        )
+        words[f"{name}_apart"] = np.clip(np.round((identity - allocation @ normalised) * _Q30), -_Q30, _Q30)
     return _as_core_integers(words), {
         "axes": len(size),
         "drives": len(opponents),
@@ -132,9 +130,7 @@ def make_fixed_controller(
     words |= _scale_rows("decouple", rows["decouple"] * pose / pose[:, None])
     words |= _scale_rows("weigh", rows["weigh"] * scales.acceleration / wrench[:, None])
     gain = (pose / scales.acceleration).tolist()
-    words["pid"] = np.array(
-        [_pid_words(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)]
-    )
+    words["pid"] = np.array([_pid_words(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)])
     for name in ("reach", "land", "lift"):
         words[name] = signal_codes(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():

@@ -88,27 +88,19 @@ class Pidd2:
     def __post_init__(self) -> None:
         for name in ("rate", "K_p", "K_i", "K_d", "K_dd", "K_load"):
             if not math.isfinite(getattr(self, name)):
-                raise wrong_key(
-                    name, f"{getattr(self, name)} is not a finite number", code="not-finite"
-                )
+                raise wrong_key(name, f"{getattr(self, name)} is not a finite number", code="not-finite")
         for name in ("rate", "cutoff", "cutoff_2"):
             if not getattr(self, name) > 0.0:
-                raise wrong_key(
-                    name, f"{getattr(self, name)} Hz is not above zero", code="not-above-zero"
-                )
+                raise wrong_key(name, f"{getattr(self, name)} Hz is not above zero", code="not-above-zero")
         if not 0.0 <= self.weight <= 1.0:
             raise wrong_key("weight", f"{self.weight} is not within 0..1", code="out-of-range")
         if self.K_p * self.K_i < 0.0:
             text = "must have the sign of K_p, otherwise the loop is unstable"
             raise wrong_key("K_i", text, code="gain-signs-differ")
         if not self.low <= self.high:
-            raise wrong_key(
-                "low", f"{self.low} N is above high, {self.high} N", code="range-reversed"
-            )
+            raise wrong_key("low", f"{self.low} N is above high, {self.high} N", code="range-reversed")
         if self.tracking is not None and not self.tracking > 0.0:
-            raise wrong_key(
-                "tracking", f"{self.tracking} s is not above zero", code="not-above-zero"
-            )
+            raise wrong_key("tracking", f"{self.tracking} s is not above zero", code="not-above-zero")
 
     @property
     def tick(self) -> float:
@@ -181,9 +173,7 @@ def _limit_code(name: str, value: float, scales: FullScales) -> int:
     if math.isfinite(value) and abs(share) > 1.0:
         text = f"{value} N is beyond the full scale of {scales.output} N"
         raise wrong_key(name, text, code="beyond-full-scale")
-    return int(
-        max(-_Q31, min(_Q31 - 1.0, round(share * _Q31) if math.isfinite(share) else share * 2))
-    )
+    return int(max(-_Q31, min(_Q31 - 1.0, round(share * _Q31) if math.isfinite(share) else share * 2)))
 
 
 @dataclass(frozen=True)

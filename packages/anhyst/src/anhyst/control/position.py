@@ -54,9 +54,7 @@ class PositionLimits:
                 text = f"{getattr(self, name)} ticks are not within 0..65535"
                 raise wrong_key(name, text, code="out-of-range")
         if not 0.0 <= self.gap_low < self.gap_high:
-            raise wrong_key(
-                "gap_low", "must be below gap_high, and not below zero", code="range-reversed"
-            )
+            raise wrong_key("gap_low", "must be below gap_high, and not below zero", code="range-reversed")
         if not self.current_low <= 0.0 < self.current_high:
             text = "zero must lie within the limits of the current"
             raise wrong_key("current_low", text, code="zero-outside-range")
@@ -89,9 +87,7 @@ class ReferenceConverter:
             text = "the lower end of a converter must be below its upper end"
             raise InputError(text, code="range-reversed", key="low")
         if not 1 <= self.bits <= 20:
-            raise wrong_key(
-                "bits", f"{self.bits} of a converter are not within 1..20", code="out-of-range"
-            )
+            raise wrong_key("bits", f"{self.bits} of a converter are not within 1..20", code="out-of-range")
 
     @property
     def step(self) -> float:
@@ -166,19 +162,13 @@ class PositionControl:
             "position_full": self.position_full,
             "demand_full": self.scales.demand,
         }
-        return common | (
-            self._fixed_settings() if number_format == "fixed" else self._real_settings()
-        )
+        return common | (self._fixed_settings() if number_format == "fixed" else self._real_settings())
 
     def _levitation_settings(self) -> dict[str, int]:
         """Return the integer settings of every format: positions and demands as q31."""
         tick, limits, levitation = self.pidd2.tick, self.limits, self.levitation
 
-        middle_gap, position_full, force_full = (
-            self.gap_middle,
-            self.position_full,
-            self.scales.demand,
-        )
+        middle_gap, position_full, force_full = (self.gap_middle, self.position_full, self.scales.demand)
         return {
             "position_low": to_q31((middle_gap - limits.gap_high) / position_full),
             "position_high": to_q31((middle_gap - limits.gap_low) / position_full),
@@ -188,13 +178,9 @@ class PositionControl:
             "selftest": limits.selftest,
             "detect": _nonzero_code("detect", levitation.detect / position_full),
             "rise": _nonzero_code("rise_speed", levitation.rise_speed * tick / position_full),
-            "descend": _nonzero_code(
-                "descend_speed", levitation.descend_speed * tick / position_full
-            ),
+            "descend": _nonzero_code("descend_speed", levitation.descend_speed * tick / position_full),
             "lift": _nonzero_code("lift_rate", levitation.lift_rate * tick / force_full),
-            "set_down": _nonzero_code(
-                "set_down_rate", levitation.set_down_rate * tick / force_full
-            ),
+            "set_down": _nonzero_code("set_down_rate", levitation.set_down_rate * tick / force_full),
             "most": _nonzero_code("high", self.pidd2.high / force_full),
             "press": to_q31(self.final_landing_force / force_full),
         }
@@ -237,8 +223,7 @@ class PositionControl:
             "load_full": self.load_full_scale,
             "flux_full": self.flux_full_scale,
             "current_low": first,
-            "current_high": first
-            + min(steps, int((_Q31 - 1.0 - first) // step_codes)) * step_codes,
+            "current_high": first + min(steps, int((_Q31 - 1.0 - first) // step_codes)) * step_codes,
             "current_step": step_codes,
             "release": max(step_codes, _nonzero_code("release", release / current)),
             "bias": to_q31(self.bias / scales.demand),

@@ -8,13 +8,4 @@ from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.data.table import DataTable, read_columns
 
-__all__ = [
-    "DataTable",
-    "History",
-    "Loop",
-    "Loops",
-    "Source",
-    "read_columns",
-    "read_loops",
-    "write_csv",
-]
+__all__ = ["DataTable", "History", "Loop", "Loops", "Source", "read_columns", "read_loops", "write_csv"]

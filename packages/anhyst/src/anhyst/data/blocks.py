@@ -87,9 +87,7 @@ def find_blocks(
         current_gap = found if found is not None else current_gap
         if current_gap is None or current_gap[0] is None:
             advice_place = (
-                "above the first rows"
-                if current_gap is None
-                else f"with its unit ('{current_gap[1]}')"
+                "above the first rows" if current_gap is None else f"with its unit ('{current_gap[1]}')"
             )
             raise InputError(
                 f"{source}: comments between the rows state gaps; state the gap {advice_place} too, such "
@@ -104,9 +102,7 @@ def find_blocks(
     return _label_blocks(starts, drive.size, name, gaps)
 
 
-def _label_blocks(
-    starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None
-) -> Blocks:
+def _label_blocks(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None) -> Blocks:
     """Label each row with the name and the number of its block, counted separately for each gap."""
     sizes = np.diff([*starts, rows])
     count_by_gap = Counter[float | None]()

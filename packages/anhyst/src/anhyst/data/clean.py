@@ -95,8 +95,7 @@ def drop_spikes(loopset: Loops) -> Loops:
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
         deviation = np.abs(loop.output - np.median(windows, axis=1))
         limit = max(
-            _MIN_SPIKE_SIGMAS * estimate_noise(loop.output),
-            _MIN_SPIKE_SHARE * float(np.ptp(loop.output)),
+            _MIN_SPIKE_SIGMAS * estimate_noise(loop.output), _MIN_SPIKE_SHARE * float(np.ptp(loop.output))
         )
         is_spike = deviation > limit
         for turn in find_turning_points(loop.input):
@@ -111,9 +110,7 @@ def set_schedule_to_median(loopset: Loops) -> Loops:
     steadied_count = 0
     for index, loop in enumerate(loops):
         values = loop.schedule
-        if values is not None and 0.0 < np.ptp(values) <= _MAX_WOBBLE_SHARE * float(
-            np.max(np.abs(values))
-        ):
+        if values is not None and 0.0 < np.ptp(values) <= _MAX_WOBBLE_SHARE * float(np.max(np.abs(values))):
             loops[index] = replace(loop, schedule=np.full(loop.n, float(np.median(values))))
             steadied_count += 1
     if not steadied_count:
@@ -160,13 +157,10 @@ def remove_offset(loopset: Loops) -> Loops:
     loops, texts = [], []
     for loop, centre in zip(loopset.loops, offsets, strict=True):
         output_offset = centre[1] if centre is not None else 0.0
-        loops.append(
-            replace(loop, input=loop.input - input_offset, output=loop.output - output_offset)
-        )
+        loops.append(replace(loop, input=loop.input - input_offset, output=loop.output - output_offset))
         texts.append(f"{output_offset:.3g} {loopset.output.unit} in loop '{loop.label}'")
     return loopset.with_loops(
-        loops,
-        f"offset: {input_offset:.3g} {loopset.input.unit} of the input, output {_join_first(texts)}",
+        loops, f"offset: {input_offset:.3g} {loopset.input.unit} of the input, output {_join_first(texts)}"
     )
 
 
@@ -210,8 +204,7 @@ def thin_loops(loopset: Loops, max_samples: int = MAX_SAMPLES_PER_LOOP) -> Loops
     if not counts or output_map(loopset.output).has_creep:
         return loopset
     loops = [
-        _average_along_path(loop, max_samples) if loop.n > max_samples else loop
-        for loop in loopset.loops
+        _average_along_path(loop, max_samples) if loop.n > max_samples else loop for loop in loopset.loops
     ]
     return loopset.with_loops(
         loops,
@@ -339,10 +332,7 @@ class ReadOptions:
         return settings
 
     def read(
-        self,
-        paths: Sequence[PathLike] | Any,
-        progress: Progress | None = None,
-        **other_keywords: Any,
+        self, paths: Sequence[PathLike] | Any, progress: Progress | None = None, **other_keywords: Any
     ) -> Loops:
         """Read and clean loops; ``more`` are keywords of `read_loops` that are not options."""
         options = {item.name: getattr(self, item.name) for item in fields(self)}
@@ -372,14 +362,10 @@ def _parse_pairs(text: str, option: str) -> dict[str, str]:
         name, equals, value = (piece.strip() for piece in part.rpartition("="))
         if not equals or not name:
             raise InputError(
-                f"{option}: '{part}' is not of the form name=value",
-                code="not-name-value",
-                key=option,
+                f"{option}: '{part}' is not of the form name=value", code="not-name-value", key=option
             )
         if name in pairs:
-            raise InputError(
-                f"{option}: '{name}' is given twice; keep one", code="name-twice", key=name
-            )
+            raise InputError(f"{option}: '{name}' is given twice; keep one", code="name-twice", key=name)
         pairs[name] = value
     return pairs
 

@@ -61,9 +61,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
         return None
     record = record.limited_to(_MAX_SAMPLES)
     curve_rms = static_fit_rms(record.drive, record.output, with_plays=False)
-    if curve_rms < max(
-        MIN_LOOP_SHARE * scale, MIN_LOOP_NOISE_RATIO * estimate_noise(record.output)
-    ):
+    if curve_rms < max(MIN_LOOP_SHARE * scale, MIN_LOOP_NOISE_RATIO * estimate_noise(record.output)):
         return None
     duration = record.step * record.drive.size / len(find_branches(record.drive))
     lags = np.geomspace(
@@ -71,8 +69,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
     )
     lag_rms, lag = _find_best_lag(record, lags, with_plays=False)
     lag_rms, lag = min(
-        (lag_rms, lag),
-        _find_best_lag(record, lag * np.linspace(0.7, 1.4, _LAG_COUNT), with_plays=False),
+        (lag_rms, lag), _find_best_lag(record, lag * np.linspace(0.7, 1.4, _LAG_COUNT), with_plays=False)
     )
     play_rms = static_fit_rms(record.drive, record.output)
     if lag_rms <= MAX_LAG_ONLY_RATIO * play_rms:
@@ -90,10 +87,7 @@ def _find_best_lag(
 ) -> tuple[float, float]:
     """Return the smallest rms residual of some lags, and its lag."""
     return min(
-        (
-            static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays),
-            float(lag),
-        )
+        (static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays), float(lag))
         for lag in lags
     )
 

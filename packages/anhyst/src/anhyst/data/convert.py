@@ -56,9 +56,7 @@ def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
         values = np.array(column.as_list()) if isinstance(column, Texts) else column
         written = written.replace("_per_", "/")
         channels.append(Channel(name, len(column), values, written, "", None, is_text))
-    return ChannelFile(
-        source, assign_clocks_by_name(channels), read_samples_in_keys, tuple(table.notes)
-    )
+    return ChannelFile(source, assign_clocks_by_name(channels), read_samples_in_keys, tuple(table.notes))
 
 
 def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:

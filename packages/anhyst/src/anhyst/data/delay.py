@@ -110,9 +110,7 @@ def estimate_delay(loop: Loop) -> float | None:
     second_delay = _search_along_path(drive, answer, parts, length)
     if second_delay is None:
         return None
-    is_near = abs(second_delay - estimate.delay) <= max(
-        0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay)
-    )
+    is_near = abs(second_delay - estimate.delay) <= max(0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay))
     excess = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
     return estimate.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
 
@@ -129,9 +127,7 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     if not step or np.ptp(np.diff(time[rows])) < _MAX_STEP_DEVIATION * step:
         return loop.input[rows], loop.output[rows]
     grid = np.arange(time[start], time[stop - 1], step)
-    return np.interp(grid, time[rows], loop.input[rows]), np.interp(
-        grid, time[rows], loop.output[rows]
-    )
+    return np.interp(grid, time[rows], loop.input[rows]), np.interp(grid, time[rows], loop.output[rows])
 
 
 def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
@@ -153,10 +149,7 @@ def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -
         estimate = _Estimate(shift + stride * estimate.delay, stride * estimate.error)
         if best_estimate is not None:
             difference = abs(estimate.delay - best_estimate.delay)
-            if (
-                estimate.error > best_estimate.error
-                or difference > _MIN_DELAY_SIGMAS * best_estimate.error
-            ):
+            if estimate.error > best_estimate.error or difference > _MIN_DELAY_SIGMAS * best_estimate.error:
                 return best_estimate
         best_estimate = estimate
         if stride <= min_stride:
@@ -217,8 +210,7 @@ def _estimate_in_windows(
         tips = [
             tip
             for tip in _find_tips(drive, answer, parts)
-            if tip.row - tip.width + delays[0] >= 0
-            and tip.row + tip.width + delays[-1] < drive.size
+            if tip.row - tip.width + delays[0] >= 0 and tip.row + tip.width + delays[-1] < drive.size
         ]
         if not tips:
             return None
@@ -245,9 +237,7 @@ def _misfit_by_delay(
     is_after = rows > tip.row
     before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
     after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
-    smooth, _ = np.linalg.qr(
-        np.stack([before**power for power in range(_POLYNOMIAL_DEGREE + 1)], axis=1)
-    )
+    smooth, _ = np.linalg.qr(np.stack([before**power for power in range(_POLYNOMIAL_DEGREE + 1)], axis=1))
     pieces = itertools.pairwise(_RAMP_KNOTS)
     ramps = np.stack([np.clip(after, low, high) - low for low, high in pieces], axis=1)
     falls = np.stack([-tip.output_sign * answer[rows + delay] for delay in delays], axis=1)
@@ -305,9 +295,7 @@ def _search_along_path(
     step = max(1, stride // 8)
     if stride == 1 or abs(coarse_delay) == reach:
         return float(coarse_delay)
-    return float(
-        best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -reach, reach))
-    )
+    return float(best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -reach, reach)))
 
 
 def _play_basis(drive: FloatArray) -> FloatArray:
@@ -317,8 +305,5 @@ def _play_basis(drive: FloatArray) -> FloatArray:
     start = np.full((1, _THRESHOLDS.size), size[0])
     plays = move_plays(size[None], _THRESHOLDS, start)[:, 0]
     for threshold, play in zip(_THRESHOLDS.tolist(), plays.T, strict=True):
-        columns += [
-            play,
-            *(np.maximum(play - knot, 0.0) for knot in _HINGE_KNOTS[:: 1 + (threshold > 0)]),
-        ]
+        columns += [play, *(np.maximum(play - knot, 0.0) for knot in _HINGE_KNOTS[:: 1 + (threshold > 0)])]
     return np.stack(columns, axis=1)

@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anhyst.data.loops import Loop
-from anhyst.data.path import (
-    Branch,
-    average_in_bins,
-    find_branches,
-    find_crossings,
-    find_repeats,
-    is_bipolar,
-)
+from anhyst.data.path import Branch, average_in_bins, find_branches, find_crossings, find_repeats, is_bipolar
 from anhyst.support.numeric import FloatArray
 
 TO_SIGMA = 1.4826
@@ -77,11 +70,7 @@ def estimate_drift(loop: Loop) -> float | None:
         return None
     if abs(closing_error) <= 3.0 * estimate_noise(loop.output):
         return 0.0
-    return (
-        closing_error
-        if abs(closing_error) <= _MAX_DRIFT_SHARE * float(np.ptp(loop.output))
-        else None
-    )
+    return closing_error if abs(closing_error) <= _MAX_DRIFT_SHARE * float(np.ptp(loop.output)) else None
 
 
 def closure_error(loop: Loop) -> float | None:
@@ -109,9 +98,7 @@ def _return_error(loop: Loop, parts: list[Branch], first: Branch) -> float | Non
     inputs, outputs = loop.input[first.start :], loop.output[first.start :]
     later_rows = slice(first.stop - 1 - first.start, None)
     level = float(inputs[0])
-    outputs_again = find_crossings(
-        inputs[later_rows], outputs[later_rows], level, rising=first.is_rising
-    )
+    outputs_again = find_crossings(inputs[later_rows], outputs[later_rows], level, rising=first.is_rising)
     if outputs_again.size:
         return float(outputs_again[-1] - outputs[0])
     if abs(inputs[-1] - level) <= 0.02 * float(np.ptp(inputs)):
@@ -152,9 +139,7 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
             return None
         tips = [_tip_output(drive, answer, sign * 0.98 * size) for sign in (1.0, -1.0)]
         shift_out += 0.5 * (tips[0] + tips[1])
-        zero_inputs = [
-            find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)
-        ]
+        zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
         if not zero_inputs[0].size or not zero_inputs[1].size:
             return None
         shift_in += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))

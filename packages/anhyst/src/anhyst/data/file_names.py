@@ -37,9 +37,7 @@ def add_constants_of_name(path: Path, description: FileDescription) -> FileDescr
             constants[key] = float(text)
         except ValueError:
             raise InputError(
-                f"{path}: '{text}' in the name is not a number for {key}",
-                code="file-name-pattern",
-                key=key,
+                f"{path}: '{text}' in the name is not a number for {key}", code="file-name-pattern", key=key
             ) from None
     return replace(description, constants=constants)
 
@@ -74,9 +72,7 @@ def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
     if len(known_gaps) < len(gaps):
         return {}
     has_words = all(_GAP_PATTERN.search(path.stem) for path in paths)
-    names_without_numbers = {
-        re.sub(r"\d+", "", _LENGTH_PATTERN.sub("", path.stem)) for path in paths
-    }
+    names_without_numbers = {re.sub(r"\d+", "", _LENGTH_PATTERN.sub("", path.stem)) for path in paths}
     return (
         known_gaps
         if has_words or (len(set(known_gaps.values())) > 1 and len(names_without_numbers) == 1)

@@ -70,9 +70,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
     loops, texts, largest = [], [], 0.0
     for loop, found_ripple in zip(loopset.loops, ripples, strict=True):
         loops.append(
-            loop
-            if found_ripple is None
-            else _remove_ripple(loop, found_ripple, is_followed=is_followed)
+            loop if found_ripple is None else _remove_ripple(loop, found_ripple, is_followed=is_followed)
         )
         if found_ripple is not None:
             (step, _), largest = measure_sampling(loop), max(largest, found_ripple.amplitude)
@@ -117,9 +115,7 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
     """Find the strongest steady line of the input; ``None`` if it is not a ripple."""
     drive, span = loop.input, float(np.ptp(loop.input))
     _, step_deviation = measure_sampling(loop)
-    if loop.n < 4 * _MIN_PERIODS or (
-        step_deviation is not None and step_deviation > _MAX_STEP_DEVIATION
-    ):
+    if loop.n < 4 * _MIN_PERIODS or (step_deviation is not None and step_deviation > _MAX_STEP_DEVIATION):
         return None
     lines = _spectrum(drive)
     peak = int(np.argmax(lines))
@@ -130,8 +126,7 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
         return None
     neighbours = lines[peak - 1], lines[peak + 1]
     peak_position = (
-        peak
-        + (neighbours[1] - neighbours[0]) / (neighbours[0] + 2.0 * amplitude + neighbours[1]) * 2.0
+        peak + (neighbours[1] - neighbours[0]) / (neighbours[0] + 2.0 * amplitude + neighbours[1]) * 2.0
     )
     period = loop.n / float(peak_position)
     slow_input = _average_over_period(_average_over_period(drive, period), period)
@@ -157,9 +152,7 @@ def _is_line(lines: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO) -
     return bool(surroundings.size and lines[peak] > min_ratio * float(np.median(surroundings)))
 
 
-def _is_ripple(
-    drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray, candidate: _Ripple
-) -> bool:
+def _is_ripple(drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray, candidate: _Ripple) -> bool:
     """Whether an oscillation is steady, reverses the input and is fast relative to the cycles."""
     length = float(np.median([part.size for part in find_branches(slow_input)]))
     if length < _MIN_PERIODS_PER_BRANCH * candidate.period:
@@ -167,14 +160,10 @@ def _is_ripple(
     if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
         return False  # steps of a staircase
     demodulated = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
-    amplitudes = np.array(
-        [abs(part.mean()) for part in np.array_split(demodulated, _SEGMENT_COUNT)]
-    )
+    amplitudes = np.array([abs(part.mean()) for part in np.array_split(demodulated, _SEGMENT_COUNT)])
     ratios = amplitudes / (float(np.median(amplitudes)) or 1.0)
     return (
-        float(
-            np.mean((ratios > _STEADY_AMPLITUDE_RATIOS[0]) & (ratios < _STEADY_AMPLITUDE_RATIOS[1]))
-        )
+        float(np.mean((ratios > _STEADY_AMPLITUDE_RATIOS[0]) & (ratios < _STEADY_AMPLITUDE_RATIOS[1])))
         >= _MIN_STEADY_SHARE
     )
 
@@ -201,9 +190,9 @@ def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> L
     def average(values: FloatArray) -> FloatArray:
         if np.ptp(values) == 0.0:
             return values[rows]
-        return _average_over_period(
-            _average_over_period(values, found_ripple.period), found_ripple.period
-        )[:: rows.step]
+        return _average_over_period(_average_over_period(values, found_ripple.period), found_ripple.period)[
+            :: rows.step
+        ]
 
     drive = average(loop.input)
     if is_followed:

@@ -21,8 +21,7 @@ from anhyst.support.units import (
 from anhyst.support.vocabulary import has_qualifier, is_formula
 
 _INPUTS_AND_OUTPUTS = frozenset(
-    QUANTITIES[name]
-    for name in (*DRIVE_QUANTITIES, "force", "thrust", "flux_density", "flux_linkage")
+    QUANTITIES[name] for name in (*DRIVE_QUANTITIES, "force", "thrust", "flux_density", "flux_linkage")
 )
 """Quantities for which several columns in the same unit can be confused."""
 
@@ -43,9 +42,7 @@ def map_headers(
     targets = {indices[source]: target for source, target in columns.items()}
     scales: dict[int, float] = {}
     for name, value in (scale or {}).items():
-        scales[_find_by_any_name(table, headers, targets, name, "scale")] = _parse_scale(
-            name, value
-        )
+        scales[_find_by_any_name(table, headers, targets, name, "scale")] = _parse_scale(name, value)
     flipped = {_find_by_any_name(table, headers, targets, name, "flip") for name in flip}
     for index, header in enumerate(headers):
         changed = replace(header, scale=scales.get(index), is_flipped=index in flipped)
@@ -145,10 +142,7 @@ def _map_header(source: str, header: Header, target: str) -> Header:
         and header.unit
         and mapped.unit.dimension == header.unit.dimension
     ):
-        is_same_unit = (mapped.unit.scale, mapped.unit.offset) == (
-            header.unit.scale,
-            header.unit.offset,
-        )
+        is_same_unit = (mapped.unit.scale, mapped.unit.offset) == (header.unit.scale, header.unit.offset)
         if not is_same_unit:
             raise InputError(
                 f"{place}: the file states {header.unit.symbol}, the mapping {mapped.unit.symbol}; "

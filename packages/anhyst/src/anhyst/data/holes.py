@@ -143,9 +143,5 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
     rows_away = np.flatnonzero(~is_near[first_near:])
     last_near = first_near + int(rows_away[0]) if rows_away.size else is_near.size
     begin = start + first_near + int(np.argmin(distance[first_near:last_near]))
-    points = (
-        turning_points
-        if is_bipolar(loop.input) or turning_points[-1] == tips[0]
-        else (0.0, tips[1])
-    )
+    points = turning_points if is_bipolar(loop.input) or turning_points[-1] == tips[0] else (0.0, tips[1])
     return begin, History("conditioned", (*points[:-1], float(loop.input[begin])))

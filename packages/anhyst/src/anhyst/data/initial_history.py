@@ -59,9 +59,7 @@ class _RiseComparison:
     @property
     def verdict(self) -> Literal["virgin", "settled", "unsure"]:
         """Whether the first rise is an initial curve; ``"unsure"`` if the noise hides it."""
-        if self.difference > max(
-            _MIN_RISE_SIGMAS * self.standard_error, _MAX_RISE_DISTANCE * self.height
-        ):
+        if self.difference > max(_MIN_RISE_SIGMAS * self.standard_error, _MAX_RISE_DISTANCE * self.height):
             return "virgin"
         return (
             "settled"
@@ -98,9 +96,7 @@ def correct_fast_histories(
     """
     carried = list(proposals)
     for index, slower_indices in enumerate(find_slower_loops(loops)):
-        not_demagnetised = [
-            place for place in slower_indices if proposals[place][0].kind != "demagnetised"
-        ]
+        not_demagnetised = [place for place in slower_indices if proposals[place][0].kind != "demagnetised"]
         if (
             proposals[index][0].kind != "demagnetised"
             or not slower_indices
@@ -123,9 +119,7 @@ def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
     span, start = float(np.ptp(slow_loop.input)), float(fast_loop.input[0])
     last = [slow_loop.n - 1 - int(pick(slow_loop.input[::-1])) for pick in (np.argmin, np.argmax)]
     ends = [float(f"{slow_loop.input[place]:.4g}") for place in sorted(last)]
-    return_point = (
-        [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
-    )
+    return_point = [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
     return History("conditioned", (*ends, *return_point))
 
 
@@ -177,13 +171,12 @@ def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
     noise_limit = 5.0 * estimate_noise(answer)
     is_at_rest = _starts_at_rest(loop, even=even)
     if is_at_rest and even and closing_error is not None:
-        is_virgin = closing_error > max(
-            _MIN_REMANENCE_SHARE * height, noise_limit
-        ) and _has_remanence(loop, closing_error)
+        is_virgin = closing_error > max(_MIN_REMANENCE_SHARE * height, noise_limit) and _has_remanence(
+            loop, closing_error
+        )
     else:
         is_virgin = is_at_rest and (
-            closing_error is None
-            or abs(closing_error) > max(_MAX_END_DISTANCE * height, noise_limit)
+            closing_error is None or abs(closing_error) > max(_MAX_END_DISTANCE * height, noise_limit)
         )
     if is_virgin:
         verb_text = "never returns" if closing_error is None else "does not return"
@@ -194,10 +187,7 @@ def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
     if abs(closing_error) <= max(_MAX_END_DISTANCE * height, noise_limit):
         return SETTLED, f"it returns to its start within {error_text}"
     if is_at_rest:
-        return (
-            SETTLED,
-            f"its end deviates from its start by {error_text}, which is drift and not remanence",
-        )
+        return (SETTLED, f"its end deviates from its start by {error_text}, which is drift and not remanence")
     return (
         SETTLED,
         f"it starts away from rest, and its end deviates from its start by {error_text} (uncertain)",
@@ -219,16 +209,10 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     growth = rise[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
         return True  # such a remanence hides all other effects
-    input_at_1, input_at_4 = (
-        float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0)
-    )
-    difference = (
-        float(_interpolate(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
-    )
+    input_at_1, input_at_4 = (float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0))
+    difference = float(_interpolate(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
     start = float(loop.input[0])
-    return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(
-        input_at_1 - start
-    )
+    return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
 
 
 def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
@@ -240,8 +224,7 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
     distance = abs(answer[0] - zero)
     return bool(
         distance
-        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(answer - zero)))
-        + 5.0 * estimate_noise(answer)
+        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(answer - zero))) + 5.0 * estimate_noise(answer)
     )
 
 
@@ -271,9 +254,7 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     )
     falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
     drift = _estimate_drift(curves[0], curves[index], falls, top, sigma)
-    comparisons = _compare_parts(
-        curves[0], curves[index], curves[1], top - start_input, drift, sigma
-    )
+    comparisons = _compare_parts(curves[0], curves[index], curves[1], top - start_input, drift, sigma)
     inputs_between = loop.input[first_rise.stop - 1 : later_branch.stop]
     inputs_between = inputs_between * np.sign(inputs_between[0])
     if not (float(inputs_between.min()) < -0.1 * float(inputs_between.max())):
@@ -281,8 +262,7 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     # Inside a loop, the initial curve lies above later rises. Near rest, a squared flux lies above
     # it instead, because the remanence has the other sign there.
     signs = [
-        np.sign(part.difference) if even and part is not comparisons[-1] else -1.0
-        for part in comparisons
+        np.sign(part.difference) if even and part is not comparisons[-1] else -1.0 for part in comparisons
     ]
     return [
         replace(part, difference=sign * part.difference)
@@ -298,14 +278,8 @@ def _estimate_drift(
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _MAX_REST_SHARE * span:
         (first_curve, second_curve), low_input = falls, float(falls[1][0].min())
     else:
-        first_curve, second_curve, low_input = (
-            rise,
-            later_rise,
-            top - (1.0 - _RISES_MEET_SHARE) * span,
-        )
-    is_in_range = (first_curve[0] >= low_input) & (
-        first_curve[0] <= min(top, float(second_curve[0].max()))
-    )
+        first_curve, second_curve, low_input = (rise, later_rise, top - (1.0 - _RISES_MEET_SHARE) * span)
+    is_in_range = (first_curve[0] >= low_input) & (first_curve[0] <= min(top, float(second_curve[0].max())))
     size, answer = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if size.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
@@ -317,12 +291,7 @@ def _estimate_drift(
 
 
 def _compare_parts(
-    rise: _Curve,
-    later_rise: _Curve,
-    fall: _Curve,
-    span: float,
-    drift: tuple[float, float],
-    sigma: _Sigma,
+    rise: _Curve, later_rise: _Curve, fall: _Curve, span: float, drift: tuple[float, float], sigma: _Sigma
 ) -> list[_RiseComparison]:
     """Compare two rises over several parts of the first one, all of which begin at rest."""
     size, answer = rise
@@ -334,17 +303,13 @@ def _compare_parts(
     rises = []
     for part in _FIRST_RISE_PARTS:
         is_in_part = share < part
-        count = min(
-            np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span)
-        )
+        count = min(np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span))
         if count < _MIN_SAMPLES:
             continue
         error = _output_scatter(answer[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
         mean = float(difference[is_in_part].mean()) - drift[0]
         rises.append(
-            _RiseComparison(
-                mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean())
-            )
+            _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean()))
         )
     return rises
 
@@ -365,9 +330,7 @@ def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
     if len(parts) < 2:
         return None
     later = slice(parts[0].stop - 1, None)
-    outputs_again = find_crossings(
-        drive[later], answer[later], float(drive[0]), rising=parts[0].is_rising
-    )
+    outputs_again = find_crossings(drive[later], answer[later], float(drive[0]), rising=parts[0].is_rising)
     if outputs_again.size:
         return float(outputs_again[-1])
     remaining_input, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])

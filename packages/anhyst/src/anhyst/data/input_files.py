@@ -16,9 +16,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 
 
-def list_input_files(
-    paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None
-) -> list[Path]:
+def list_input_files(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
     """Return the files that `read_loops` reads for these arguments, including sidecars."""
     files = expand_folders(paths)
     if sidecar is not None:
@@ -65,9 +63,7 @@ def _may_be_table(path: Path) -> bool:
     return any(is_number_or_mark(field) for row in rows for field in row)
 
 
-def note_skipped_files(
-    paths: PathLike | Sequence[PathLike], files: Sequence[Path]
-) -> tuple[str, ...]:
+def note_skipped_files(paths: PathLike | Sequence[PathLike], files: Sequence[Path]) -> tuple[str, ...]:
     """Return notes about text files in folders that are not tables."""
     folders = [path for path in _as_path_list(paths) if path.is_dir()]
     texts = [file for folder in folders for file in _data_files_in(folder) if file not in files]

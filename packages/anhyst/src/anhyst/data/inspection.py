@@ -116,8 +116,7 @@ class Inspection(Result):
             "schedule_values": list(self.schedule_values),
             "samples": sum(loop.samples for loop in self.loops),
             "loops": [_as_json_figures(loop, units) for loop in self.loops],
-            "verdict": _as_json_figures(self.verdict, units)
-            | {"worthwhile": self.verdict.worthwhile},
+            "verdict": _as_json_figures(self.verdict, units) | {"worthwhile": self.verdict.worthwhile},
             "rate": self.rate,
             "warnings": list(self.warnings),
             "repairs": list(self.repairs),
@@ -251,9 +250,7 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
                 f"{name}: the output lags by {seconds}{figure.skew:.4g} samples (if the "
                 "measurement causes it, and not the device, use cleaning step 'skew')"
             )
-        warnings += [
-            f"{name}: {hole}; the history after it is unknown" for hole in find_holes(loop.time)
-        ]
+        warnings += [f"{name}: {hole}; the history after it is unknown" for hole in find_holes(loop.time)]
         if figure.drift is not None and abs(figure.drift) > max(0.005 * height, 4.0 * figure.noise):
             warnings.append(
                 f"{name}: the output drifts by {figure.drift / height:.1%} of its height over the "
@@ -264,9 +261,7 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
         if figure.history.kind == "settled" and figure.proposed.kind == "demagnetised":
             warnings.append(f"{name}: stated as settled, but {figure.reason}")
     if loopset.schedule is not None and len(loopset.schedule_values) == 1:
-        warnings.append(
-            f"only one {loopset.schedule.name}: the dependence on it cannot be identified"
-        )
+        warnings.append(f"only one {loopset.schedule.name}: the dependence on it cannot be identified")
     return warnings
 
 
@@ -301,16 +296,12 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     for loop, residual in single_valued_residuals(loopset):
         shown_rows = thinning_slice(loop.n)
         share = 100.0 * residual[shown_rows] / size
-        residual_axes.plot(
-            loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9
-        )
+        residual_axes.plot(loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9)
     noise = 100.0 * inspection.verdict.noise_relative
     residual_axes.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     residual_axes.set_xlabel(loopset.input.label)
     residual_axes.set_ylabel(f"% of {name_full_scale(loopset.output)}")
-    residual_axes.set_title(
-        "residuals of the best single-valued curve", loc="left", fontsize="medium"
-    )
+    residual_axes.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
     residual_axes.legend(frameon=False, fontsize="small")
     style_axes(residual_axes)
     text_axes.set_axis_off()

@@ -41,9 +41,7 @@ class SourceLoops:
     without_history: frozenset[int] = frozenset()
     is_labelled: bool = True
     has_blocks: bool = False  # whether breaks separate the loops
-    stated_gap: tuple[float | None, str] | None = (
-        None  # m, and the comment in the header of the file
-    )
+    stated_gap: tuple[float | None, str] | None = None  # m, and the comment in the header of the file
 
 
 def join_loops(parts: Sequence[SourceLoops]) -> Loops:
@@ -72,17 +70,13 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
             snapped = _snap_schedule(loop, values)
             entry = _Entry(snapped, snapped.schedule_value, part)
             candidates = by_fingerprint[_fingerprint(snapped)] if entry.is_identifiable else []
-            twin_source = next(
-                filter(None, (_find_twin(entry, other) for other in candidates)), None
-            )
+            twin_source = next(filter(None, (_find_twin(entry, other) for other in candidates)), None)
             if twin_source is None:
                 candidates.append(entry)
                 entries.append(entry)
             else:
                 name = part.source_name
-                notes.append(
-                    f"{name}: loop '{loop.label}' is the same as in {twin_source}: left out"
-                )
+                notes.append(f"{name}: loop '{loop.label}' is the same as in {twin_source}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(
         _make_labels_unique(entries),
@@ -126,9 +120,7 @@ def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
         if len(group) > 1
         for entry in group
     }
-    return tuple(
-        replace(entry.loop, label=labels.get(id(entry), entry.loop.label)) for entry in entries
-    )
+    return tuple(replace(entry.loop, label=labels.get(id(entry), entry.loop.label)) for entry in entries)
 
 
 def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
@@ -161,9 +153,7 @@ def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
 def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
     ours, theirs = entry.loop, earlier_entry.loop
-    if not (
-        np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)
-    ):
+    if not (np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)):
         return None
     if entry.schedule_value != earlier_entry.schedule_value:
         raise InputError(
@@ -181,8 +171,7 @@ def _fingerprint(loop: Loop) -> tuple[float, ...]:
 
 
 NESTED_LOOPS_NOTE = (
-    "settled loops lie within larger loops that were run before them, so their history includes these "
-    "loops"
+    "settled loops lie within larger loops that were run before them, so their history includes these loops"
 )
 """Note for records to which earlier loops were added as history."""
 _MAX_END_DISTANCE = 0.02
@@ -266,22 +255,16 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
         end_index = 0 if rising else -1
         if abs(inner_branch[0][end_index] - outer_branch[0][end_index]) > _MAX_END_DISTANCE * span:
             continue
-        is_in_range = (inner_branch[0] >= outer_branch[0][0]) & (
-            inner_branch[0] <= outer_branch[0][-1]
-        )
+        is_in_range = (inner_branch[0] >= outer_branch[0][0]) & (inner_branch[0] <= outer_branch[0][-1])
         if np.count_nonzero(is_in_range) < _MIN_BRANCH_SAMPLES:
             continue
         inputs, outputs = inner_branch[0][is_in_range], inner_branch[1][is_in_range]
         distance = float(np.mean(outputs - np.interp(inputs, *outer_branch)))
-        height = abs(
-            float(np.mean(np.interp(inputs, *opposite_branch) - np.interp(inputs, *outer_branch)))
-        )
+        height = abs(float(np.mean(np.interp(inputs, *opposite_branch) - np.interp(inputs, *outer_branch))))
         slope = float(np.ptp(outputs) / np.ptp(inputs))
         scatter = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
         error = float(scatter) * (2.0 / inputs.size) ** 0.5
-        verdicts.append(
-            abs(distance) <= max(_MIN_DIFFERENCE_SIGMAS * error, _MAX_DISTANCE_SHARE * height)
-        )
+        verdicts.append(abs(distance) <= max(_MIN_DIFFERENCE_SIGMAS * error, _MAX_DISTANCE_SHARE * height))
     return all(verdicts) if verdicts else None
 
 

@@ -59,9 +59,7 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
                 key="gap",
             )
         if loop.source != larger_loop.source and _are_apart(loop, larger_loop):
-            names = " and ".join(
-                PurePath(named_loop.source).name for named_loop in (larger_loop, loop)
-            )
+            names = " and ".join(PurePath(named_loop.source).name for named_loop in (larger_loop, loop))
             raise InputError(
                 f"{loop.source}: the {len(files)} files contain different loops of the same "
                 f"quantities without a gap ({names}); state the gap in the file names, such as "
@@ -105,9 +103,7 @@ def _are_apart(loop: Loop, larger: Loop) -> bool:
         pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger)]
         if pair[0].size == 0 or pair[1].size == 0:
             continue
-        (lowest, highest), (other_lowest, other_highest) = [
-            (float(p.min()), float(p.max())) for p in pair
-        ]
+        (lowest, highest), (other_lowest, other_highest) = [(float(p.min()), float(p.max())) for p in pair]
         size = max(abs(lowest), abs(highest), abs(other_lowest), abs(other_highest)) or 1.0
         distances.append(max(0.0, lowest - other_highest, other_lowest - highest) / size)
         middles.append(abs(lowest + highest - other_lowest - other_highest) / (2.0 * size))

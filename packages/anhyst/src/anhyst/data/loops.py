@@ -108,9 +108,7 @@ class Loop:
         array = np.asarray(values, dtype=np.float64)
         if array.ndim != 1 or array.size != np.size(self.input):
             raise InputError(
-                f"loop '{self.label}': {name} must have one value per sample",
-                code="length-differs",
-                key=name,
+                f"loop '{self.label}': {name} must have one value per sample", code="length-differs", key=name
             )
         if array.size < 3:
             raise InputError(
@@ -283,9 +281,7 @@ class Loops(Result):
             matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not matching_values:
                 value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
-                raise InputError(
-                    f"no loop at {value:g}; there are: {value_list}", code="no-such-loop"
-                )
+                raise InputError(f"no loop at {value:g}; there are: {value_list}", code="no-such-loop")
             selected |= matching_values
         loops = tuple(loop for loop in self.loops if loop.schedule_value in selected)
         return replace(self, loops=loops)
@@ -299,9 +295,7 @@ class Loops(Result):
             If there is no loop at that value, or no loop remains.
         """
         removed_ids = {id(loop) for loop in self.at(value).loops}
-        return replace(
-            self, loops=tuple(loop for loop in self.loops if id(loop) not in removed_ids)
-        )
+        return replace(self, loops=tuple(loop for loop in self.loops if id(loop) not in removed_ids))
 
     def with_loops(self, loops: Iterable[Loop], repair: str | None = None) -> Loops:
         """Return the same set with other loops, and add the repair that changed them."""
@@ -373,12 +367,8 @@ class Loops(Result):
         rows = []
         for loop in self.loops[:MAX_ROWS]:
             value = loop.schedule_value
-            schedule_fields = (
-                [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
-            )
-            ends = (
-                f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output)
-            )
+            schedule_fields = [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
+            ends = (f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output))
             rows.append([loop.label, *schedule_fields, str(loop.n), *ends, loop.history.kind])
         hidden_count = len(self) - len(rows)
         rows += [[f"and {count_text(hidden_count, 'more loop')}"]] if hidden_count else []
@@ -388,9 +378,7 @@ class Loops(Result):
         """Draw all loops, output over input, with one colour for each scheduling value."""
         scale, label = length_scale(self.output)
         has_moving_schedule = any(loop.schedule_value is None for loop in self.loops)
-        for group, shade in schedule_colours(
-            self.schedule_values, has_moving=has_moving_schedule
-        ).items():
+        for group, shade in schedule_colours(self.schedule_values, has_moving=has_moving_schedule).items():
             name = group_label(self.schedule, group)
             for loop in self.loops:
                 if loop.schedule_value == group:
@@ -419,9 +407,7 @@ def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **ot
     """Return a loop with the same change to all columns, except those that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed = {
-        name: change(values)
-        for name, values in columns.items()
-        if values is not None and name not in others
+        name: change(values) for name, values in columns.items() if values is not None and name not in others
     }
     return replace(loop, **changed | others)
 

@@ -53,9 +53,7 @@ OUTPUT_MAPS = {
         OutputMap("flux_density", is_flux_based=True, is_flux_density=True),
         OutputMap("flux_linkage", is_flux_based=True),
         OutputMap("displacement", has_natural_zero=False, has_creep=True),
-        OutputMap(
-            "strain", has_natural_zero=False, has_creep=True, magnetised_name="magnetostriction"
-        ),
+        OutputMap("strain", has_natural_zero=False, has_creep=True, magnetised_name="magnetostriction"),
         OutputMap("magnetostriction", power=2),
     )
 }
@@ -81,9 +79,7 @@ def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
 def name_full_scale(output: Quantity, size: float | None = None) -> str:
     """Return the name of a full scale, with its value if given: ``the largest force (24 N)``."""
     name = output.name.replace("_", " ")
-    words = (
-        f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
-    )
+    words = f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
     if size is None:
         return words
     unit, scale = choose_display_unit(output, size)

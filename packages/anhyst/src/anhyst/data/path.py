@@ -79,9 +79,7 @@ def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
     return max(0, find_turning_points(values, threshold).size - 2)
 
 
-def find_crossings(
-    values: FloatArray, other: FloatArray, level: float, *, rising: bool
-) -> FloatArray:
+def find_crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction."""
     is_before = values < level if rising else values > level
     rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
@@ -185,9 +183,7 @@ _MAX_STEP_SHARE = 0.5
 """Maximum step of the output, as a fraction of its range, above which samples are added."""
 
 
-def thin_rows(
-    drive: FloatArray, max_samples: int, output: FloatArray | None = None
-) -> NDArray[np.intp]:
+def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = None) -> NDArray[np.intp]:
     """Return the rows of about ``max_samples`` samples at most, and of every reversal.
 
     The samples are evenly spaced along the travel of the drive. If the output has a step above
@@ -203,8 +199,7 @@ def thin_rows(
         return rows
     step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _travel(output)
     between = [
-        rows[place]
-        + _spread_evenly(output_travel[rows[place] : rows[place + 1] + 1], step_parts[place] + 1)
+        rows[place] + _spread_evenly(output_travel[rows[place] : rows[place + 1] + 1], step_parts[place] + 1)
         for place in np.flatnonzero(step_parts > 1)
     ]
     return np.unique(np.concatenate([rows, *between]))
@@ -268,9 +263,7 @@ def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, B
     ]
 
 
-def average_in_bins(
-    drive: FloatArray, answer: FloatArray, bins: int = 100
-) -> tuple[FloatArray, FloatArray]:
+def average_in_bins(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
     """Return the means of input and output in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
@@ -361,10 +354,7 @@ class History:
                 code="unknown-history",
                 key="history",
             )
-        wrong_by_kind = {
-            "conditioned": not self.turning_points,
-            "demagnetised": bool(self.turning_points),
-        }
+        wrong_by_kind = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
         if wrong_by_kind.get(self.kind, False):
             raise InputError(
                 f"history '{self.kind}' with the wrong turning points; {_HISTORY_ADVICE}",
@@ -405,8 +395,7 @@ class History:
             points = tuple(float(point) for point in value)
         except (TypeError, ValueError):
             raise InputError(
-                f"history: must be a text or a list of turning points, such as [0, 2, 0], not "
-                f"{value!r:.60}",
+                f"history: must be a text or a list of turning points, such as [0, 2, 0], not {value!r:.60}",
                 code="wrong-type",
                 key="history",
             ) from None
@@ -425,9 +414,7 @@ class History:
         kind = kind.strip().lower().replace("demagnetized", "demagnetised")
         if kind not in {"demagnetised", "settled", "conditioned"}:
             raise InputError(
-                f"history '{text}' is not known; {_HISTORY_ADVICE}",
-                code="unknown-history",
-                key="history",
+                f"history '{text}' is not known; {_HISTORY_ADVICE}", code="unknown-history", key="history"
             )
         points: list[float] = []
         schedule: list[float | None] = []

@@ -71,19 +71,14 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
         return None  # one temperature with noise contains no information
     plateau_of_row = _assign_rows(values, plateaus)
-    if all(plateau.sigma == 0.0 for plateau in plateaus) and not _are_only_ramps(
-        values, plateau_of_row
-    ):
+    if all(plateau.sigma == 0.0 for plateau in plateaus) and not _are_only_ramps(values, plateau_of_row):
         return None
     rows = np.flatnonzero(plateau_of_row >= 0)
     if rows.size < (1.0 - _MAX_LOST_SHARE) * values.size:
         # If the input is constant wherever the gap changes, no loop is cut, however many rows are
         # lost.
         span = float(np.ptp(drive))
-        if any(
-            np.ptp(drive[moved]) > _MIN_REVERSAL_SHARE * span
-            for moved in find_runs(plateau_of_row < 0)
-        ):
+        if any(np.ptp(drive[moved]) > _MIN_REVERSAL_SHARE * span for moved in find_runs(plateau_of_row < 0)):
             return None
     return Plateaus(
         rows,
@@ -117,9 +112,9 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
     noise = TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
     noise = max(noise, float(np.mean(steps)) / 2.0)
     smooth = uniform_filter1d(values, width, mode="nearest")
-    max_change = _MAX_DRIFT * float(
-        np.median(np.abs(values))
-    ) + _MAX_DISTANCE_SIGMAS * noise / math.sqrt(width)
+    max_change = _MAX_DRIFT * float(np.median(np.abs(values))) + _MAX_DISTANCE_SIGMAS * noise / math.sqrt(
+        width
+    )
     later_average = np.concatenate((smooth[width:], np.full(width, smooth[-1])))
     is_still = np.abs(later_average - smooth) <= max_change
     is_still[width:] &= is_still[:-width].copy()
@@ -149,9 +144,7 @@ def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
     for plateau in plateaus:
         decimals = max(0, 1 - math.floor(math.log10(plateau.sigma))) if plateau.sigma > 0.0 else 12
         # At contact the gap is 0, even if the sensor has an offset.
-        equal_levels = [
-            level for level in (*levels, 0.0) if abs(level - plateau.mean) <= plateau.sigma
-        ]
+        equal_levels = [level for level in (*levels, 0.0) if abs(level - plateau.mean) <= plateau.sigma]
         levels.append(equal_levels[0] if equal_levels else round(plateau.mean, decimals))
     return levels
 
@@ -175,9 +168,7 @@ def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.int
     return plateau_of_row
 
 
-def _describe(
-    plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity
-) -> str:
+def _describe(plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity) -> str:
     scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
     value_texts = list(dict.fromkeys(texts))

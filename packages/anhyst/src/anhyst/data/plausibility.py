@@ -14,14 +14,7 @@ import numpy as np
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import output_map
-from anhyst.data.path import (
-    branch_separation,
-    correlation,
-    find_branches,
-    find_runs,
-    is_bipolar,
-    is_negative,
-)
+from anhyst.data.path import branch_separation, correlation, find_branches, find_runs, is_bipolar, is_negative
 from anhyst.data.symmetry import check_not_even, recentre
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
@@ -76,11 +69,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
             # A biased force starts with a slope.
             if loopset.input.name == "current" and (is_even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
-        if (
-            answer.is_flux_based
-            and not answer.is_even
-            and correlation(loop.input, loop.output) < -0.5
-        ):
+        if answer.is_flux_based and not answer.is_even and correlation(loop.input, loop.output) < -0.5:
             what = loopset.output.name.replace("_", " ")
             raise InputError(
                 f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
@@ -148,15 +137,11 @@ def _check_magnitude(loopset: Loops) -> list[str]:
         largest = max(float(np.max(np.abs(getattr(loop, name)))) for loop in loopset.loops)
         if quantity.name not in _PLAUSIBLE_RANGES or largest == 0.0:
             continue
-        min_plausible, max_plausible, unit_if_small, unit_if_large = _PLAUSIBLE_RANGES[
-            quantity.name
-        ]
+        min_plausible, max_plausible, unit_if_small, unit_if_large = _PLAUSIBLE_RANGES[quantity.name]
         if not min_plausible <= largest <= max_plausible:
             value_text = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
             unit = unit_if_small if largest < min_plausible else unit_if_large
-            warnings.append(
-                f"the largest {value_text}, which is implausible; are the numbers in {unit}?"
-            )
+            warnings.append(f"the largest {value_text}, which is implausible; are the numbers in {unit}?")
     return warnings
 
 
@@ -166,10 +151,7 @@ def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
         return
     falls = correlation(loop.input**2, loop.output) < -0.5
     if falls or highest <= 0.0 or -lowest > 5.0 * highest:
-        drive, force_range = (
-            loopset.input.name,
-            f"{lowest:.4g} to {highest:.4g} {loopset.output.unit}",
-        )
+        drive, force_range = (loopset.input.name, f"{lowest:.4g} to {highest:.4g} {loopset.output.unit}")
         if is_negative(loop.input):
             raise InputError(
                 f"{name}: the force is negative ({force_range}), and so is the {drive}; attraction must be "
@@ -195,8 +177,7 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     # A real step of the drive is fast, and its record has a clock.
     distance = branch_separation(loop.input, loop.output, branch, later_branch)
     min_distance = max(
-        _MIN_SIGMAS * estimate_noise(loop.output),
-        _MIN_RELATIVE_DIFFERENCE * float(np.ptp(loop.output)),
+        _MIN_SIGMAS * estimate_noise(loop.output), _MIN_RELATIVE_DIFFERENCE * float(np.ptp(loop.output))
     )
     if distance is None or float(np.max(np.abs(distance[1]))) < min_distance:
         return
@@ -204,9 +185,7 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     branch_to_reverse = later_branch if float(np.mean(distance[1])) > 0.0 else branch
     top = float(np.max(np.abs(ends)))
     is_closed = abs(loop.output[branch.start] - loop.output[later_branch.start]) < min_distance
-    history_option = (
-        "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
-    )
+    history_option = "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
     raise InputError(
         f"{name}: the {loopset.input.name} jumps from {ends[0]:.4g} to {ends[1]:.4g} "
         f"{loopset.input.unit} and then runs in the same direction again: the table lists both "

@@ -10,13 +10,7 @@ import re
 import shlex
 from collections.abc import Collection, Sequence
 
-from anhyst.support.units import (
-    DRIVE_QUANTITIES,
-    QUANTITIES,
-    QUANTITY_DIMENSIONS,
-    Header,
-    find_unit,
-)
+from anhyst.support.units import DRIVE_QUANTITIES, QUANTITIES, QUANTITY_DIMENSIONS, Header, find_unit
 from anhyst.support.vocabulary import (
     RAW_UNITS,
     fold,
@@ -44,17 +38,7 @@ _NAME_HINTS = {
 """Names that suggest a quantity, in addition to `named_quantities`; only used for proposals."""
 
 _EXCLUDING_WORDS = {
-    "flux_density": {
-        "j",
-        "js",
-        "h",
-        "m",
-        "mu",
-        "applied",
-        "external",
-        "polarisation",
-        "polarization",
-    },
+    "flux_density": {"j", "js", "h", "m", "mu", "applied", "external", "polarisation", "polarization"},
     "field": {"m", "magnetisation", "magnetization", "magnetisierung", "aimantation"},
 }
 """Words that exclude a quantity despite its unit: a polarisation J in T is not B."""
@@ -72,10 +56,7 @@ _DOUBT_PENALTY = 4
 
 
 def advise_mapping(
-    headers: Sequence[Header],
-    *missing: Sequence[str],
-    skip: Collection[int] = (),
-    min_score: int = -8,
+    headers: Sequence[Header], *missing: Sequence[str], skip: Collection[int] = (), min_score: int = -8
 ) -> str:
     """Return the advice how to map the likeliest columns to the missing quantities."""
     found = find_likely_columns(headers, missing, skip, min_score)
@@ -136,14 +117,10 @@ def _find_rivals(
     """Return other columns with a matching unit that are at least as likely for a quantity."""
     chosen_columns = {column for column, _ in found}
     chosen, score = headers[chosen_column], _likeness_score(headers[chosen_column], name)
-    other_columns = [
-        column for column in _unmapped_columns(headers, skip) if column not in chosen_columns
-    ]
+    other_columns = [column for column in _unmapped_columns(headers, skip) if column not in chosen_columns]
     if _has_matching_unit(chosen, name):
         score -= 0 if _is_doubted(chosen) else _NAME_SCORE
-        other_columns = [
-            column for column in other_columns if _has_matching_unit(headers[column], name)
-        ]
+        other_columns = [column for column in other_columns if _has_matching_unit(headers[column], name)]
     elif chosen.unit is not None or chosen.stated:
         return []
     return [
@@ -171,9 +148,7 @@ def format_option(name: str, pairs: dict[str, str]) -> str:
     '--columns \'"Current, coil (A)"=I_A\''
     """
     text = ",".join(join_pair(left, right) for left, right in pairs.items())
-    return f"--{name} " + (
-        shlex.quote(text) if any(sign in text for sign in '"$`!\\') else f'"{text}"'
-    )
+    return f"--{name} " + (shlex.quote(text) if any(sign in text for sign in '"$`!\\') else f'"{text}"')
 
 
 def join_pair(name: str, value: object) -> str:
@@ -207,9 +182,7 @@ def find_likely_columns(
             if _can_hold(headers[index], name)
         ]
         # Of equal scores, max returns the first.
-        score, best_column, name = max(
-            pool, key=lambda scored: scored[0], default=(min_score - 1, 0, "")
-        )
+        score, best_column, name = max(pool, key=lambda scored: scored[0], default=(min_score - 1, 0, ""))
         if score >= min_score:
             free_columns.remove(best_column)
             candidates.append((best_column, name))
@@ -234,20 +207,14 @@ def _is_piezo(headers: Sequence[Header]) -> bool:
     dimensions = {header.unit.dimension for header in other_headers if header.unit is not None}
     named_in_headers = {name for header in other_headers for name in named_quantities(header.name)}
     is_moved = not dimensions.isdisjoint({"length", "number"})
-    return (
-        "voltage" in dimensions
-        and is_moved
-        and _ELECTROMAGNETIC.isdisjoint(dimensions | named_in_headers)
-    )
+    return "voltage" in dimensions and is_moved and _ELECTROMAGNETIC.isdisjoint(dimensions | named_in_headers)
 
 
 def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
     """Return the advice how to map a column whose unit is missing or contradictory."""
     name = header.quantity.name if header.quantity else ""
     if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
-        targets = [
-            f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict
-        ]
+        targets = [f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict]
         mapped = current_mapping(headers)
         choices = [format_option("columns", mapped | {header.text: target}) for target in targets]
         return f"; state which one is correct: {' or '.join(choices)}"
@@ -262,18 +229,10 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
         return ""
     if has_missing_unit(header):
         # All columns without a unit are asked for together, in one round instead of four.
-        headers_without_unit = {
-            other.quantity: other for other in [*columns_without_unit(headers), header]
-        }
-        names = {
-            other.text: QUANTITIES[kind.name]
-            for kind, other in headers_without_unit.items()
-            if kind
-        }
+        headers_without_unit = {other.quantity: other for other in [*columns_without_unit(headers), header]}
+        names = {other.text: QUANTITIES[kind.name] for kind, other in headers_without_unit.items() if kind}
         if len(names) > 1:
-            columns = {
-                text: _target_column(header, quantity.name) for text, quantity in names.items()
-            }
+            columns = {text: _target_column(header, quantity.name) for text, quantity in names.items()}
             columns = current_mapping(headers) | columns
             return f"; or map them in their units: {format_option('columns', columns)}"
     return f"; or map it: {mapping_option(header, name, headers)}"
@@ -299,9 +258,7 @@ def selection_option(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
     mapped = current_mapping(headers)
     same_quantity = [other for other in headers if other.quantity == header.quantity]
-    certain = {
-        other.text: "" for other in same_quantity if other.is_certain and other is not header
-    }
+    certain = {other.text: "" for other in same_quantity if other.is_certain and other is not header}
     return format_option("columns", mapped | certain | {header.text: header.name})
 
 
@@ -344,9 +301,7 @@ def _can_hold(header: Header, name: str) -> bool:
             "voltage",
         }
     is_named = name in _suggested_quantities(header)
-    first_unit = find_unit(
-        re.split(r"\W", header.stated)[0]
-    )  # ampere-turns are amperes with a scale
+    first_unit = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes with a scale
     is_named = is_named or (
         first_unit is not None and first_unit.dimension == QUANTITY_DIMENSIONS.get(name, name)
     )
@@ -378,11 +333,7 @@ def _likeness_score(header: Header, name: str) -> int:
         score -= 2 * _UNIT_SCORE
     # Volts can be the signal of any sensor, and a column without a unit can be any quantity.
     is_plain = header.unit is not None and header.unit.symbol == "-"
-    if (
-        _has_matching_unit(header, name)
-        and not is_plain
-        and (name != "voltage" or is_drive(header.name))
-    ):
+    if _has_matching_unit(header, name) and not is_plain and (name != "voltage" or is_drive(header.name)):
         score += _UNIT_SCORE
     return score
 

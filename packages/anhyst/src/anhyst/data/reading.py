@@ -45,13 +45,7 @@ from anhyst.data.roles import (
     find_roles,
 )
 from anhyst.data.sidecar import FileDescription
-from anhyst.data.table import (
-    LOOP_SOURCES_TEXT,
-    check_source,
-    find_clocks,
-    frame_to_table,
-    is_data_frame,
-)
+from anhyst.data.table import LOOP_SOURCES_TEXT, check_source, find_clocks, frame_to_table, is_data_frame
 from anhyst.data.used_rows import UsedRows
 from anhyst.data.wide_tables import refuse_wide_table
 from anhyst.support.atomic import PathLike
@@ -160,9 +154,7 @@ def read_loops(
         )
     files = expand_folders(paths)
     described = {
-        path: description.with_defaults(
-            shared_sidecar if shared_sidecar is not None else find_sidecar(path)
-        )
+        path: description.with_defaults(shared_sidecar if shared_sidecar is not None else find_sidecar(path))
         for path in files
     }
     gaps = _find_name_gaps(described)
@@ -215,32 +207,23 @@ def _read_table(
     _refuse_one_channel(source_name, headers)
     first_rows = table.first_rows(MIN_LOOP_SAMPLES)
     text_columns = [
-        index
-        for row in first_rows[:1]
-        for index, field in enumerate(row)
-        if not is_number_or_mark(field)
+        index for row in first_rows[:1] for index, field in enumerate(row) if not is_number_or_mark(field)
     ]
     number_columns = [index for index in range(len(headers)) if index not in text_columns]
     roles = find_roles(
         source_name, headers, description, text_columns, lambda: find_clocks(table, number_columns)
     )
     role_columns = (roles.input, roles.output, roles.time, roles.schedule)
-    selection_columns = {
-        name: find_column(source_name, headers, name) for name in description.select
-    }
+    selection_columns = {name: find_column(source_name, headers, name) for name in description.select}
     unlabelled = roles.unused if roles.label is None and roles.constant_label is None else ()
     first_fields = {index: [row[index] for row in first_rows] for index in unlabelled}
-    label_candidates = [
-        index for index, first in first_fields.items() if can_be_label(headers[index], first)
-    ]
+    label_candidates = [index for index, first in first_fields.items() if can_be_label(headers[index], first)]
     text_indices = {
         *selection_columns.values(),
         *label_candidates,
         *(() if roles.label is None else (roles.label,)),
     }
-    raw = table.read(
-        [index for index in role_columns if index is not None], sorted(text_indices), progress
-    )
+    raw = table.read([index for index in role_columns if index is not None], sorted(text_indices), progress)
     selected_rows = _select_rows(
         source_name, description, {name: raw.texts[i] for name, i in selection_columns.items()}
     )
@@ -259,9 +242,7 @@ def _read_table(
     blocks = None
     if roles.label is None and roles.constant_label is None and roles.schedule is None:
         block_name = "" if name == _DEFAULT_LABEL else name
-        blocks = find_blocks(
-            source_name, used.breaks(), drive, has_gaps=can_use_gap, name=block_name
-        )
+        blocks = find_blocks(source_name, used.breaks(), drive, has_gaps=can_use_gap, name=block_name)
     if blocks is not None:
         schedule_notes = [*schedule_notes, blocks.note]
         if blocks.gaps is not None:
@@ -269,17 +250,13 @@ def _read_table(
     labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
     time = None if roles.time is None else used.si_values(roles.time)
-    columns = _Columns(
-        source_name, drive, answer, schedule, time, has_times, labels, used.locate_row
-    )
+    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.locate_row)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     part = _cut_into_loops(
         columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
     )
     remarks_above = raw.breaks[0][1] if raw.breaks else raw.notes
-    gap_above = (
-        find_stated_gap(remarks_above) if can_use_gap and roles.schedule_quantity is None else None
-    )
+    gap_above = find_stated_gap(remarks_above) if can_use_gap and roles.schedule_quantity is None else None
     return replace(part, has_blocks=blocks is not None, stated_gap=gap_above)
 
 
@@ -308,9 +285,7 @@ def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
         )
 
 
-def _can_use_stated_gap(
-    headers: Sequence[Header], roles: Roles, description: FileDescription
-) -> bool:
+def _can_use_stated_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
     """Whether a gap in comments can be the scheduling variable."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     return (
@@ -350,11 +325,7 @@ def _read_schedule(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray |
 def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[int]) -> None:
     """Ask about an unused column that has plateaus, because it can be the gap."""
     output, drive = used.headers[roles.output].quantity, used.si_values(roles.input)
-    if (
-        roles.schedule_quantity is not None
-        or roles.is_schedule_requested
-        or roles.label is not None
-    ):
+    if roles.schedule_quantity is not None or roles.is_schedule_requested or roles.label is not None:
         return
     if output is None or output.name not in _GAP_DEPENDENT_OUTPUTS:
         return
@@ -372,27 +343,20 @@ def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[i
         ask_for_gap(used.table.source_name, header, used.headers)
 
 
-def _select_rows(
-    source_name: str, description: FileDescription, columns: dict[str, Texts]
-) -> Rows | None:
+def _select_rows(source_name: str, description: FileDescription, columns: dict[str, Texts]) -> Rows | None:
     """Return the rows with one of the selected values in each column; ``None`` for all rows."""
     if not columns:
         return None
     matches = []
     for name, column in columns.items():
         choices = description.select[name]
-        are_chosen = [
-            any(_is_same_value(text, value) for value in choices) for text in column.values
-        ]
+        are_chosen = [any(_is_same_value(text, value) for value in choices) for text in column.values]
         matches.append(np.isin(column.codes, np.flatnonzero(are_chosen)))
     rows = np.flatnonzero(np.logical_and.reduce(matches))
     if rows.size == 0:
-        selection_text = ", ".join(
-            f"{name} = {list(values)}" for name, values in description.select.items()
-        )
+        selection_text = ", ".join(f"{name} = {list(values)}" for name, values in description.select.items())
         raise InputError(
-            f"{source_name}: no row has {selection_text}; correct the selection",
-            code="selection-empty",
+            f"{source_name}: no row has {selection_text}; correct the selection", code="selection-empty"
         )
     return rows
 
@@ -421,15 +385,8 @@ def _cut_into_loops(
     answer = measured_quantity(drive, answer)
     quantity, remarks = roles.schedule_quantity, [*roles.notes(headers), *notes]
     blocks = _group_rows(columns)
-    is_moving = columns.schedule is not None and any(
-        np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks
-    )
-    if (
-        is_moving
-        and quantity is not None
-        and not roles.is_schedule_requested
-        and quantity.name != "gap"
-    ):
+    is_moving = columns.schedule is not None and any(np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks)
+    if is_moving and quantity is not None and not roles.is_schedule_requested and quantity.name != "gap":
         remarks.append(
             f"{quantity.name} varies within a loop, so it is not the schedule unless --schedule names it"
         )
@@ -462,9 +419,7 @@ def _cut_into_loops(
 def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     """Propose histories from the data where none was stated, and add notes."""
     loops = [loop for part in parts for loop in part.loops]
-    is_unstated = [
-        index in part.without_history for part in parts for index in range(len(part.loops))
-    ]
+    is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
     unknown = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
     proposed = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
     initial = [

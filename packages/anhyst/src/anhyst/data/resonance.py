@@ -120,8 +120,7 @@ def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] |
         rows = np.concatenate([terms.real, terms.imag])
         column_norms = np.sqrt(np.einsum("nk,nk->k", rows, rows)) + 1e-300
         coefficients = (
-            np.linalg.lstsq(rows / column_norms, np.concatenate([target.real, target.imag]))[0]
-            / column_norms
+            np.linalg.lstsq(rows / column_norms, np.concatenate([target.real, target.imag]))[0] / column_norms
         )
         previous, denominator = denominator, tuple(coefficients[:2].tolist())
         if denominator[0] <= 0.0 or denominator[1] <= 0.0:

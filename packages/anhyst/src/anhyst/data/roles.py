@@ -29,14 +29,7 @@ from anhyst.data.proposals import (
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import (
-    DRIVE_QUANTITIES,
-    MASS_UNITS,
-    QUANTITIES,
-    Header,
-    Quantity,
-    parse_header,
-)
+from anhyst.support.units import DRIVE_QUANTITIES, MASS_UNITS, QUANTITIES, Header, Quantity, parse_header
 from anhyst.support.vocabulary import named_quantities, split_words
 
 _NO_SCHEDULE = "none"
@@ -72,9 +65,7 @@ class Roles:
             if one.is_from_words and one.quantity
         ]
         if word_texts:
-            remarks.append(
-                f"recognised by word and unit: {', '.join(word_texts).replace('_', ' ')}"
-            )
+            remarks.append(f"recognised by word and unit: {', '.join(word_texts).replace('_', ' ')}")
         remarks += [text for header in used_headers for text in _describe_conversion(header)]
         if self.is_label_inferred and self.label is not None:
             remarks.append(f"column '{headers[self.label].text}' distinguishes the loops")
@@ -100,13 +91,10 @@ def find_roles(
     time = _find_time(source, headers, texts)
     label = _find_label_column(source, headers, description)
     constants = description.constants
-    constant_label = next(
-        (str(constants[key]) for key in constants if parse_header(key).is_label), None
-    )
+    constant_label = next((str(constants[key]) for key in constants if parse_header(key).is_label), None)
     if label is not None and constant_label is not None:
         raise InputError(
-            f"{source}: the loop label is both a column and a constant; keep one",
-            code="column-and-constant",
+            f"{source}: the loop label is both a column and a constant; keep one", code="column-and-constant"
         )
     schedule, schedule_constant, quantity = _find_schedule(source, headers, description)
     used = {drive, answer, time, label, schedule}
@@ -136,9 +124,7 @@ def find_column(source: str, headers: Sequence[Header], name: str) -> int:
         if header.text == name:
             return index
     raise InputError(
-        f"{source}: has no column '{name}' ({_list_columns(headers)})",
-        code="no-such-column",
-        key=name,
+        f"{source}: has no column '{name}' ({_list_columns(headers)})", code="no-such-column", key=name
     )
 
 
@@ -186,9 +172,7 @@ def _find_input_and_output(
     has_field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
     missing_quantities = [
-        names
-        for index, names in zip(pair, (DRIVE_QUANTITIES, outputs), strict=True)
-        if index is None
+        names for index, names in zip(pair, (DRIVE_QUANTITIES, outputs), strict=True) if index is None
     ]
     missing_role, examples = ("an output", _OUTPUT_EXAMPLES)
     if drive is None:
@@ -218,9 +202,7 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer
     if chosen.target is not None:
         return
     mapped = current_mapping(headers)
-    choices = [
-        format_option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)
-    ]
+    choices = [format_option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)]
     raise InputError(
         f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[answer].text}'; leave "
         f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
@@ -248,9 +230,7 @@ def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) ->
 
 def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     """Return the index of the only usable column of a quantity; ``None`` if the table has none."""
-    indices = [
-        i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
-    ]
+    indices = [i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name]
     usable = [index for index in indices if headers[index].problem is None]
     # Order of precedence: the user's mapping, the quantity's name, our symbols, words.
     mapped = [index for index in usable if headers[index].target is not None]
@@ -278,23 +258,17 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     return usable[0] if usable else None
 
 
-def _find_label_column(
-    source: str, headers: Sequence[Header], description: FileDescription
-) -> int | None:
+def _find_label_column(source: str, headers: Sequence[Header], description: FileDescription) -> int | None:
     if description.loop is not None:
         return find_column(source, headers, description.loop)
     indices = [index for index, header in enumerate(headers) if header.is_label]
     if len(indices) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in indices)
-        raise InputError(
-            f"{source}: columns {texts} both label loops; leave one out", code="column-twice"
-        )
+        raise InputError(f"{source}: columns {texts} both label loops; leave one out", code="column-twice")
     return indices[0] if indices else None
 
 
-def _constants_in_si(
-    source: str, constants: Mapping[str, float | str]
-) -> dict[str, tuple[Quantity, float]]:
+def _constants_in_si(source: str, constants: Mapping[str, float | str]) -> dict[str, tuple[Quantity, float]]:
     """Return constants of the whole file in SI units, by the name of their quantity."""
     values: dict[str, tuple[Quantity, float]] = {}
     for key, value in constants.items():
@@ -302,16 +276,12 @@ def _constants_in_si(
         if header.quantity is None:
             continue
         if header.problem:
-            raise InputError(
-                f"{source}: constant '{key}': {header.problem}", code="bad-constant", key=key
-            )
+            raise InputError(f"{source}: constant '{key}': {header.problem}", code="bad-constant", key=key)
         try:
             number = float(value)
         except ValueError:
             raise InputError(
-                f"{source}: constant '{key}': '{value}' is not a number",
-                code="bad-constant",
-                key=key,
+                f"{source}: constant '{key}': '{value}' is not a number", code="bad-constant", key=key
             ) from None
         if header.unit:
             number = header.unit.value_to_si(number)
@@ -450,8 +420,7 @@ def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None
         return None
     runs = np.split(np.arange(column.codes.size), edges)
     keys = {
-        (int(column.codes[rows[0]]), None if schedule is None else float(schedule[rows[0]]))
-        for rows in runs
+        (int(column.codes[rows[0]]), None if schedule is None else float(schedule[rows[0]])) for rows in runs
     }
     return runs if len(keys) == len(runs) else None
 
@@ -477,9 +446,7 @@ def can_be_gap(header: Header) -> bool:
         return header.unit.dimension == "length"
     words = set(split_words(header.name))
     named_in_header = named_quantities(header.name)
-    is_named = (
-        words <= _GAP_NAMES or words & _GAP_WORDS or named_in_header & {"gap", "displacement"}
-    )
+    is_named = words <= _GAP_NAMES or words & _GAP_WORDS or named_in_header & {"gap", "displacement"}
     return bool(words) and not header.stated and bool(is_named)
 
 

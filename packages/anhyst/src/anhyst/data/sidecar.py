@@ -35,9 +35,7 @@ class FileDescription:
     def __post_init__(self) -> None:
         if self.drop not in (None, DROP_INVALID):
             raise InputError(
-                f"drop: '{self.drop}' is not known; there is: {DROP_INVALID}",
-                code="unknown-drop",
-                key="drop",
+                f"drop: '{self.drop}' is not known; there is: {DROP_INVALID}", code="unknown-drop", key="drop"
             )
 
     @classmethod
@@ -88,9 +86,7 @@ class FileDescription:
             for key, value in keys.items():
                 if key not in kinds:
                     raise InputError(
-                        f"key '{key}' is not known; use {', '.join(kinds)}",
-                        code="extra-forbidden",
-                        key=key,
+                        f"key '{key}' is not known; use {', '.join(kinds)}", code="extra-forbidden", key=key
                     )
                 _check_kind(key, value, kinds[key])
             _check_members("columns", keys, str)
@@ -139,9 +135,7 @@ def _load_toml(path: Path) -> dict[str, Any]:
 def _check_kind(key: str, value: object, kind: Any) -> None:
     if not isinstance(value, kind) or isinstance(value, bool):
         raise InputError(
-            f"key '{key}' is of the wrong kind: {value!r}; see the reference",
-            code="wrong-kind",
-            key=key,
+            f"key '{key}' is of the wrong kind: {value!r}; see the reference", code="wrong-kind", key=key
         )
 
 

@@ -42,17 +42,14 @@ def load_loops(
     if isinstance(source, Loops):
         for name in read_keywords:
             raise InputError(
-                f"{argument} are read already, so {name} has no effect; pass it to read_loops or "
-                "clean",
+                f"{argument} are read already, so {name} has no effect; pass it to read_loops or clean",
                 code="option-not-for-this",
                 key=name,
             )
         return source, None
     verb = argument.partition(":")[0]
     option_names = {item.name for item in fields(ReadOptions)}
-    other_keywords = {
-        name: value for name, value in read_keywords.items() if name not in option_names
-    }
+    other_keywords = {name: value for name, value in read_keywords.items() if name not in option_names}
     for name in other_keywords:
         if name not in inspect.signature(read_loops).parameters:
             raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")

@@ -59,9 +59,7 @@ def group_by_speed(loops: Loops) -> SpeedGroups | None:
             groups[-1].append(loop)
         else:
             groups.append([loop])
-    slow_loops = (
-        loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast
-    )
+    slow_loops = (loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast)
     return SpeedGroups(loops.with_loops(slow_loops), tuple(map(tuple, groups)))
 
 

@@ -43,9 +43,7 @@ class EvenRecord:
 
     def first_samples(self, samples: int) -> EvenRecord:
         """Return the first samples without their means."""
-        drive, output = (
-            each[:samples] - each[:samples].mean() for each in (self.drive, self.output)
-        )
+        drive, output = (each[:samples] - each[:samples].mean() for each in (self.drive, self.output))
         return EvenRecord(drive, output, self.step)
 
 

@@ -81,9 +81,7 @@ class Surface:
         return np.asarray(np.interp(force, self.force, row))
 
 
-def fit_surface(
-    loops: Loops, forces: tuple[float, float], gap_range: tuple[float, float]
-) -> Surface:
+def fit_surface(loops: Loops, forces: tuple[float, float], gap_range: tuple[float, float]) -> Surface:
     """Fit the best single-valued current over force and gap.
 
     At every force level, the current is midway between the smallest and the largest current of the
@@ -106,9 +104,7 @@ def fit_surface(
             key="loops",
         )
     force = np.linspace(*forces, FORCE_LEVELS)
-    table = np.array(
-        [_fill_row(mid_current(members, force), force, gap) for gap, members in groups.items()]
-    )
+    table = np.array([_fill_row(mid_current(members, force), force, gap) for gap, members in groups.items()])
     gaps = np.linspace(*gap_range, GAP_LEVELS)
     current = PchipInterpolator(nodes, table, axis=0)(np.clip(gaps, nodes[0], nodes[-1]))
     return Surface(force, gaps, make_rising(current))
@@ -174,9 +170,7 @@ class Tangent:
 
 def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
     """Fit a constant force-current ratio around a force at one gap, by least squares."""
-    forces = _symmetric_grid(
-        force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max)
-    )
+    forces = _symmetric_grid(force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max))
     slope, current = np.polyfit(forces - force, surface.current_at(forces, gap), 1)
     return Tangent(float(current), float(slope), 0.0)
 
@@ -184,15 +178,11 @@ def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Ta
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
     """Fit both constants of a magnet around an operating point, by least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
-    forces = _symmetric_grid(
-        force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max)
-    )
+    forces = _symmetric_grid(force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max))
     gaps = _symmetric_grid(gap, SLOPE_WINDOW_SHARE * (high - low), (low, high))
     current = np.concatenate([surface.current_at(forces, at) for at in gaps.tolist()])
     gap_column = np.repeat(gaps - gap, forces.size) / (high - low)
-    matrix = np.column_stack(
-        [np.ones(current.size), np.tile(forces - force, gaps.size), gap_column]
-    )
+    matrix = np.column_stack([np.ones(current.size), np.tile(forces - force, gaps.size), gap_column])
     factors = np.linalg.lstsq(matrix, current, rcond=None)[0]
     return Tangent(float(factors[0]), float(factors[1]), float(factors[2]) / (high - low))
 

@@ -92,20 +92,13 @@ def find_bias(loopset: Loops) -> float:
     low, span = float(drive[0]), float(np.ptp(drive))
     min_index = int(np.argmin(mean))
     is_near = np.abs(drive - drive[min_index]) <= 2.0 * _EDGE_SHARE * span
-    if (
-        np.count_nonzero(is_near) < 4
-        or not _EDGE_SHARE < (drive[min_index] - low) / span < 1.0 - _EDGE_SHARE
-    ):
+    if np.count_nonzero(is_near) < 4 or not _EDGE_SHARE < (drive[min_index] - low) / span < 1.0 - _EDGE_SHARE:
         return 0.0
     # A parabola through the neighbouring bins averages their noise.
     _, slope, curvature = np.polynomial.polynomial.polyfit(
         drive[is_near] - drive[min_index], mean[is_near], 2
     )
-    bias = (
-        float(drive[min_index] - 0.5 * slope / curvature)
-        if curvature > 0.0
-        else float(drive[min_index])
-    )
+    bias = float(drive[min_index] - 0.5 * slope / curvature) if curvature > 0.0 else float(drive[min_index])
     has_minimum = min(mean[0], mean[-1]) - mean[min_index] > _MIN_RISE_SHARE * float(np.ptp(mean))
     return bias if has_minimum and abs(bias) > MIN_BIAS_SHARE * span else 0.0
 
@@ -153,9 +146,7 @@ def _even_correlation(loop: Loop) -> float:
         rises[part.rows] = part.is_rising
     if min(np.count_nonzero(rises), np.count_nonzero(~rises)) < _MIN_SAMPLES:
         return 0.0
-    curves = [
-        average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT) for rows in (rises, ~rises)
-    ]
+    curves = [average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT) for rows in (rises, ~rises)]
     fitted = np.where(rises, *(np.interp(loop.input, *curve) for curve in curves))
     if np.var(loop.output - fitted) > (1.0 - MIN_EXPLAINED_VARIANCE) * np.var(loop.output):
         return 0.0

@@ -14,14 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats import (
-    WRITER_PACKAGES,
-    WRITERS,
-    ChannelTable,
-    MemoryTable,
-    OpenTable,
-    open_table,
-)
+from anhyst.data.formats import WRITER_PACKAGES, WRITERS, ChannelTable, MemoryTable, OpenTable, open_table
 from anhyst.data.formats.channels import (
     ChannelGroup,
     Series,
@@ -60,9 +53,7 @@ class DataTable:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities, one for each column (``loop`` for the label)."""
-        return tuple(
-            header.quantity.name if header.quantity else header.name for header in self.headers
-        )
+        return tuple(header.quantity.name if header.quantity else header.name for header in self.headers)
 
     def get(self, name: str) -> FloatArray | None:
         """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
@@ -72,9 +63,7 @@ class DataTable:
         if len(usable) > 1:
             texts = " and ".join(f"'{self.headers[index].text}'" for index in usable)
             raise InputError(
-                f"{self.path}: columns {texts} are both {name}; keep one",
-                code="column-twice",
-                key=name,
+                f"{self.path}: columns {texts} are both {name}; keep one", code="column-twice", key=name
             )
         if not indices:
             return None
@@ -87,9 +76,7 @@ class DataTable:
                 key=header.text,
             )
         if isinstance(column, Texts):
-            bad_row = next(
-                (r for r, text in enumerate(column.as_list()) if not is_finite_number(text)), 0
-            )
+            bad_row = next((r for r, text in enumerate(column.as_list()) if not is_finite_number(text)), 0)
             raise InputError(
                 f"{self.locate_row(bad_row)}, column '{header.text}': "
                 f"'{shorten_field(column.values[column.codes[bad_row]])}' is not a number; correct or "
@@ -102,8 +89,7 @@ class DataTable:
         values.flags.writeable = False
         if name == "time" and (fault_row := find_time_reversal(values)) is not None:
             raise InputError(
-                f"{self.locate_row(fault_row)}: time going backwards; sort the rows",
-                code="time-backwards",
+                f"{self.locate_row(fault_row)}: time going backwards; sort the rows", code="time-backwards"
             )
         if name == "gap" and float(values.min()) < 0.0:
             negative_row = int(np.argmax(values < 0.0))
@@ -130,11 +116,7 @@ class DataTable:
     def advise_mapping(self, name: str) -> str:
         """Return the advice how to map a column to a missing quantity."""
         texts = [index for index, column in enumerate(self.columns) if isinstance(column, Texts)]
-        return (
-            advise_mapping(self.headers, [name], skip=texts, min_score=0)
-            if name in QUANTITIES
-            else ""
-        )
+        return advise_mapping(self.headers, [name], skip=texts, min_score=0) if name in QUANTITIES else ""
 
     def locate_row(self, row: int) -> str:
         """Return the place of a data row, such as ``file.csv: line 12``."""
@@ -143,9 +125,7 @@ class DataTable:
     def as_columns(self) -> dict[str, FloatArray | Texts]:
         """Return the original columns of the file by header, for `write_csv`."""
         names = {}
-        for index, (text, column) in enumerate(
-            zip(self.source_table.header, self.columns, strict=True)
-        ):
+        for index, (text, column) in enumerate(zip(self.source_table.header, self.columns, strict=True)):
             unit = self.source_table.units[index] if self.source_table.units else ""
             names[f"{text} [{unit}]" if unit else text] = column
         return names
@@ -242,9 +222,7 @@ def frame_to_table(frame: Any) -> MemoryTable:
     if rows <= {0}:
         raise InputError(f"{FRAME_NAME}: has no rows; give measured values", code="no-data")
     if len(rows) > 1:
-        lengths = ", ".join(
-            f"'{name}' {column.size}" for name, column in zip(names, samples, strict=True)
-        )
+        lengths = ", ".join(f"'{name}' {column.size}" for name, column in zip(names, samples, strict=True))
         raise InputError(
             f"{FRAME_NAME}: columns need the same number of rows (rows: {lengths})",
             code="length-differs",
@@ -385,8 +363,7 @@ def check_format(path: PathLike) -> None:
     suffix = named.suffix.lower()
     if suffix not in WRITERS:
         raise InputError(
-            f"{path}: no format has this suffix; use one of {', '.join(WRITERS)}",
-            code="wrong-ending",
+            f"{path}: no format has this suffix; use one of {', '.join(WRITERS)}", code="wrong-ending"
         )
     if suffix in WRITER_PACKAGES:
         require_package(named, WRITER_PACKAGES[suffix])

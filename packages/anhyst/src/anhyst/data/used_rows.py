@@ -64,13 +64,9 @@ class UsedRows:
                 merged[used_row] = (*merged.get(used_row, ()), *texts)
         return sorted(merged.items())
 
-    def drop_invalid(
-        self, drop: str | None, signals: Collection[int]
-    ) -> tuple[UsedRows, list[str]]:
+    def drop_invalid(self, drop: str | None, signals: Collection[int]) -> tuple[UsedRows, list[str]]:
         """Remove rows without a measured value, with a note; refuse them if ``drop`` is ``None``."""
-        values_by_name = {
-            self.headers[index].text: self.values(index) for index in self.raw.numbers
-        }
+        values_by_name = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
         main_names = [self.headers[index].text for index in signals]
         mark_notes = []
         for name in tuple(values_by_name):
@@ -88,9 +84,7 @@ class UsedRows:
                         key=name,
                     )
                 values_by_name[name] = np.where(is_mark, np.nan, values_by_name[name])
-                mark_notes.append(
-                    f"column '{name}': {mark:.9g} is an overrange mark, {count} times"
-                )
+                mark_notes.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
         if drop is None:
             sparse = [
                 name
@@ -121,8 +115,6 @@ class UsedRows:
         blank_rows = np.flatnonzero(~np.logical_or.reduce([is_good[name] for name in main_names]))
         first = blank_rows if self.rows is None else self.rows[blank_rows]
         earlier_breaks = self.raw.breaks or ((0, ()),)
-        breaks = sorted(
-            [*earlier_breaks, *((int(row), ()) for row in first)], key=lambda found: found[0]
-        )
+        breaks = sorted([*earlier_breaks, *((int(row), ()) for row in first)], key=lambda found: found[0])
         separated = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
         return separated.select(valid), [note, *mark_notes]

@@ -146,21 +146,15 @@ def largest_output(loopset: Loops) -> float:
 def assess_loops(loopset: Loops) -> Verdict:
     """Return the gain of a hysteresis model from loop width, single-valued residual and noise."""
     centred, even = recentre(loopset)
-    width, height = np.max(
-        [loop_width_and_height(loop, even=even) for loop in centred.loops], 0
-    ).tolist()
-    loop_residuals = single_valued_residuals(
-        loopset
-    )  # grouped by gap, not in the order of the loops
+    width, height = np.max([loop_width_and_height(loop, even=even) for loop in centred.loops], 0).tolist()
+    loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
     pooled = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
     mean, worst = float(pooled.mean()), float(pooled.max())
     band_figures = [_band_residuals(*pair) for pair in loop_residuals]
     band_mean, band_noise = np.average(
         [each[:2] for each in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
     ).tolist()
-    dynamics = (
-        describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
-    )
+    dynamics = describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
     floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
@@ -244,9 +238,7 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
     return (*sentences, more) if needs_more else sentences
 
 
-def _curve_residuals(
-    curves: list[tuple[Loop, FloatArray, FloatArray]],
-) -> list[tuple[Loop, FloatArray]]:
+def _curve_residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
     size = np.concatenate([along for _, along, _ in curves])
     answer = np.concatenate([own for _, _, own in curves])
     order = np.argsort(size, kind="stable")

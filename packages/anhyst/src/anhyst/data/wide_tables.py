@@ -23,9 +23,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
         return
     texts = [header.text for header in headers if not header.is_clock]
     repeated_names = [match[1] for text in texts if (match := _REPEATED_NAME.fullmatch(text))]
-    quantities = {
-        one.quantity.name for one in headers if one.text in repeated_names and one.quantity
-    }
+    quantities = {one.quantity.name for one in headers if one.text in repeated_names and one.quantity}
     if len(quantities.intersection((*DRIVE_QUANTITIES, *OUTPUT_MAPS))) > 1:
         raise InputError(
             f"{source}: two tables are side by side: the columns {_quote_names(repeated_names)} are repeated; write "
@@ -45,8 +43,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
             [one for one in headers if one.text not in alike_names]
         ):
             _refuse_side_by_side(
-                source,
-                f"the columns {_quote_names(alike_names)} contain the same quantity at several gaps",
+                source, f"the columns {_quote_names(alike_names)} contain the same quantity at several gaps"
             )
     groups_by_channel = {name: tuple(found) for name, found in groups.items() if len(found) > 1}
     if (

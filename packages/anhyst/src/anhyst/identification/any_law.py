@@ -152,9 +152,7 @@ class _AnyLawProblem:
 
     def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
         """Return the best sets of a screening: cost, coordinates and start point."""
-        names = [
-            entry.name for entry in self.entries if not entry.node
-        ]  # all nodes start with equal values
+        names = [entry.name for entry in self.entries if not entry.node]  # all nodes start with equal values
         starts = []
         for point in sample_unit_cube(len(names), SCREENED_SETS, seed).T:
             values = dict(zip(names, point, strict=True))
@@ -173,9 +171,7 @@ class _AnyLawProblem:
         """Add gain and offsets to the coordinates, starting from the linear regression."""
         entries, positions = list(self.entries), theta.tolist()
         if not output_map(self.loopset.output).is_flux_density:
-            entries.append(
-                _Coordinate("c_out", None, gain / _MAX_GAIN_RATIO, gain * _MAX_GAIN_RATIO)
-            )
+            entries.append(_Coordinate("c_out", None, gain / _MAX_GAIN_RATIO, gain * _MAX_GAIN_RATIO))
             positions.append(0.5)
         if self.offsets:
             for name, span in (
@@ -198,9 +194,7 @@ def fit_any_law(
         maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     elif is_scheduled_over_gap(loopset):
         maps = ("scaling", "reluctance")
-    fits = [
-        _descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in maps
-    ]
+    fits = [_descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
     _, best = min(fits, key=lambda fit: fit[0])
     return replace(best, evaluations=sum(outcome.evaluations for _, outcome in fits))
 
@@ -247,17 +241,11 @@ def _assess(
     normal = jacobian.T @ jacobian
     variance = float(deviation @ deviation) / max(1, deviation.size - theta.size)
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
-    covariance = (
-        variance
-        * correlation_length(deviation)
-        * np.linalg.inv(normal + floor * np.eye(theta.size))
-    )
+    covariance = variance * correlation_length(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
     spread = np.sqrt(np.diag(covariance))
     keys = problem.model(entries, theta).file_keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
-    values = [
-        entry.value(position) for entry, position in zip(entries, theta.tolist(), strict=True)
-    ]
+    values = [entry.value(position) for entry, position in zip(entries, theta.tolist(), strict=True)]
     stds = [
         float(std * entry.derivative(position))
         for entry, position, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)

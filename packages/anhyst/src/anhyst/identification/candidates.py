@@ -117,11 +117,7 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         candidates = [ModelCandidate("leakage", fixed)] if gaps >= 3 else []
         candidates.append(ModelCandidate("circuit", fixed, OFFSET_NAMES, rank=1))
         has_offset_variant = gaps >= 3 and not fixed >= OFFSET_NAMES
-        return (
-            [*candidates, ModelCandidate("circuit", fixed, rank=2)]
-            if has_offset_variant
-            else candidates
-        )
+        return [*candidates, ModelCandidate("circuit", fixed, rank=2)] if has_offset_variant else candidates
     if gap_map == "free":
         # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
         # are barely separable, and interpolated values may not fit together. Without interaction,
@@ -155,11 +151,7 @@ def select_cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> Mod
     """Return the candidate with the most flexible gap map, for the search of play cells."""
     order = ("leakage", "circuit", "reluctance")
     circuit_maps = [candidate for candidate in maps if candidate.gap_map in order]
-    return (
-        min(circuit_maps, key=lambda candidate: order.index(candidate.gap_map))
-        if circuit_maps
-        else base
-    )
+    return min(circuit_maps, key=lambda candidate: order.index(candidate.gap_map)) if circuit_maps else base
 
 
 def with_gap_map(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
@@ -230,9 +222,7 @@ class CandidateComparison:
     withheld: Sequence[int]
     withheld_kind: WithheldKind = "gap"
     noise: float = 0.0  # cost of the sensor noise
-    dropped: dict[ModelCandidate, str] = field(
-        default_factory=dict
-    )  # reason for each failed candidate
+    dropped: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each failed candidate
 
     def drop(self, candidate: ModelCandidate, error: Exception) -> None:
         """Remove a failed candidate from the selection and store the reason."""
@@ -257,8 +247,7 @@ class CandidateComparison:
     def find_rivals(self) -> list[ModelCandidate]:
         """Return the candidates that might be selected if one part had not been measured."""
         mean_squares = {
-            candidate: mean_square_error(self.withheld_errors(candidate))
-            for candidate in self.eligible
+            candidate: mean_square_error(self.withheld_errors(candidate)) for candidate in self.eligible
         }
         max_square = _MAX_SQUARE_RATIO_OF_RIVALS * min(mean_squares.values())
         return [
@@ -269,22 +258,18 @@ class CandidateComparison:
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Select the best candidate by its errors at all withheld parts outside `outer_fold`."""
-        refitted = [
-            candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
-        ]
+        refitted = [candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)]
         errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted}
         if not any(errors.values()):
             simplest = min(
-                self.eligible,
-                key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold)),
+                self.eligible, key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold))
             )
             return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
         best = None
         for rank in sorted({candidate.rank for candidate in refitted}):
             same_rank = [candidate for candidate in refitted if candidate.rank == rank]
             means = {
-                model: mean_square_error(_comparable_errors(errors[model], same_rank))
-                for model in same_rank
+                model: mean_square_error(_comparable_errors(errors[model], same_rank)) for model in same_rank
             }
             max_mean = EQUAL_ERROR_RATIO * min(means.values())
             simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
@@ -297,9 +282,7 @@ class CandidateComparison:
         self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
         """Return the simplest candidate with a several times better fit and equal prediction."""
-        while better := [
-            other for other in candidates if self._should_replace(best, other, outer_fold)
-        ]:
+        while better := [other for other in candidates if self._should_replace(best, other, outer_fold)]:
             best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
@@ -312,24 +295,18 @@ class CandidateComparison:
         is_by_block = self.withheld_kind == "block"
         sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
         simpler_errors, other_errors = (
-            _comparable_errors(self.withheld_errors(candidate, outer_fold), pair)
-            for candidate in pair
+            _comparable_errors(self.withheld_errors(candidate, outer_fold), pair) for candidate in pair
         )
         has_smaller_error = is_better(simpler_errors, other_errors, sigmas)
         if has_smaller_error or not is_by_block:
             return has_smaller_error
-        squares = [
-            mean_square_error(self.withheld_errors(candidate, outer_fold)) for candidate in pair
-        ]
+        squares = [mean_square_error(self.withheld_errors(candidate, outer_fold)) for candidate in pair]
         costs = [self._cost(candidate, outer_fold) for candidate in pair]
         return bool(
-            squares[0] > _CLEAR_SQUARE_RATIO * squares[1]
-            and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
+            squares[0] > _CLEAR_SQUARE_RATIO * squares[1] and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
         )
 
-    def _should_replace(
-        self, best: ModelCandidate, other: ModelCandidate, outer_fold: Fold
-    ) -> bool:
+    def _should_replace(self, best: ModelCandidate, other: ModelCandidate, outer_fold: Fold) -> bool:
         """Whether another candidate fits several times better and predicts as well."""
         if not self.is_several_times_worse(best, other, outer_fold):
             return False
@@ -344,9 +321,7 @@ class CandidateComparison:
         self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
         """Whether a candidate fits the loops several times worse than another, beyond the noise."""
-        own_excess, other_excess = (
-            self._excess_cost(either, outer_fold) for either in (candidate, other)
-        )
+        own_excess, other_excess = (self._excess_cost(either, outer_fold) for either in (candidate, other))
         return own_excess > _WORSE_FIT_RATIO**2 * other_excess
 
     def _excess_cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
@@ -355,11 +330,7 @@ class CandidateComparison:
         return max(cost - self.noise, _MIN_EXCESS_SHARE * cost, NEGLIGIBLE_DEVIATION**2)
 
     def _cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
-        return (
-            self.refits[outer_fold][candidate].cost
-            if outer_fold
-            else self.fits[candidate].reduced.cost
-        )
+        return self.refits[outer_fold][candidate].cost if outer_fold else self.fits[candidate].reduced.cost
 
     def withheld_error(self, candidate: ModelCandidate) -> float | None:
         """Return the mean cross-validation error of a candidate; None if nothing was withheld."""

@@ -22,12 +22,7 @@ MIN_THRESHOLD_SHARE = 0.04
 """First threshold, relative to the input range; the last is half the range. Smaller thresholds act
 like a lag and make the inverse jump at reversals."""
 
-CURVE_WIDTHS = (
-    0.5,
-    1.0,
-    2.0,
-    8.0,
-)  # widths of the curves, in input ranges; the last is almost straight
+CURVE_WIDTHS = (0.5, 1.0, 2.0, 8.0)  # widths of the curves, in input ranges; the last is almost straight
 
 SMOOTHNESS = 1e-3
 """Weight of the second differences over the thresholds, relative to the norm of a column.
@@ -72,9 +67,7 @@ class CellBasis:
         has_mirror = self.centres < SATURATED_WIDTHS * self.widths
         if fields.min() < 0.0:
             has_mirror[:] = True
-        mirrored = np.tanh(
-            (fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror]
-        )
+        mirrored = np.tanh((fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror])
         curves[:, :, ~has_mirror] += 1.0
         curves[:, :, has_mirror] += mirrored
         curves *= 0.5
@@ -129,9 +122,7 @@ class CellBasis:
 
 def make_common_basis(span: float) -> CellBasis:
     """Return few wide curves with one middle, for a given input range."""
-    thresholds = np.concatenate(
-        [[0.0], span * np.geomspace(MIN_THRESHOLD_SHARE, 0.5, PINNED_CELLS)]
-    )
+    thresholds = np.concatenate([[0.0], span * np.geomspace(MIN_THRESHOLD_SHARE, 0.5, PINNED_CELLS)])
     return CellBasis(thresholds, span * np.array(CURVE_WIDTHS))
 
 
@@ -143,8 +134,6 @@ def make_grid_basis(span: float, *, is_even: bool) -> CellBasis:
     step = span / GRID_LEVELS
     count = GRID_LEVELS // 2 if is_even else GRID_LEVELS
     centres = np.concatenate([[0.0], step * (np.arange(count) + 0.5)])
-    widths = np.concatenate(
-        [[CURVE_WIDTHS[-1] * span], np.full(count, GRID_CURVE_HALF_WIDTH * step)]
-    )
+    widths = np.concatenate([[CURVE_WIDTHS[-1] * span], np.full(count, GRID_CURVE_HALF_WIDTH * step)])
     thresholds = np.asarray(0.5 * step * np.arange(GRID_LEVELS), dtype=np.float64)
     return CellBasis(thresholds, widths, centres, count * step, is_even)

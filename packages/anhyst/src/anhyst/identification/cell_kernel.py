@@ -63,12 +63,7 @@ class DrivenCells:
         cells = self.cells
         try:
             return CellOperator(
-                cells.thresholds,
-                cells.widths,
-                cells.weights,
-                cells.shape,
-                self.table_error,
-                cells.centres,
+                cells.thresholds, cells.widths, cells.weights, cells.shape, self.table_error, cells.centres
             )
         except ValueError as error:
             raise NoResponseError(str(error)) from error
@@ -101,9 +96,7 @@ class DrivenCells:
         omega_t[:, law_count] = is_own_gap
         r_derivatives[:, law_count + 1 :] = r_t
         weights_t, widths_t, thresholds_t = (
-            np.concatenate(
-                [tangent, np.zeros((*tangent.shape[:-1], directions - law_count))], axis=-1
-            )
+            np.concatenate([tangent, np.zeros((*tangent.shape[:-1], directions - law_count))], axis=-1)
             for tangent in self.tangents
         )
         x, m, x_t, m_t, status = self._operator.sensitivity(
@@ -127,10 +120,7 @@ def require_answer(status: int) -> None:
 
 
 MAX_WIDTHS = 6  # with more widths, computing time grows faster than accuracy
-SCALE_NAMES = (
-    "M_1",
-    "a_1",
-)  # parameters of the first population: units of the weights and of the fields
+SCALE_NAMES = ("M_1", "a_1")  # parameters of the first population: units of the weights and of the fields
 
 LAW_BY_SHAPE: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells with each curve."""
@@ -252,9 +242,7 @@ class WeightKernel(_CellKernelBase):
         cells = self.initial_cells
         spread = _WEIGHT_STD_SHARE * cells.saturation
         return tuple(
-            FitParameter(
-                f"weight_{i}_{j}", f"W_{i}_{j}/M_1", 0.0, 1e2, prior_mean=value, prior_std=spread
-            )
+            FitParameter(f"weight_{i}_{j}", f"W_{i}_{j}/M_1", 0.0, 1e2, prior_mean=value, prior_std=spread)
             for (i, j), value in np.ndenumerate(cells.weights)
         )
 
@@ -267,9 +255,7 @@ class WeightKernel(_CellKernelBase):
         """Return the cells for given weights, ready for simulation."""
         count, cells = len(law), self.initial_cells
         weight_tangents = np.eye(count).reshape(*cells.weights.shape, count)
-        zero_tangents = (
-            np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size)
-        )
+        zero_tangents = (np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size))
         return DrivenCells(self.make_cells(law), Tangents(weight_tangents, *zero_tangents))
 
     def iron_parameters(
@@ -278,9 +264,7 @@ class WeightKernel(_CellKernelBase):
         """Return the interaction, and the scales of the weights (:meth:`make_scaled_cells`)."""
         return {**dict(zip(SCALE_NAMES, (saturation, width), strict=True)), "alpha": alpha}
 
-    def make_scaled_cells(
-        self, law: tuple[float, ...], saturation: float, width: float
-    ) -> CellWeights:
+    def make_scaled_cells(self, law: tuple[float, ...], saturation: float, width: float) -> CellWeights:
         """Return the cells for given weights in A/m."""
         cells = self.make_cells(law)
         return replace(

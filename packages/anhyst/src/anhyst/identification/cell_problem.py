@@ -20,12 +20,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.path import History, correlation, move_plays
 from anhyst.data.speeds import cycle_rate
-from anhyst.identification.cell_basis import (
-    SMOOTHNESS,
-    CellBasis,
-    make_common_basis,
-    make_grid_basis,
-)
+from anhyst.identification.cell_basis import SMOOTHNESS, CellBasis, make_common_basis, make_grid_basis
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
 from anhyst.support.errors import InputError
@@ -94,9 +89,7 @@ class System:
     """A linear least-squares problem with weights not below zero."""
 
     basis: CellBasis
-    matrix: (
-        FloatArray  # columns: weights of the cells, of the creep, and positive and negative offset
-    )
+    matrix: FloatArray  # columns: weights of the cells, of the creep, and positive and negative offset
     target: FloatArray
     fold_numbers: NDArray[np.intp]  # number of the fold in which each row is withheld; -1: never
 
@@ -129,10 +122,7 @@ class System:
         for fold in range(self.fold_numbers.max() + 1):
             is_withheld = self.fold_numbers == fold
             withheld_matrix, target = matrix[is_withheld], self.target[is_withheld]
-            remaining = (
-                normal - withheld_matrix.T @ withheld_matrix,
-                rhs - withheld_matrix.T @ target,
-            )
+            remaining = (normal - withheld_matrix.T @ withheld_matrix, rhs - withheld_matrix.T @ target)
             for index, smoothness in enumerate(smoothness_values):
                 weights = self._solve_weights(*remaining, smoothness)[self.solved_columns]
                 square_sums[index] += float(np.sum((withheld_matrix @ weights - target) ** 2))
@@ -146,9 +136,7 @@ class System:
         normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
         factor = np.linalg.cholesky(normal)
         weights = np.zeros(self.solved_columns.size)
-        weights[self.solved_columns], _ = nnls(
-            factor.T, np.linalg.solve(factor, rhs), maxiter=10000
-        )
+        weights[self.solved_columns], _ = nnls(factor.T, np.linalg.solve(factor, rhs), maxiter=10000)
         return weights
 
 
@@ -268,9 +256,7 @@ class CellProblem:
             return ()
         longest = max(float(clock[-1] - clock[0]) for clock in self.clocks)
         times = (share * longest for share in CREEP_TIME_SHARES)
-        return tuple(
-            time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time
-        )
+        return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
         """Return the positions of the cells in each loop, and before it, relative to the middle."""
@@ -305,10 +291,7 @@ class CellProblem:
         """Return the output of each unit weight in each loop; the last result is cached."""
         key = attempt.lag, attempt.middle
         if self._columns is None or self._columns[0] != key:
-            self._columns = (
-                key,
-                [self.basis.columns(fields) for fields, _ in self.play_positions(*key)],
-            )
+            self._columns = (key, [self.basis.columns(fields) for fields, _ in self.play_positions(*key)])
         return self._columns[1]
 
     def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
@@ -340,10 +323,7 @@ class CellProblem:
             unit_column = np.ones((loop.n, 1))
             creep_columns = [creep_responses[index]] if creep_responses else []
             mask = (self.fitted_masks if masks is None else masks)[index]
-            rows.append(
-                weight
-                * np.hstack([columns[index], *creep_columns, unit_column, -unit_column])[mask]
-            )
+            rows.append(weight * np.hstack([columns[index], *creep_columns, unit_column, -unit_column])[mask])
             straight_part = self.slope * plays[index][0][:, 0]
             targets.append(weight * (loop.output - straight_part)[mask])
             folds.append(self.fold_numbers[index][mask])
@@ -361,36 +341,27 @@ class CellProblem:
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:
             blocks = [np.arange(loop.n) * MAX_FOLDS * BLOCKS_PER_FOLD // loop.n for loop in loops]
             end_blocks = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
-            folds = [
-                np.where(np.isin(block, end_blocks), -1, block % MAX_FOLDS) for block in blocks
-            ]
+            folds = [np.where(np.isin(block, end_blocks), -1, block % MAX_FOLDS) for block in blocks]
         else:
             is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
             is_never_withheld = [not all(is_largest) and largest for largest in is_largest]
             numbers = [
-                -1 if is_never else index % MAX_FOLDS
-                for index, is_never in enumerate(is_never_withheld)
+                -1 if is_never else index % MAX_FOLDS for index, is_never in enumerate(is_never_withheld)
             ]
             folds = [np.full(loop.n, fold) for loop, fold in zip(loops, numbers, strict=True)]
-        return [
-            np.where(mask, fold, -1) for mask, fold in zip(self.known_masks, folds, strict=True)
-        ]
+        return [np.where(mask, fold, -1) for mask, fold in zip(self.known_masks, folds, strict=True)]
 
     def creep_responses(self, attempt: Trial, creep_times: tuple[float, ...]) -> list[FloatArray]:
         """Return the slow responses to the output of a trial, one column per time constant."""
         responses = []
-        for loop, (output, rest_output) in zip(
-            self.loopset.loops, self.outputs(attempt), strict=True
-        ):
+        for loop, (output, rest_output) in zip(self.loopset.loops, self.outputs(attempt), strict=True):
             assert loop.time is not None
             columns = []
             for time in creep_times:
                 dynamics, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest_output])
                 if loop.history.kind == "settled":
                     start = dynamics.settled_slow_parts(output, loop.time, is_flux_known=True)
-                columns.append(
-                    dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output
-                )
+                columns.append(dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output)
             responses.append(np.stack(columns, axis=1))
         return responses
 
@@ -401,9 +372,7 @@ class CellProblem:
         slope, weights = self.slope, attempt.weights[:cell_weight_count] / self.slope
         creep_weights = attempt.weights[cell_weight_count:-2]
         creep_terms = [
-            (t, float(w))
-            for t, w in zip(attempt.creep_times, creep_weights, strict=True)
-            if w > 1e-4
+            (t, float(w)) for t, w in zip(attempt.creep_times, creep_weights, strict=True) if w > 1e-4
         ]
         return Model(
             name="model",

@@ -17,27 +17,12 @@ from itertools import groupby, product
 import numpy as np
 
 from anhyst.identification.candidates import FAILURES, Fits, ModelCandidate
-from anhyst.identification.cell_kernel import (
-    EXACT_TABLE_ERROR,
-    LAW_BY_SHAPE,
-    CellKernel,
-    make_weight_kernel,
-)
-from anhyst.identification.default_search import (
-    SMOOTHED_MAPS,
-    SMOOTHNESS_WEIGHT,
-    FoundModel,
-    descend_from,
-)
+from anhyst.identification.cell_kernel import EXACT_TABLE_ERROR, LAW_BY_SHAPE, CellKernel, make_weight_kernel
+from anhyst.identification.default_search import SMOOTHED_MAPS, SMOOTHNESS_WEIGHT, FoundModel, descend_from
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import ParameterSet, ResponseForm
-from anhyst.identification.screening import (
-    CURVE_SLOPES,
-    has_valid_scales,
-    sample_cell_starts,
-    scale_to_loops,
-)
+from anhyst.identification.screening import CURVE_SLOPES, has_valid_scales, sample_cell_starts, scale_to_loops
 from anhyst.identification.space import SERIES_MAPS, CoordinateSpace
 from anhyst.identification.uncertainty import remove_unneeded_offsets
 from anhyst.laws.cells import Shape
@@ -156,8 +141,7 @@ class _SampleLevels:
         (short_steps, long_steps), final_stop = schedule
         costs = [(_cost_at(objective, theta), index, theta) for index, theta in enumerate(starts)]
         chosen = [
-            theta
-            for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
+            theta for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
         ]
         evaluations = len(costs)
         fits: list[FoundModel] = []
@@ -215,16 +199,11 @@ class CellSearch:
                 if shape not in shapes:
                     continue
                 kernel = replace(candidate.cells, table_error=_SEARCH_TABLE_ERROR)
-                form = replace(
-                    self.base.space.form, law=LAW_BY_SHAPE[shape], cells=kernel, dead_band=0.0
-                )
+                form = replace(self.base.space.form, law=LAW_BY_SHAPE[shape], cells=kernel, dead_band=0.0)
                 smaller_fits = previous_fits.get(shape, [])
                 try:
                     fits = self._fit_candidate(self._make_levels(candidate, form), smaller_fits)
-                    if (
-                        smaller_fits
-                        and fits[0].cost > _ADDED_POPULATION_COST_RATIO * smaller_fits[0].cost
-                    ):
+                    if smaller_fits and fits[0].cost > _ADDED_POPULATION_COST_RATIO * smaller_fits[0].cost:
                         continue
                     reduced = self._remove_offsets(candidate, fits)
                 except FAILURES as error:
@@ -241,9 +220,7 @@ class CellSearch:
             shapes = set(previous_fits)
         return fits_by_candidate
 
-    def _fit_candidate(
-        self, levels: _SampleLevels, smaller_fits: list[FoundModel]
-    ) -> list[FoundModel]:
+    def _fit_candidate(self, levels: _SampleLevels, smaller_fits: list[FoundModel]) -> list[FoundModel]:
         """Fit one candidate from smaller fits or, if there are none, from a fit without cells."""
         starts = (
             _suggest_population_starts(levels, smaller_fits)
@@ -264,24 +241,17 @@ class CellSearch:
             fits = _keep_best([*fits, *levels.descend(split_starts, len(split_starts))])
         if not smaller_fits and not self.is_usable(fits[0]):
             # Also descend from the Jiles-Atherton starts: their fits may be usable.
-            followed = [
-                descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness)
-                for theta in starts
-            ]
+            followed = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
             usable = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
             fits = [*usable[:1], *fits][:_MAX_FINAL_DESCENTS]
         return fits
 
-    def _remove_offsets(
-        self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]
-    ) -> FoundModel:
+    def _remove_offsets(self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]) -> FoundModel:
         """Remove offsets that the data do not require; if this is costly, search again."""
         fit = remove_unneeded_offsets(final_fits[0], *_FINAL_STOP)
         if fit.cost <= _REMOVED_OFFSET_COST_RATIO * final_fits[0].cost:
             return fit
-        levels = self._make_levels(
-            replace(candidate, fixed=fit.space.fixed), final_fits[0].space.form
-        )
+        levels = self._make_levels(replace(candidate, fixed=fit.space.fixed), final_fits[0].space.form)
         starts = [levels.coarse.pack(final_fit.parameter_sets) for final_fit in (fit, *final_fits)]
         searched, *_ = self._search_starts(levels, starts)
         return min(fit, searched, key=lambda final_fit: final_fit.cost)
@@ -289,18 +259,12 @@ class CellSearch:
     def _make_levels(self, candidate: ModelCandidate, form: ResponseForm) -> _SampleLevels:
         rough, coarse, fine = (
             CoordinateSpace(candidate.gap_map, records, form, candidate.fixed, candidate.common)
-            for records in map(
-                self.records.thinned, (_SCREENING_SAMPLES, COARSE_SAMPLES, FINE_SAMPLES)
-            )
+            for records in map(self.records.thinned, (_SCREENING_SAMPLES, COARSE_SAMPLES, FINE_SAMPLES))
         )
-        smoothness = (
-            SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-        )
+        smoothness = SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
         return _SampleLevels(rough, coarse, fine, smoothness)
 
-    def _search_starts(
-        self, levels: _SampleLevels, given_starts: list[FloatArray]
-    ) -> list[FoundModel]:
+    def _search_starts(self, levels: _SampleLevels, given_starts: list[FloatArray]) -> list[FoundModel]:
         """Search from random and given starts until the final fits agree or are within the noise.
 
         With few loops, agreement is not evidence, because flat valleys are long. If the residual
@@ -349,10 +313,7 @@ def _keep_best(fits: Iterable[FoundModel]) -> list[FoundModel]:
 
 def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list[FloatArray]:
     """Make start coordinates of play cells from a Jiles-Atherton fit, in a few variants."""
-    width_ratio, slope = (
-        _WIDTHS_WITH_LANGEVIN_SLOPE[levels.kernel.shape],
-        CURVE_SLOPES[levels.kernel.shape],
-    )
+    width_ratio, slope = (_WIDTHS_WITH_LANGEVIN_SLOPE[levels.kernel.shape], CURVE_SLOPES[levels.kernel.shape])
     power = base.space.form.power
     start_sets = [
         [
@@ -361,15 +322,11 @@ def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list
         ]
         for pinning_ratio in _THRESHOLD_TO_PINNING_RATIOS
         for kept_interaction in (1.0, 0.0)
-        if kept_interaction
-        or min(parameter_set.omega for parameter_set in base.parameter_sets) < 0.0
+        if kept_interaction or min(parameter_set.omega for parameter_set in base.parameter_sets) < 0.0
     ]
     if max(parameter_set.kappa for parameter_set in base.parameter_sets) > _MAX_PINNING_TO_WIDTH:
         start_sets.append(
-            [
-                _make_narrow_cells(parameter_set, power, width_ratio)
-                for parameter_set in base.parameter_sets
-            ]
+            [_make_narrow_cells(parameter_set, power, width_ratio) for parameter_set in base.parameter_sets]
         )
     return [levels.coarse.pack(sets) for sets in start_sets]
 
@@ -408,21 +365,14 @@ def _make_cells(
     total_slope = 1.0 + reversible
     return replace(
         parameter_set,
-        law=(
-            reversible,
-            1.0,
-            pinning_ratio * parameter_set.kappa / (width_ratio * slope_gain),
-            2.0,
-        ),
+        law=(reversible, 1.0, pinning_ratio * parameter_set.kappa / (width_ratio * slope_gain), 2.0),
         omega=omega / total_slope,
         scale=parameter_set.scale * width_ratio * slope_gain,
         gain=parameter_set.gain / total_slope**power,
     )
 
 
-def _suggest_population_starts(
-    levels: _SampleLevels, smaller_fits: Sequence[FoundModel]
-) -> list[FloatArray]:
+def _suggest_population_starts(levels: _SampleLevels, smaller_fits: Sequence[FoundModel]) -> list[FloatArray]:
     """Make starts with one more population, where the residual predicts the largest gain."""
     suggestions = []
     objective = Objective(levels.coarse, levels.smoothness)
@@ -497,11 +447,7 @@ def _add_population(
 def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecords) -> Fits:
     """Fit the same cells under another gap map, starting from their present parameters."""
     space = CoordinateSpace(
-        candidate.gap_map,
-        records.thinned(FINE_SAMPLES),
-        fit.space.form,
-        candidate.fixed,
-        candidate.common,
+        candidate.gap_map, records.thinned(FINE_SAMPLES), fit.space.form, candidate.fixed, candidate.common
     )
     smoothness = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
     full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
@@ -516,11 +462,7 @@ def fit_cell_weights(fit: FoundModel, records: FitRecords) -> Fits:
     law = tuple(kernel.initial_cells.weights.ravel().tolist())
     sets = [replace(parameter_set, law=law) for parameter_set in fit.parameter_sets]
     space = replace(
-        fit.space,
-        records=records.thinned(FINE_SAMPLES),
-        form=replace(form, law=form.law, cells=kernel),
+        fit.space, records=records.thinned(FINE_SAMPLES), form=replace(form, law=form.law, cells=kernel)
     )
-    final_fit = descend_from(
-        space, space.pack(sets), _FINAL_STOP[0], _MAX_WEIGHT_STEPS, fit.smoothness
-    )
+    final_fit = descend_from(space, space.pack(sets), _FINAL_STOP[0], _MAX_WEIGHT_STEPS, fit.smoothness)
     return Fits(final_fit, final_fit)

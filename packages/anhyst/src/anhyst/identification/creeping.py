@@ -53,25 +53,19 @@ def fit_creeping(loopset: Loops) -> Outcome:
     problem = CellProblem(thin_loops(loopset))
     problem.remove_outliers()
     lags = problem.lags
-    fits_without_creep = [
-        problem.solve(Trial(lag, middle)) for lag, middle in product(lags, problem.middles)
-    ]
+    fits_without_creep = [problem.solve(Trial(lag, middle)) for lag, middle in product(lags, problem.middles)]
     best = min(fits_without_creep, key=lambda attempt: attempt.rms)
     fit_without_lag = min(
         fits_without_creep, key=lambda attempt: (attempt.lag, attempt.rms)
     )  # fits without a lag
     # If all cycles are similar, several lags fit equally well; the shortest is used.
-    good_fits = [
-        attempt for attempt in fits_without_creep if attempt.rms <= best.rms / EQUAL_LAG_ERROR_RATIO
-    ]
+    good_fits = [attempt for attempt in fits_without_creep if attempt.rms <= best.rms / EQUAL_LAG_ERROR_RATIO]
     chosen = min(good_fits, key=lambda attempt: (attempt.lag, attempt.rms))
     if problem.creep_times:
         chosen = _add_creep(problem, fits_without_creep, chosen)
     candidates = [_make_candidate(problem, "play cells", fit_without_lag)]
     if chosen is not fit_without_lag:
-        candidates.append(
-            _make_candidate(problem, f"play cells{_describe_dynamics(chosen)}", chosen)
-        )
+        candidates.append(_make_candidate(problem, f"play cells{_describe_dynamics(chosen)}", chosen))
     reason = "neither lag nor creep reduces the deviation by 2 %"
     if chosen is not fit_without_lag:
         reason = (
@@ -82,9 +76,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
         grid_problem, grid_fit, grid_error, few_error = _fit_on_grid(problem, chosen)
         candidates[-1] = replace(candidates[-1], left_out=few_error)
         grid_candidate = replace(
-            _make_candidate(
-                grid_problem, f"play cells on a grid{_describe_dynamics(grid_fit)}", grid_fit
-            ),
+            _make_candidate(grid_problem, f"play cells on a grid{_describe_dynamics(grid_fit)}", grid_fit),
             left_out=grid_error,
         )
         is_closer = (
@@ -137,9 +129,7 @@ def _describe_dynamics(attempt: Trial) -> str:
     return f", {' and '.join(texts)}" if texts else ""
 
 
-def _fit_on_grid(
-    problem: CellProblem, few_curves_fit: Trial
-) -> tuple[CellProblem, Trial, float, float]:
+def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProblem, Trial, float, float]:
     """Fit curves on a grid with the lag and the creep times of a fit with few curves.
 
     Return the problem, the fit, and both errors at withheld samples, relative to the output range.
@@ -149,9 +139,7 @@ def _fit_on_grid(
         if few_curves_fit.creep_times
         else []
     )
-    (few_error,) = problem.make_system(few_curves_fit, creeping).withheld_errors(
-        [few_curves_fit.smoothness]
-    )
+    (few_error,) = problem.make_system(few_curves_fit, creeping).withheld_errors([few_curves_fit.smoothness])
     best: tuple[float, CellProblem, Trial] | None = None
     for on_grid in problem.make_grid_problems():
         start = replace(few_curves_fit, middle=on_grid.middles[0])
@@ -166,9 +154,7 @@ def _fit_on_grid(
     assert best is not None
     grid_error, on_grid, start = best
     with_initial = on_grid.include_initial_curves()
-    (error_with_initial,) = with_initial.make_system(start, creeping).withheld_errors(
-        [start.smoothness]
-    )
+    (error_with_initial,) = with_initial.make_system(start, creeping).withheld_errors([start.smoothness])
     if error_with_initial <= MAX_INITIAL_CURVE_ERROR_RATIO * grid_error:
         grid_error, on_grid = error_with_initial, with_initial
     fit = on_grid.solve(start, creeping)
@@ -179,9 +165,7 @@ def _fit_on_grid(
         for grid_mask, few_mask in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
     ]
     grid_error = float(np.hypot(grid_error, on_grid.deviation(fit, creeping, initial_samples)))
-    few_error = float(
-        np.hypot(few_error, problem.deviation(few_curves_fit, creeping, initial_samples))
-    )
+    few_error = float(np.hypot(few_error, problem.deviation(few_curves_fit, creeping, initial_samples)))
     return on_grid, fit, grid_error, few_error
 
 

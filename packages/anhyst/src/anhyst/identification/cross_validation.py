@@ -121,9 +121,7 @@ def block_numbers(records: FitRecords) -> tuple[int, ...]:
     return tuple(range(len(records.loops) * blocks_per_loop(records)))
 
 
-def refit(
-    start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap"
-) -> Refit:
+def refit(start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap") -> Refit:
     """Fit without some gaps, loops or blocks, select the offsets again, and predict these parts."""
     full_space = start.with_records(start.space.records.thinned(FOLD_SAMPLES)).space
     groups = list(loopset.by_schedule().values())
@@ -136,9 +134,7 @@ def refit(
         groups = [[loop] for group in groups for loop in group]
         space = replace(full_space, records=full_space.records.without_loops(fold))
     tolerance, max_steps = (
-        (_TOLERANCE, _MAX_STEPS)
-        if full_space.form.cells is None
-        else (_CELL_TOLERANCE, _MAX_CELL_STEPS)
+        (_TOLERANCE, _MAX_STEPS) if full_space.form.cells is None else (_CELL_TOLERANCE, _MAX_CELL_STEPS)
     )
     try:
         fit = descend_from(space, start.theta[coordinates], tolerance, max_steps, start.smoothness)
@@ -158,22 +154,16 @@ def refit(
             index: _mean_squares_without_drift(gap_residuals, clocks[index])
             for index, gap_residuals in residuals.items()
         }
-        outer_squares = (
-            (*mean_squares[0], *mean_squares[len(groups) - 1]) if withheld_kind == "gap" else ()
-        )
+        outer_squares = (*mean_squares[0], *mean_squares[len(groups) - 1]) if withheld_kind == "gap" else ()
         errors = {
             index: WithheldError(
-                float(np.mean(np.abs(np.concatenate(residuals[index])))),
-                mean_squares[index],
-                outer_squares,
+                float(np.mean(np.abs(np.concatenate(residuals[index])))), mean_squares[index], outer_squares
             )
             for index in fold
         }
     except (InputError, NegativeResult):
         sizes = {index: 1 if withheld_kind == "block" else len(groups[index]) for index in fold}
-        return Refit(
-            np.inf, {index: WithheldError(np.inf, (np.inf,) * n) for index, n in sizes.items()}
-        )
+        return Refit(np.inf, {index: WithheldError(np.inf, (np.inf,) * n) for index, n in sizes.items()})
     return Refit(fit.cost, errors)
 
 
@@ -216,9 +206,7 @@ def mean_error(errors: Sequence[WithheldError]) -> float:
 
 def mean_square_error(errors: Sequence[WithheldError]) -> float:
     """Return the mean square over the loops of the withheld parts and of the outermost gaps."""
-    return float(
-        np.mean([square for error in errors for square in error.mean_squares + error.outer_squares])
-    )
+    return float(np.mean([square for error in errors for square in error.mean_squares + error.outer_squares]))
 
 
 def is_better(
@@ -252,20 +240,17 @@ def is_better(
         standard_error = max(standard_error, scatter / math.sqrt(len(gap_means)))
     min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
     is_better_everywhere = differences.size >= _MIN_PLACES and bool(np.all(differences > 0.0))
-    if is_better_everywhere and mean_square_error(
-        complex_
-    ) < _CLEAR_SQUARE_RATIO * mean_square_error(simpler):
+    if is_better_everywhere and mean_square_error(complex_) < _CLEAR_SQUARE_RATIO * mean_square_error(
+        simpler
+    ):
         return True
     has_larger_mean = mean_error(complex_) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler)
     return bool(
-        float(differences.mean()) > max(sigmas * standard_error, min_difference)
-        and not has_larger_mean
+        float(differences.mean()) > max(sigmas * standard_error, min_difference) and not has_larger_mean
     )
 
 
-def mean_log_ratio(
-    first: Sequence[WithheldError], second: Sequence[WithheldError]
-) -> tuple[float, float]:
+def mean_log_ratio(first: Sequence[WithheldError], second: Sequence[WithheldError]) -> tuple[float, float]:
     """Return the mean logarithm of the ratio of two errors, and its standard error.
 
     The ratio is taken for each withheld part, so that one part with extrapolation does not decide.
@@ -314,10 +299,7 @@ def expected_error(
     low, high = np.exp(logs.mean() - half_width), np.exp(logs.mean() + half_width)
     return CrossValidation(
         error=float(withheld.mean()),
-        interval=(
-            float(low / (_GAP_SPACING_FACTOR if withheld_kind == "gap" else 1.0)),
-            float(high),
-        ),
+        interval=(float(low / (_GAP_SPACING_FACTOR if withheld_kind == "gap" else 1.0)), float(high)),
         folds=tuple(withheld.tolist()),
         left_out=withheld_kind,
     )

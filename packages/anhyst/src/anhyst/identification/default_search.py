@@ -37,9 +37,7 @@ def _damped_step(linear: Linearisation, is_free: NDArray[np.bool_], damping: flo
     return step
 
 
-def _weight_step(
-    linear: Linearisation, theta: FloatArray, lower: FloatArray, damping: float
-) -> FloatArray:
+def _weight_step(linear: Linearisation, theta: FloatArray, lower: FloatArray, damping: float) -> FloatArray:
     """Return the best damped step with all weights above their lower bounds.
 
     Many weights end at their bound at the same time, so bounds cannot be handled one by one.
@@ -112,10 +110,7 @@ SMOOTHED_MAPS = frozenset({"circuit", "free"})
 
 SMOOTHNESS_WEIGHT = 3e-3
 """Weight of the smoothness penalty, relative to the cost of the fit without it."""
-COMPARISON_STOP = (
-    1e-7,
-    200,
-)  # tolerance and maximum number of steps of a fit for comparison
+COMPARISON_STOP = (1e-7, 200)  # tolerance and maximum number of steps of a fit for comparison
 CONVERGED_STOP = (1e-8, 50)  # tolerance and maximum number of steps of the selected fit
 _SHORT_DESCENT_STEPS = 6  # steps of a first descent, enough to identify the better starts
 
@@ -158,17 +153,11 @@ def descend_from(
     return FoundModel(space, theta_end, cost, objective.evaluations)
 
 
-def search_one_gap(
-    form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]
-) -> FoundModel:
+def search_one_gap(form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]) -> FoundModel:
     """Fit one gap without initial values."""
     space = CoordinateSpace("none", records, form, fixed)
     return _descend_from_best(
-        space,
-        [
-            [parameter_set]
-            for parameter_set in screen_starts(space, SCREENED_SETS, MAX_STARTS, seed)
-        ],
+        space, [[parameter_set] for parameter_set in screen_starts(space, SCREENED_SETS, MAX_STARTS, seed)]
     )
 
 
@@ -177,14 +166,10 @@ def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]])
     max_steps = _SHORT_DESCENT_STEPS + space.records.gap_count
     short_fits = [descend_from(space, space.pack(sets), 1e-4, max_steps) for sets in starts]
     final = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)
-    return replace(
-        final, evaluations=final.evaluations + sum(fit.evaluations for fit in short_fits)
-    )
+    return replace(final, evaluations=final.evaluations + sum(fit.evaluations for fit in short_fits))
 
 
-def search_each_gap(
-    form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]
-) -> FoundModel:
+def search_each_gap(form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]) -> FoundModel:
     """Fit every gap with its own parameters: the map ``free``.
 
     Each gap is fitted without initial values, and again from the result of its neighbour, so that
@@ -193,9 +178,7 @@ def search_each_gap(
     would scatter and could not be interpolated.
     """
     space = CoordinateSpace("free", records, form, fixed)
-    single_fits = [
-        search_one_gap(form, records.at_gap(gap), seed, fixed) for gap in range(records.gap_count)
-    ]
+    single_fits = [search_one_gap(form, records.at_gap(gap), seed, fixed) for gap in range(records.gap_count)]
     reference = records.reference_gap
     neighbour_fits = {reference: single_fits[reference]}
     for gap in [*range(reference + 1, records.gap_count), *range(reference - 1, -1, -1)]:
@@ -203,9 +186,7 @@ def search_each_gap(
         neighbour_fits[gap] = descend_from(single_fits[gap].space, neighbour.theta, 1e-6, 30)
     smoothness = SMOOTHNESS_WEIGHT * sum(fit.cost for fit in single_fits)
     joint_fits = [
-        descend_from(
-            space, space.pack([fit.parameter_sets[0] for fit in gap_fits]), 1e-6, 60, smoothness
-        )
+        descend_from(space, space.pack([fit.parameter_sets[0] for fit in gap_fits]), 1e-6, 60, smoothness)
         for gap_fits in (single_fits, [neighbour_fits[gap] for gap in range(records.gap_count)])
     ]
     best = min(joint_fits, key=lambda fit: fit.cost)
@@ -213,19 +194,13 @@ def search_each_gap(
 
 
 def join_gaps(
-    form: ResponseForm,
-    records: FitRecords,
-    gap_map: str,
-    starts: list[ParameterSet],
-    fixed: frozenset[str],
+    form: ResponseForm, records: FitRecords, gap_map: str, starts: list[ParameterSet], fixed: frozenset[str]
 ) -> FoundModel:
     """Fit all gaps together under one map, starting from sets of the reference gap."""
     space = CoordinateSpace(gap_map, records, form, fixed)
     reference = records.reference_gap
     at_gaps = [
-        (starts, cost_at_gap(space, gap, starts))
-        if gap == reference
-        else scan_gap(space, gap, starts)
+        (starts, cost_at_gap(space, gap, starts)) if gap == reference else scan_gap(space, gap, starts)
         for gap in range(records.gap_count)
     ]
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
@@ -239,9 +214,7 @@ def join_circuit(
 ) -> FoundModel:
     """Fit all gaps together under a map with leakage or with a free gain at each gap."""
     space_before = reluctance_fit.space
-    space = CoordinateSpace(
-        gap_map, space_before.records, space_before.form, space_before.fixed, common
-    )
+    space = CoordinateSpace(gap_map, space_before.records, space_before.form, space_before.fixed, common)
     fit = descend_from(
         space,
         space.pack(reluctance_fit.parameter_sets),

@@ -89,9 +89,7 @@ def _rest_input(loop: Loop, span: float) -> float | None:
     return sign * rest_value
 
 
-def _lowest_at_reversals(
-    drive: FloatArray, clock: FloatArray, default: float, span: float
-) -> float:
+def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, span: float) -> float:
     """Return the lowest value of a drive that reverses without a rest.
 
     Reversals of minor loops above that value are ignored. Noise makes the smallest sample too
@@ -116,9 +114,7 @@ def _lowest_at_reversals(
         fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
         window_rows = np.concatenate(side_rows)
         round_fit = Polynomial.fit(times[window_rows], drive[window_rows], 4)
-        residuals = [
-            drive[rows] - fit(times[rows]) for rows, fit in zip(side_rows, fits, strict=True)
-        ]
+        residuals = [drive[rows] - fit(times[rows]) for rows, fit in zip(side_rows, fits, strict=True)]
         sharp_cost = float(np.sum(np.concatenate(residuals) ** 2))
         round_cost = float(np.sum((drive[window_rows] - round_fit(times[window_rows])) ** 2))
         if round_cost <= _ROUND_REVERSAL_RATIO * sharp_cost:
@@ -209,9 +205,7 @@ class FitRecord:
         shares = None if self.sample_shares is None else self.sample_shares[samples]
         if samples.size > thin_rows(self.input, max_samples).size:
             starts = np.concatenate([[0], (samples[1:] + samples[:-1] + 1) // 2])
-            shares_before = (
-                np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
-            )
+            shares_before = np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
             represented = np.add.reduceat(shares_before, starts)
             shares = represented * (samples.size / represented.sum())
         return replace(
@@ -232,9 +226,7 @@ class FitRecords:
     nodes: FloatArray  # scheduling values, ascending; empty without a scheduling variable
     input_span: float  # largest absolute input, SI
     output_span: float  # largest absolute output, SI
-    rest: RestReadings = field(
-        default_factory=RestReadings
-    )  # readings at rest, taken from every loop
+    rest: RestReadings = field(default_factory=RestReadings)  # readings at rest, taken from every loop
 
     @property
     def gap_count(self) -> int:
@@ -310,9 +302,7 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
         order = sorted(times, key=lambda time: float(time[0]))
-        if len(times) < len(group) or not all(
-            earlier[-1] <= later[0] for earlier, later in pairwise(order)
-        ):
+        if len(times) < len(group) or not all(earlier[-1] <= later[0] for earlier, later in pairwise(order)):
             return [[np.zeros(loop.n) for loop in group] for group in groups]
         clocks.append([time - order[0][0] for time in times])
     longest = max(float(clock[-1]) for group in clocks for clock in group)
@@ -329,9 +319,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
         return [weight / span for weight in base_weights]
     sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
     if min(sizes) == 0.0:
-        raise InputError(
-            "a loop has zero output; use weights 'loops' or remove the loop", code="no-output"
-        )
+        raise InputError("a loop has zero output; use weights 'loops' or remove the loop", code="no-output")
     return [weight / size for weight, size in zip(base_weights, sizes, strict=True)]
 
 
@@ -403,9 +391,7 @@ class InputHistory:
     def extended(self, drive: FloatArray, gap: int) -> InputHistory:
         """Return the history followed by a drive at a gap."""
         gaps = np.full(drive.size, float(gap))
-        return InputHistory(
-            np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps])
-        )
+        return InputHistory(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
 
     def only_at(self, gap: int) -> InputHistory:
         """Return only the reversals at one gap."""
@@ -414,9 +400,7 @@ class InputHistory:
 
     def renumbered(self, kept_gaps: list[int]) -> InputHistory:
         """Renumber the gaps if only some are kept; positions between gaps stay between them."""
-        return InputHistory(
-            self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps)))
-        )
+        return InputHistory(self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps))))
 
     def remembered(self) -> InputHistory:
         """Return the part that play cells can remember, without closed cycles at one gap."""
@@ -425,9 +409,7 @@ class InputHistory:
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
         stretches = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
         gaps = self.gap_position[np.concatenate([[0], edges])]
-        return InputHistory(
-            np.concatenate(stretches), np.repeat(gaps, [points.size for points in stretches])
-        )
+        return InputHistory(np.concatenate(stretches), np.repeat(gaps, [points.size for points in stretches]))
 
 
 def remembered_reversals(drive: FloatArray) -> FloatArray:

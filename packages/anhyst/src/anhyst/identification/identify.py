@@ -28,11 +28,7 @@ from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default_search import CONVERGED_STOP, descend_from
 from anhyst.identification.fit_records import make_fit_records, read_rest_offsets
 from anhyst.identification.model_building import make_model, make_response_form, valid_range
-from anhyst.identification.model_selection import (
-    MIN_SAMPLES_PER_PARAMETER,
-    make_outcome,
-    select_model,
-)
+from anhyst.identification.model_selection import MIN_SAMPLES_PER_PARAMETER, make_outcome, select_model
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, remove_rate_effect
@@ -106,9 +102,7 @@ def identify(
             cpu_times=cpu_times,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
-        outcome = (
-            _continue_fit(run, some, before) if before else _search(run, some, gap_map, search)
-        )
+        outcome = _continue_fit(run, some, before) if before else _search(run, some, gap_map, search)
         resolved_model = free_unresolved_cells(outcome.model, some)
         return (
             replace(outcome, model=resolved_model)
@@ -132,9 +126,7 @@ def identify(
         "dead_band": outcome.dead_band,
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
     }
-    histories = (
-        SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops
-    )
+    histories = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
     common = {
         "name": _name(loops),
         "history": Counter(histories).most_common(1)[0][0],
@@ -146,12 +138,7 @@ def identify(
     acceptance = model.acceptance()
     fitted = tuple(map(model.predict_loop, loops.loops))
     figures = fit_figures(
-        loops,
-        fitted,
-        outcome.withheld_errors,
-        acceptance.passed,
-        outcome.expected_error,
-        outcome.candidates,
+        loops, fitted, outcome.withheld_errors, acceptance.passed, outcome.expected_error, outcome.candidates
     )
     residual = analyse_loops(loops, fitted)
     residual_text = describe_residual(residual, loops, model)
@@ -242,16 +229,12 @@ def _fit_all_speeds(
     if static_loops is not None:
         corrected = static(static_loops, outcome)
         layers = rate_fit.model.layers
-        second_fit = fit_rate(
-            corrected.model, loops, speeds, min_layers=layers.count if layers else 1
-        )
+        second_fit = fit_rate(corrected.model, loops, speeds, min_layers=layers.count if layers else 1)
         if second_fit.error < rate_fit.error:
             rate_fit = second_fit
             outcome = replace(outcome, uncertainty=corrected.uncertainty)
     uncertainty = rate_fit.add_to_uncertainty(outcome.uncertainty)
-    return replace(
-        outcome, model=rate_fit.model, uncertainty=uncertainty, rate_reason=rate_fit.reason
-    )
+    return replace(outcome, model=rate_fit.model, uncertainty=uncertainty, rate_reason=rate_fit.reason)
 
 
 def _needs_creep_fit(loops: Loops, law: str, search: str) -> bool:
@@ -280,15 +263,8 @@ def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
     """Continue the fit of a search to convergence on other records of the same loops."""
     start = outcome.fit
     assert start is not None
-    fit = descend_from(
-        start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
-    )
-    return replace(
-        outcome,
-        model=make_model(fit, loops),
-        uncertainty=assess_uncertainty(fit, loops),
-        fit=fit,
-    )
+    fit = descend_from(start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness)
+    return replace(outcome, model=make_model(fit, loops), uncertainty=assess_uncertainty(fit, loops), fit=fit)
 
 
 def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
@@ -296,9 +272,7 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     warnings = [note for note in loops.notes if "columns not used" in note]
     warnings += [outcome.map_reason] if gaps == 2 else []
     if outcome.resumed_stages:
-        warnings.append(
-            f"continued from a checkpoint: {outcome.resumed_stages} stages were already complete"
-        )
+        warnings.append(f"continued from a checkpoint: {outcome.resumed_stages} stages were already complete")
     if loops.schedule is not None and gaps == 1:
         warnings.append(f"loops at only one {loops.schedule.name}: the model is valid only there")
     if len(loops) == 1:
@@ -309,8 +283,7 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     samples = sum(loop.n for loop in loops.loops)
     if samples < MIN_SAMPLES_PER_PARAMETER * quantities:
         warnings.append(
-            f"{samples} samples for {quantities} parameters: a good fit is "
-            "not evidence; record more samples"
+            f"{samples} samples for {quantities} parameters: a good fit is not evidence; record more samples"
         )
     return warnings
 

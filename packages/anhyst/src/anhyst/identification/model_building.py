@@ -43,15 +43,11 @@ _MIN_CLOSED_GAP_RHO = 1e-12
 """Value of rho at the closed gap, so that rounding errors cannot make it negative."""
 
 
-def make_response_form(
-    input_quantity: Quantity, output_quantity: Quantity, law: str
-) -> ResponseForm:
+def make_response_form(input_quantity: Quantity, output_quantity: Quantity, law: str) -> ResponseForm:
     """Return the form of the equations for the measured quantities."""
     map_of_output = output_map(output_quantity)
     permeability = MU_0 if map_of_output.is_flux_density and input_quantity.name == "field" else 0.0
-    return ResponseForm(
-        map_of_output.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE
-    )
+    return ResponseForm(map_of_output.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE)
 
 
 def is_scheduled_over_gap(loopset: Loops) -> bool:
@@ -70,8 +66,7 @@ def physical_parameters(
     """Convert gauge-free parameters to physical ones."""
     map_of_output, input_name = output_map(output_quantity), input_quantity.name
     table = [
-        _physical_at_gap(form, parameter_set, gap_map, input_name, map_of_output)
-        for parameter_set in sets
+        _physical_at_gap(form, parameter_set, gap_map, input_name, map_of_output) for parameter_set in sets
     ]
     if gap_map in SERIES_MAPS:
         _make_reluctance_positive(form, table, np.array(gaps))
@@ -91,9 +86,7 @@ def physical_parameters(
     }
 
 
-def _make_reluctance_positive(
-    form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray
-) -> None:
+def _make_reluctance_positive(form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray) -> None:
     """Move along the redundancy of alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
     min_rho = float(rho.min())
@@ -107,20 +100,14 @@ def _make_reluctance_positive(
 
 
 def _physical_at_gap(
-    form: ResponseForm,
-    parameter_set: ParameterSet,
-    gap_map: str,
-    input_name: str,
-    answer: OutputMap,
+    form: ResponseForm, parameter_set: ParameterSet, gap_map: str, input_name: str, answer: OutputMap
 ) -> dict[str, float]:
     h, omega = parameter_set.h, parameter_set.omega
     if gap_map in SERIES_MAPS:
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
-    unscaled = parameter_set.scale / (
-        1.0 + rho
-    )  # input per unit of effective field without the gap
+    unscaled = parameter_set.scale / (1.0 + rho)  # input per unit of effective field without the gap
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
@@ -184,8 +171,7 @@ def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
     omegas = np.array([parameter_set.omega for parameter_set in sets])
     gap_rho = Curve("rho", nodes, omegas / np.maximum(1.0 - leakage * omegas, MIN_GAP_FLUX_SHARE))
     pieces = [
-        np.linspace(*interval, _PIECES_PER_GAP_INTERVAL, endpoint=False)
-        for interval in pairwise(nodes)
+        np.linspace(*interval, _PIECES_PER_GAP_INTERVAL, endpoint=False) for interval in pairwise(nodes)
     ]
     positions = np.concatenate([*pieces, nodes[-1:]])
     first_set, power = sets[0], space.form.power
@@ -233,12 +219,7 @@ def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> Fou
     for ratio in DEAD_BAND_RATIOS:
         space = replace(fit.space, form=replace(form, dead_band=ratio))
         fit_with_band = descend_from(
-            space,
-            fit.theta,
-            _DEAD_BAND_TOLERANCE,
-            _MAX_DEAD_BAND_STEPS,
-            fit.smoothness,
-            goal=max_cost,
+            space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=max_cost
         )
         if fit_with_band.cost <= max_cost and accepts(fit_with_band):
             return replace(fit_with_band, evaluations=fit.evaluations + fit_with_band.evaluations)

@@ -34,12 +34,7 @@ from anhyst.identification.candidates import (
     without_interaction,
 )
 from anhyst.identification.cell_kernel import CellKernel, make_weight_kernel
-from anhyst.identification.cell_search import (
-    CellSearch,
-    fit_cell_weights,
-    fit_under_map,
-    use_exact_tables,
-)
+from anhyst.identification.cell_search import CellSearch, fit_cell_weights, fit_under_map, use_exact_tables
 from anhyst.identification.cross_validation import (
     block_numbers,
     expected_error,
@@ -104,9 +99,7 @@ CARRIED_STARTS = 24
 optimum."""
 
 
-def make_outcome(
-    fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False
-) -> Outcome:
+def make_outcome(fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False) -> Outcome:
     """Return a fit as the outcome of a search, without the other candidates."""
     model, uncertainty = make_model(fit, loopset), assess_uncertainty(fit, loopset)
     return Outcome(model, uncertainty, fit.theta.size, fit.evaluations, why, interrupted, fit=fit)
@@ -117,9 +110,7 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
     gaps = run.search_records.gap_count
     require_gaps(run.records, gap_map)
     map_list = map_candidates(run, loopset, gap_map) if gaps > 1 else []
-    run.total_stages = (
-        2 + len(map_list) + bool(inner_gaps(gaps)) + run.dead_band + (4 if run.cells else 0)
-    )
+    run.total_stages = 2 + len(map_list) + bool(inner_gaps(gaps)) + run.dead_band + (4 if run.cells else 0)
     choice = Selection(run, loopset, map_list)
     comparison = choice.comparison
     best = choice.select()
@@ -214,10 +205,7 @@ class Selection:
             self.run.step("left out", partial(self._refit_folds, comparison.eligible))
 
     def _fit_gap_map(
-        self,
-        candidate: ModelCandidate,
-        starts: list[ParameterSet],
-        reluctance_fit: FoundModel | None,
+        self, candidate: ModelCandidate, starts: list[ParameterSet], reluctance_fit: FoundModel | None
     ) -> Fits:
         run, gap_map, fixed = self.run, candidate.gap_map, candidate.fixed
 
@@ -248,10 +236,7 @@ class Selection:
         if not comparison.withheld:
             comparison.withheld_kind, comparison.withheld = "loop", inner_loops(run.search_records)
             if len(comparison.withheld) < 2:
-                comparison.withheld_kind, comparison.withheld = (
-                    "block",
-                    block_numbers(run.search_records),
-                )
+                comparison.withheld_kind, comparison.withheld = ("block", block_numbers(run.search_records))
             comparison.eligible[:] = [base]
             run.timed("left out", partial(self._refit_folds, [base]))
         cell_entries = self._search_cells(base)
@@ -261,23 +246,17 @@ class Selection:
         best = replace(comparison, eligible=cell_entries).select_best()
         other_maps = [other for other in self.maps if other.gap_map != best.gap_map]
         free_maps = [other for other in other_maps if other.gap_map == "free"]
-        map_variants = [
-            with_gap_map(best, other) for other in other_maps if other.gap_map != "free"
-        ]
+        map_variants = [with_gap_map(best, other) for other in other_maps if other.gap_map != "free"]
         if free_maps and self.exceeds_noise(comparison.fits[best].reduced):
             map_variants.append(with_gap_map(best, free_maps[0]))
         for candidate in map_variants:
-            refit_cells = partial(
-                fit_under_map, comparison.fits[best].full, candidate, run.search_records
-            )
+            refit_cells = partial(fit_under_map, comparison.fits[best].full, candidate, run.search_records)
             run.timed("play cells", partial(self._try_fit, candidate, refit_cells))
         map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
         run.timed("left out", partial(self._refit_folds, map_variants))
         cell_entries += map_variants
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
-            best = min(
-                cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0
-            )
+            best = min(cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0)
             refined = with_fitted_weights(best)
             refine = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
             run.step("play cells", partial(self._try_fit, refined, refine))
@@ -342,9 +321,7 @@ class Selection:
         noises = noise_by_gap(self.loopset)
         if comparison.withheld_kind == "block":
             return expected_error(
-                comparison.nested_errors(),
-                [float(np.mean(noises))] * len(comparison.withheld),
-                "block",
+                comparison.nested_errors(), [float(np.mean(noises))] * len(comparison.withheld), "block"
             )
         return expected_error(comparison.nested_errors(), noises[1:-1])
 
@@ -382,11 +359,7 @@ class Selection:
         compiled, if it fits several times better than any usable candidate.
         """
         comparison = self.comparison
-        usable = [
-            candidate
-            for candidate in candidates
-            if self.is_usable(comparison.fits[candidate].reduced)
-        ]
+        usable = [candidate for candidate in candidates if self.is_usable(comparison.fits[candidate].reduced)]
         if not usable or is_scheduled_over_gap(self.loopset):
             return usable or candidates
         return usable + [
@@ -501,8 +474,7 @@ def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
     rms = math.sqrt(float(np.mean(np.concatenate(residuals) ** 2))) / largest_output(loopset)
     if rms > max(_MAX_DRIFT_RMS, _MAX_DRIFT_RATIO * math.sqrt(fit.cost)):
         raise InputError(
-            f"without a fitted sensor drift, its error is {100.0 * rms:.2g} % rms",
-            code="needs-drift",
+            f"without a fitted sensor drift, its error is {100.0 * rms:.2g} % rms", code="needs-drift"
         )
 
 
@@ -515,11 +487,7 @@ def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel
         fit, dead_band = _add_dead_band(run, loopset, fit)
     start = use_exact_tables(fit)
     descend = partial(
-        descend_from,
-        start.with_records(run.records).space,
-        start.theta,
-        *CONVERGED_STOP,
-        start.smoothness,
+        descend_from, start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
     converged = run.step("last steps", descend)
     # The last steps gain little. They are discarded if they make a usable model unusable.
@@ -529,15 +497,11 @@ def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel
 
 def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
     def is_deployable(fit: FoundModel) -> bool:
-        return find_compile_obstacle(make_model(fit, loopset)) is None and _passes_acceptance(
-            fit, loopset
-        )
+        return find_compile_obstacle(make_model(fit, loopset)) is None and _passes_acceptance(fit, loopset)
 
     def work() -> FoundModel:
         is_start_deployable = is_deployable(fit)
-        return add_dead_band(
-            fit, lambda candidate: not is_start_deployable or is_deployable(candidate)
-        )
+        return add_dead_band(fit, lambda candidate: not is_start_deployable or is_deployable(candidate))
 
     with_dead_band = run.step("dead band", work)
     return with_dead_band, explain_dead_band(fit, with_dead_band)

@@ -81,8 +81,7 @@ class CellResponder:
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
         cell_indices = tuple(
-            next(i for i, weights in enumerate(cells) if weights is gap_cells)
-            for gap_cells in cells
+            next(i for i, weights in enumerate(cells) if weights is gap_cells) for gap_cells in cells
         )
         if cell_indices not in self._groups:
             self._groups[cell_indices] = list(_group_drives(records, cell_indices))
@@ -104,9 +103,7 @@ class _DriveGroup:
     @cached_property
     def sample_indices(self) -> NDArray[np.intp]:
         """Indices of the samples of records."""
-        return np.concatenate(
-            [np.arange(samples.start, samples.stop) for samples in self.record_slices]
-        )
+        return np.concatenate([np.arange(samples.start, samples.stop) for samples in self.record_slices])
 
     @cached_property
     def gap_slices(self) -> list[tuple[int, slice]]:
@@ -124,9 +121,7 @@ class _DriveGroup:
         sizes = [record.input.size for record in self.records]
         return np.repeat([record.gap for record in self.records], sizes)
 
-    def cell_inputs(
-        self, sets: Sequence[ParameterSet]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def cell_inputs(self, sets: Sequence[ParameterSet]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return omega and the right side of the equation, and the input scale, of each sample."""
         omega, scale, in_0 = interpolate_over_gaps(sets, self.gap_position)
         return omega, (self.drive - in_0) / scale, scale
@@ -156,9 +151,7 @@ def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
         starts.append(end)
         end += history.drive.size + n
         record_slices.append(slice(end - n, end))
-    drive, gaps, is_own_gap = (
-        np.concatenate(values) for values in (drives, gap_columns, own_gap_parts)
-    )
+    drive, gaps, is_own_gap = (np.concatenate(values) for values in (drives, gap_columns, own_gap_parts))
     return _DriveGroup(
         tuple(records), drive, gaps, is_own_gap, np.array(starts, dtype=np.int64), record_slices
     )
@@ -236,10 +229,7 @@ class Objective:
         """Residuals that replace those of parameters without a solution."""
         large_residual = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
-            [
-                large_residual,
-                np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size),
-            ]
+            [large_residual, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
         )
 
     def outputs(self, sets: list[ParameterSet]) -> FloatArray:
@@ -256,12 +246,7 @@ class Objective:
         residual = (outputs - self.measured) * self.weights
         residual, cost = self._drift.remove(residual)
         return np.concatenate(
-            [
-                residual,
-                cost,
-                self._smoothness_rows @ theta,
-                self._prior_rows @ theta - self._prior_targets,
-            ]
+            [residual, cost, self._smoothness_rows @ theta, self._prior_rows @ theta - self._prior_targets]
         )
 
     def normal_equations(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -281,10 +266,7 @@ class Objective:
         for gap, output, derivatives in responses:
             samples = slice(start, start + output.size)
             weights = self.weights[samples]
-            value, weighted = (
-                (output - self.measured[samples]) * weights,
-                derivatives * weights[:, None],
-            )
+            value, weighted = ((output - self.measured[samples]) * weights, derivatives * weights[:, None])
             gap_normals[gap] += weighted.T @ weighted
             gap_gradients[gap] += value @ weighted
             if self._drift.is_present:
@@ -301,9 +283,7 @@ class Objective:
         ]
         gradient = self._smoothness_rows.T @ values[-2] + self._prior_rows.T @ values[-1]
         matrix = self._regularisation
-        for (_, coordinate_derivatives), square, slope in zip(
-            sets, gap_normals, gap_gradients, strict=True
-        ):
+        for (_, coordinate_derivatives), square, slope in zip(sets, gap_normals, gap_gradients, strict=True):
             gradient = gradient + slope @ coordinate_derivatives
             matrix = matrix + coordinate_derivatives.T @ square @ coordinate_derivatives
         if self._drift.is_present:
@@ -313,9 +293,7 @@ class Objective:
                 np.stack([coordinate_derivatives for _, coordinate_derivatives in sets]),
             )
             gradient = gradient - self._drift.slope(residual) * drift_derivatives
-            matrix = (
-                matrix - np.outer(drift_derivatives, drift_derivatives) / self._drift.squared_norm
-            )
+            matrix = matrix - np.outer(drift_derivatives, drift_derivatives) / self._drift.squared_norm
         return np.concatenate(values), gradient, matrix
 
     def linearise(self, theta: FloatArray) -> Linearisation:

@@ -39,10 +39,7 @@ _SATURATION_RANGE = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
 _SHAPE_RANGE = (1.0, 3e4)  # a from soft iron to iron sheared by its gap, A/m
 _PINNING_RANGE = (0.05, 3e4)  # k from almost closed loops to iron sheared by its gap, A/m
 _FIELD_RANGE = (30.0, 3e5)  # largest field that c_H may produce at the largest input, A/m
-_SATURATED_OUTPUT_RANGE = (
-    1.0,
-    100.0,
-)  # output at saturation, relative to the largest measured output
+_SATURATED_OUTPUT_RANGE = (1.0, 100.0)  # output at saturation, relative to the largest measured output
 
 _ALPHA_RANGE = (-0.5, 0.05)
 """From the demagnetisation of a wide gap to the interaction at which jumps begin."""
@@ -127,10 +124,7 @@ def make_variables(
             _SATURATED_OUTPUT_RANGE[1] * records.output_span / (MU_0 * saturation[0]) ** power,
         ),
         "in_0": (-_MAX_OFFSET_SHARE * records.input_span, _MAX_OFFSET_SHARE * records.input_span),
-        "out_0": (
-            -_MAX_OFFSET_SHARE * records.output_span,
-            _MAX_OFFSET_SHARE * records.output_span,
-        ),
+        "out_0": (-_MAX_OFFSET_SHARE * records.output_span, _MAX_OFFSET_SHARE * records.output_span),
     }
     names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in fixed_values)
     bound_pairs = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
@@ -257,9 +251,7 @@ class Criterion:
         self.evaluations += is_supported.size
         supported = {name: array[is_supported] for name, array in form.items()}
         in_0, out_0 = values["in_0"][is_supported], values["out_0"][is_supported]
-        sets = np.stack(
-            [supported["kappa"], supported["c"], supported["omega"], supported["scale"]]
-        )
+        sets = np.stack([supported["kappa"], supported["c"], supported["omega"], supported["scale"]])
         criteria = np.zeros(in_0.size)
         for share, record in zip(self._shares, self._loops, strict=True):
             m, xi = follow_sets(record, np.arange(record.input.size), sets, in_0)
@@ -277,10 +269,7 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 
 
 def run_simplex(
-    cost: Callable[[FloatArray], float],
-    variables: Variables,
-    start: FloatArray,
-    max_evaluations: int,
+    cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, max_evaluations: int
 ) -> tuple[FloatArray, float]:
     """Run a Nelder-Mead simplex search, restarted at its result until that gains little."""
     # Imported here, because the import takes longer than the default search, which does not need

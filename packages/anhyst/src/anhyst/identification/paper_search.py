@@ -80,8 +80,7 @@ class EvolutionStrategy:
     ) -> None:
         if not np.all(low < high):
             raise InputError(
-                "evolution strategy: each lower bound must be below its upper bound",
-                code="range-reversed",
+                "evolution strategy: each lower bound must be below its upper bound", code="range-reversed"
             )
         if not 1 <= parents < children:
             raise InputError(
@@ -174,13 +173,10 @@ class PaperSearch:
         self.variables, self.fixed_values = make_variables(
             self.run.records, self.loopset.input, self.loopset.output, self.run.fixed
         )
-        self.searched_names = tuple(
-            name for name in self.variables.names if name not in OFFSET_NAMES
-        )
+        self.searched_names = tuple(name for name in self.variables.names if name not in OFFSET_NAMES)
         self._records = [self.run.records.at_gap(gap) for gap in range(self.gap_count)]
         weight_sums = [
-            sum(record.weight**2 * record.input.size for record in records.loops)
-            for records in self._records
+            sum(record.weight**2 * record.input.size for record in records.loops) for records in self._records
         ]
         self._shares = [count / sum(weight_sums) for count in weight_sums]
 
@@ -201,9 +197,7 @@ class PaperSearch:
     def _criterion(self, gap: int, samples: int) -> Criterion:
         return Criterion(self.run.form, self._records[gap].thinned(samples))
 
-    def make_state(
-        self, sets: Sequence[Values], varying: Sequence[str], evaluations: int
-    ) -> SearchState:
+    def make_state(self, sets: Sequence[Values], varying: Sequence[str], evaluations: int) -> SearchState:
         """Return the state of a search with these sets."""
         return SearchState(tuple(sets), tuple(varying), self.cost(sets), evaluations)
 
@@ -218,10 +212,7 @@ class PaperSearch:
             return criterion.cost_of_set(values | _to_floats(variables.to_parameters(theta)))
 
         best, _ = run_simplex(
-            cost,
-            variables,
-            variables.to_coordinates(values),
-            evaluations_per_variable * variables.size,
+            cost, variables, variables.to_coordinates(values), evaluations_per_variable * variables.size
         )
         return values | _to_floats(variables.to_parameters(best)), criterion.evaluations
 
@@ -232,9 +223,7 @@ class PaperSearch:
         seed = [self.run.seed, gap, variables.size]
         strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
         fixed = {
-            name: np.full(_CHILDREN, value)
-            for name, value in values.items()
-            if name not in variables.names
+            name: np.full(_CHILDREN, value) for name, value in values.items() if name not in variables.names
         }
         for _ in range(self.effort.generations):
             strategy.tell(criterion.costs_of_sets(fixed | variables.to_parameters(strategy.ask())))
@@ -314,9 +303,7 @@ def spline_model_at(model: Model, gap: float) -> Model:
     :mod:`anhyst.model.parameters`.
     """
     if len(model.nodes) < 2:
-        raise InputError(
-            "a spline over the gap needs a model with at least two nodes", code="single-gap"
-        )
+        raise InputError("a spline over the gap needs a model with at least two nodes", code="single-gap")
     # Imported here, because the import takes longer than the default search, which does not need
     # it.
     from scipy.interpolate import CubicSpline
@@ -325,9 +312,7 @@ def spline_model_at(model: Model, gap: float) -> Model:
         name: float(CubicSpline(model.nodes, value)(gap)) if isinstance(value, tuple) else value
         for name, value in model.parameters.items()
     }
-    return replace(
-        model, parameters=parameters, gap_map="none", schedule=None, nodes=(), reduction=()
-    )
+    return replace(model, parameters=parameters, gap_map="none", schedule=None, nodes=(), reduction=())
 
 
 def check_splines(model: Model) -> GapCheck | None:

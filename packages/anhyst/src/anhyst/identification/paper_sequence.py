@@ -78,24 +78,17 @@ def move_to_common_gauge(bench: PaperSearch, free_state: SearchState) -> SearchS
     for gap in [reference, *range(reference + 1, bench.gap_count), *range(reference - 1, -1, -1)]:
         neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
         sets[gap], gap_evaluations = bench.run.stage(
-            f"gap {gap} in one gauge",
-            partial(_search_from_neighbour, bench, gap, moved[gap], neighbour),
+            f"gap {gap} in one gauge", partial(_search_from_neighbour, bench, gap, moved[gap], neighbour)
         )
         evaluations += gap_evaluations
-    return bench.make_state(
-        [sets[gap] for gap in range(bench.gap_count)], free_state.varying, evaluations
-    )
+    return bench.make_state([sets[gap] for gap in range(bench.gap_count)], free_state.varying, evaluations)
 
 
 def _search_from_neighbour(
     bench: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
 ) -> tuple[Values, int]:
     """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
-    names = [
-        name
-        for name in bench.searched_names
-        if name not in names_set_by_gauge(bench.searched_names)
-    ]
+    names = [name for name in bench.searched_names if name not in names_set_by_gauge(bench.searched_names)]
     starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
     results = [bench.refine(gap, start, names, bench.effort.final) for start in starts]
     costs = [bench.cost_at(gap, values) for values, _ in results]
@@ -114,9 +107,7 @@ def reductions(
         frozen, previous = _select_cheapest(state, costs), state
         evaluations = previous.evaluations + sum(trial.evaluations for trial in trials.values())
         stage = _stage_name(trials[frozen].varying, "in full at gap {}")
-        sets, full_evaluations = bench.search_gaps(
-            stage, trials[frozen].sets, trials[frozen].varying
-        )
+        sets, full_evaluations = bench.search_gaps(stage, trials[frozen].sets, trials[frozen].varying)
         state = bench.make_state(sets, trials[frozen].varying, evaluations + full_evaluations)
         yield state, ReductionStep(frozen, previous.cost, state.cost, costs)
 
@@ -134,9 +125,7 @@ def _try_freezing(bench: PaperSearch, state: SearchState, name: str) -> SearchSt
         evaluations = sum(result[1] for result in results)
         return asdict(bench.make_state([result[0] for result in results], other_names, evaluations))
 
-    return SearchState.from_plain(
-        bench.run.stage(_stage_name(state.varying, f"without {name}"), work)
-    )
+    return SearchState.from_plain(bench.run.stage(_stage_name(state.varying, f"without {name}"), work))
 
 
 def _stage_name(varying: Sequence[str], description: str) -> str:
@@ -170,9 +159,7 @@ LAST_VARYING = {"auto": None, "scaling": "c_H", "reluctance": "alpha"}
 _EQUAL_COST_RATIO = 1.01  # ratio of costs up to which a model in another form is equal
 
 
-def search_paper(
-    run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None
-) -> Outcome:
+def search_paper(run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None) -> Outcome:
     """Perform the paper's search."""
     require_gaps(run.records, gap_map)
     bench = PaperSearch(run, loopset, effort or SearchEffort())
@@ -270,9 +257,9 @@ def _explain(state: SearchState, model: Model, is_reducing: bool, is_interrupted
         return "gap map 'free' was requested, so there was no reduction"
     last_varying = state.varying[0]
     if model.gap_map == "reluctance":
-        return f"after the reduction, only {last_varying} depends on the gap: a series reluctance, stored as rho"
-    if model.gap_map == "free":
         return (
-            f"after the reduction, only {last_varying} depends on the gap: for runs at a fixed gap"
+            f"after the reduction, only {last_varying} depends on the gap: a series reluctance, stored as rho"
         )
+    if model.gap_map == "free":
+        return f"after the reduction, only {last_varying} depends on the gap: for runs at a fixed gap"
     return f"after the reduction, only {last_varying} depends on the gap"

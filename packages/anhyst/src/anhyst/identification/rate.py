@@ -76,9 +76,7 @@ class RateFit:
             names=(*static_uncertainty.names, GAMMA_NAME),
             values=(*static_uncertainty.values, gamma),
             std=(*static_uncertainty.std, gamma * self.log_gamma_std),
-            correlation=tuple(map(tuple, correlation.tolist()))
-            if static_uncertainty.correlation
-            else (),
+            correlation=tuple(map(tuple, correlation.tolist())) if static_uncertainty.correlation else (),
             statements=(*static_uncertainty.statements, statement),
         )
 
@@ -144,9 +142,7 @@ class _RateProblem:
     """Fast loops in groups of equal speed, with a static model."""
 
     def __init__(self, model: Model, speeds: SpeedGroups, largest: float) -> None:
-        irons: dict[
-            float | None, AnyIron
-        ] = {}  # separate objects, because the fit changes their layers
+        irons: dict[float | None, AnyIron] = {}  # separate objects, because the fit changes their layers
         law = model.operator_law
 
         def path(loop: Loop) -> _LoopPath:
@@ -161,9 +157,7 @@ class _RateProblem:
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]
         fastest_paths = self.groups[-1]
-        density = max(
-            float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths
-        )
+        density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths)
         drive = max(float(np.ptp(path.drive)) for path in fastest_paths)
         self.gamma_scale = drive / (2.0 * np.pi * speeds.fastest_rate * density)
 
@@ -186,10 +180,7 @@ class _RateProblem:
         ]
 
     def fit(
-        self,
-        groups: Sequence[Sequence[_LoopPath]],
-        count: int,
-        start: _RateParameters | None = None,
+        self, groups: Sequence[Sequence[_LoopPath]], count: int, start: _RateParameters | None = None
     ) -> tuple[_RateParameters, float]:
         """Fit the rate parameters to some loops; also return the std of ``ln(gamma)``."""
         from scipy.optimize import least_squares
@@ -231,24 +222,18 @@ def _logit(share: float) -> float:
 def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> float:
     """Return the geometric mean over the groups of the rms residual."""
     return _geometric_mean(
-        float(
-            np.sqrt(np.mean(np.concatenate([path.relative_residual(rate) ** 2 for path in group])))
-        )
+        float(np.sqrt(np.mean(np.concatenate([path.relative_residual(rate) ** 2 for path in group]))))
         for group in groups
     )
 
 
-def fit_rate(
-    model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]
-) -> RateFit:
+def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]) -> RateFit:
     """Fit eddy currents to fast loops, with a fixed static model and a minimum number of layers."""
     static, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()
     static_rate = _RateParameters(1, (-np.inf,))
-    static_error = _geometric_mean(
-        mean_error(withheld_paths, static_rate) for _, withheld_paths in folds
-    )
+    static_error = _geometric_mean(mean_error(withheld_paths, static_rate) for _, withheld_paths in folds)
     chosen: tuple[_RateParameters, float] | None = None
     best_error = withheld_error = np.inf
     for count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
@@ -258,9 +243,7 @@ def fit_rate(
             withheld_error = _geometric_mean(
                 mean_error(
                     withheld_paths,
-                    problem.fit(fitted_paths, count, rate)[0]
-                    if fitted_paths is not problem.groups
-                    else rate,
+                    problem.fit(fitted_paths, count, rate)[0] if fitted_paths is not problem.groups else rate,
                 )
                 for fitted_paths, withheld_paths in folds
             )
@@ -274,8 +257,7 @@ def fit_rate(
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static,
-            f"layers do not improve the fast loops: the error of the static model is {static_text}",
+            static, f"layers do not improve the fast loops: the error of the static model is {static_text}"
         )
     rate, std = chosen
     rate_model = replace(
@@ -285,9 +267,7 @@ def fit_rate(
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
     layers_text = (
-        "a lag of the flux has an error of"
-        if rate.count == 1
-        else f"{rate.count} layers have an error of"
+        "a lag of the flux has an error of" if rate.count == 1 else f"{rate.count} layers have an error of"
     )
     reason = (
         f"{layers_text} {100.0 * best_error:.2g} % of full scale at the fast loops; its error at withheld loops is "

@@ -24,9 +24,7 @@ def list_candidates(
     comparison: CandidateComparison, best: ModelCandidate, law: str
 ) -> tuple[CandidateFit, ...]:
     """Return all candidates, the simplest first."""
-    candidates = sorted(
-        dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda entry: entry.rank
-    )
+    candidates = sorted(dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda entry: entry.rank)
     return tuple(
         CandidateFit(
             law=title,
@@ -51,9 +49,7 @@ def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: Mode
     return "" if candidate in comparison.eligible else "passed over"
 
 
-def explain_law(
-    comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops
-) -> str:
+def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
     """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
@@ -65,26 +61,18 @@ def explain_law(
         f"{_percent(own_error)} of the largest output"
     )
     errors = {
-        model: comparison.finite_withheld_error(model)
-        for model in comparison.eligible
-        if model != best
+        model: comparison.finite_withheld_error(model) for model in comparison.eligible if model != best
     }
     other_errors = {model: error for model, error in errors.items() if error is not None}
     if not other_errors:
         return text
     closest = min(other_errors, key=lambda model: other_errors[model])
-    map_text = (
-        "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
-    )
+    map_text = "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
     text += f"; {names[closest]}{map_text} has an error of {_percent(other_errors[closest])}"
-    return text + (
-        _explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else ""
-    )
+    return text + (_explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else "")
 
 
-def _explain_rejected(
-    comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate
-) -> str:
+def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
     if comparison.is_several_times_worse(rejected, best):
         rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
@@ -137,9 +125,7 @@ def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, g
         "largest output"
     )
     if others := ", ".join(
-        f"{map_name} {_percent(error)}"
-        if np.isfinite(error)
-        else f"{map_name} has no solution there"
+        f"{map_name} {_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
         for map_name, error in errors.items()
     ):
         reason += f" ({others})"
@@ -161,10 +147,7 @@ def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loops
     if not costs or own_cost < _MIN_OFFER_RATIO**2 * min(costs):
         return ""
     rms = [_percent(float(np.sqrt(cost))) for cost in (own_cost, min(costs))]
-    return (
-        f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be "
-        "compiled"
-    )
+    return f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be compiled"
 
 
 def _schedule_plural(loopset: Loops) -> str:

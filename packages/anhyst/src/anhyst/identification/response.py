@@ -38,9 +38,7 @@ _MAX_PASSES = 80
 MAX_FLATNESS = 0.95
 _PASSES_PER_EXTRAPOLATION = 4  # passes before each extrapolation to the steady state
 _MAX_FIELD = 1e3  # effective field, in units of a, above that of any loop
-_MAX_MAGNETISATION = (
-    1.0 - 1e-6
-)  # magnetisation below which the effective field is within that limit
+_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation below which the effective field is within that limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +110,7 @@ class ResponseForm:
         assert isinstance(kernel, Kernel)
         try:
             play = self.dead_band * parameter_set.kappa
-            return kernel.make_operator(
-                parameter_set.kappa, parameter_set.c, play, parameter_set.omega
-            )
+            return kernel.make_operator(parameter_set.kappa, parameter_set.c, play, parameter_set.omega)
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
@@ -185,16 +181,10 @@ class Responder:
             require_answer(status)
         if record.is_cycle:
             self._starts[id(record)] = final_state
-        return np.asarray(
-            parameter_set.gain * (m + parameter_set.h * x) ** form.power + parameter_set.out_0
-        )
+        return np.asarray(parameter_set.gain * (m + parameter_set.h * x) ** form.power + parameter_set.out_0)
 
     def with_derivatives(
-        self,
-        form: ResponseForm,
-        sets: Sequence[ParameterSet],
-        operator: Operator,
-        record: FitRecord,
+        self, form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray]:
         """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a drive."""
         parameter_set = sets[record.gap]
@@ -202,9 +192,7 @@ class Responder:
             path = self._follow_cycle(form, parameter_set, operator, record)
         else:
             path = _follow_record(form, sets, operator, record)
-        return output_derivatives(
-            form, [parameter_set], np.zeros(record.input.size, dtype=np.intp), path
-        )
+        return output_derivatives(form, [parameter_set], np.zeros(record.input.size, dtype=np.intp), path)
 
     def _follow_cycle(
         self, form: ResponseForm, parameter_set: ParameterSet, operator: Operator, record: FitRecord
@@ -270,11 +258,7 @@ def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Op
     operators_by_key: dict[tuple[float, ...], Operator] = {}
     operators = []
     for parameter_set in sets:
-        key = (
-            (*parameter_set.law, parameter_set.omega)
-            if form.kernel.is_coupled
-            else parameter_set.law
-        )
+        key = (*parameter_set.law, parameter_set.omega) if form.kernel.is_coupled else parameter_set.law
         if key not in operators_by_key:
             operators_by_key[key] = form.make_operator(parameter_set)
         operators.append(operators_by_key[key])
@@ -287,18 +271,13 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
     return tuple(
         np.interp(gap, indices, values)
         for values in zip(
-            *(
-                (parameter_set.omega, parameter_set.scale, parameter_set.in_0)
-                for parameter_set in sets
-            ),
+            *((parameter_set.omega, parameter_set.scale, parameter_set.in_0) for parameter_set in sets),
             strict=True,
         )
     )
 
 
-def history_inputs(
-    sets: Sequence[ParameterSet], past: InputHistory
-) -> tuple[FloatArray, FloatArray]:
+def history_inputs(sets: Sequence[ParameterSet], past: InputHistory) -> tuple[FloatArray, FloatArray]:
     """Return omega and right side of the equation for a history, at its gaps."""
     omega, scale, in_0 = interpolate_over_gaps(sets, past.gap_position)
     return omega, (past.drive - in_0) / scale
@@ -401,9 +380,5 @@ def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray
     if abs(second_step) >= abs(first_step):
         return state
     return np.array(
-        [
-            state[0],
-            cycle_ends[-1] - second_step * second_step / (second_step - first_step),
-            state[2],
-        ]
+        [state[0], cycle_ends[-1] - second_step * second_step / (second_step - first_step), state[2]]
     )

@@ -153,12 +153,7 @@ def _key(run: SearchRun) -> str:
     digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.fixed)}".encode())
     for record in run.records.loops:
         digest.update(f"{record.label} {record.gap} {record.is_cycle} {record.weight!r}".encode())
-        for values in (
-            record.history.drive,
-            record.history.gap_position,
-            record.input,
-            record.output,
-        ):
+        for values in (record.history.drive, record.history.gap_position, record.input, record.output):
             digest.update(np.ascontiguousarray(values).tobytes())
     digest.update(run.records.nodes.tobytes())
     return digest.hexdigest()
@@ -182,8 +177,7 @@ def _read_option_validator(name: str) -> AfterValidator:
         for step in options.clean:
             if step not in STEPS:
                 raise InputError(
-                    f"'{step}' is unknown; use one of {', '.join(STEPS)}",
-                    code="unknown-cleaning-step",
+                    f"'{step}' is unknown; use one of {', '.join(STEPS)}", code="unknown-cleaning-step"
                 )
         return text
 

@@ -120,9 +120,7 @@ def follow_sets(
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
     drive = np.ascontiguousarray(record.input[sample_indices])
     # The path to the first sample uses small steps, because long linear steps are not exact.
-    rise = np.concatenate(
-        [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])]
-    )
+    rise = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])])
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
     for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
@@ -162,32 +160,24 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
     return np.asarray(square + 2.0 * (gain * out_0 * sum_b - gain * sum_by - out_0 * sum_y))
 
 
-def screen_starts(
-    space: CoordinateSpace, count: int, max_starts: int, seed: int
-) -> list[ParameterSet]:
+def screen_starts(space: CoordinateSpace, count: int, max_starts: int, seed: int) -> list[ParameterSet]:
     """Return the best sets of a screening at a single gap, with a minimum distance."""
     is_interacting = "omega" not in space.fixed
-    start_sets = _select_best_sets(
-        space, sample_sets(space.records, count, seed, is_interacting), max_starts
-    )
+    start_sets = _select_best_sets(space, sample_sets(space.records, count, seed, is_interacting), max_starts)
     # A bias is visible only if the output is even in the flux and the drive is bipolar.
     low = min(float(loop.input.min()) for loop in space.records.loops)
     high = max(float(loop.input.max()) for loop in space.records.loops)
     is_bipolar = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
     if "in_0" not in space.fixed and space.form.power == 2 and is_bipolar:
         start_sets += _select_best_sets(
-            space,
-            sample_sets(space.records, count, seed, is_interacting, is_biased=True),
-            max_starts,
+            space, sample_sets(space.records, count, seed, is_interacting, is_biased=True), max_starts
         )
     if not start_sets:
         raise NoUsableStartError
     return start_sets
 
 
-def _select_best_sets(
-    space: CoordinateSpace, sets: FloatArray, max_starts: int
-) -> list[ParameterSet]:
+def _select_best_sets(space: CoordinateSpace, sets: FloatArray, max_starts: int) -> list[ParameterSet]:
     cost, gain, out_0 = screen_sets(space.form, space.records, sets)
     features = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + JUMP_INTERACTION)])
     chosen: list[int] = []
@@ -233,9 +223,7 @@ def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> F
 
 def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
     """Return the sets as columns, with the parameters as rows in the order of PARAMETER_NAMES."""
-    return np.array(
-        [[getattr(parameter_set, name) for parameter_set in sets] for name in PARAMETER_NAMES]
-    )
+    return np.array([[getattr(parameter_set, name) for parameter_set in sets] for name in PARAMETER_NAMES])
 
 
 def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
@@ -255,10 +243,7 @@ slope of its curve."""
 _PINNING_RANGE = (0.02, 1.0)  # pinning of a population, relative to the largest effective field
 
 _SPREAD_RANGE = (0.7, 5.0)
-_REVERSIBLE_SHARE_RANGE = (
-    0.02,
-    1.5,
-)  # share of the reversible part, relative to the first population
+_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, relative to the first population
 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)

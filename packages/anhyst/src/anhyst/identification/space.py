@@ -90,9 +90,7 @@ class CoordinateSpace:
         entries: list[tuple[str, int | None]] = []
         gap_dependent = GAP_DEPENDENT[self.gap_map] - self.common
         if self.gap_map == "free":
-            gap_dependent |= {
-                number.name for number in self.form.kernel.fit_parameters
-            } - self.common
+            gap_dependent |= {number.name for number in self.form.kernel.fit_parameters} - self.common
         for name in (*self.form.names, *(("leakage",) if self.gap_map == "leakage" else ())):
             if name in self.fixed:
                 continue
@@ -130,10 +128,7 @@ class CoordinateSpace:
         column_of = {entry: index for index, entry in enumerate(self.entries)}
         return np.array(
             [
-                [
-                    column_of.get((name, gap), column_of.get((name, None), -1))
-                    for name in self.form.names
-                ]
+                [column_of.get((name, gap), column_of.get((name, None), -1)) for name in self.form.names]
                 for gap in range(self.records.gap_count)
             ]
         )
@@ -205,9 +200,7 @@ class CoordinateSpace:
         closed_gap_root = float(root.mean() - slope * omega.mean())
         if closed_gap_root <= 0.0 or slope == 0.0:
             return float(root.mean()) ** self.form.power, 0.0
-        return closed_gap_root**self.form.power, -slope / closed_gap_root * max(
-            sets[-1].omega, _MIN_OMEGA
-        )
+        return closed_gap_root**self.form.power, -slope / closed_gap_root * max(sets[-1].omega, _MIN_OMEGA)
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Return the space without some gaps, and the indices of its coordinates in this one."""
@@ -224,9 +217,7 @@ class CoordinateSpace:
         values, slopes = self.to_parameters(theta)
         unpacked = []
         for columns, at_gap in zip(
-            self._coordinate_indices,
-            np.append(values, 0.0)[self._coordinate_indices].tolist(),
-            strict=True,
+            self._coordinate_indices, np.append(values, 0.0)[self._coordinate_indices].tolist(), strict=True
         ):
             rows = np.flatnonzero(columns >= 0)
             jacobian = np.zeros((columns.size, theta.size))
@@ -253,11 +244,7 @@ class CoordinateSpace:
     ) -> None:
         """Apply the leakage to the gain of one gap, in place."""
         omega_row, _, row = self._row_indices
-        power, leakage, widest = (
-            self.form.power,
-            len(values) - 1,
-            self._coordinate_indices[-1, omega_row],
-        )
+        power, leakage, widest = (self.form.power, len(values) - 1, self._coordinate_indices[-1, omega_row])
         omega = float(values[widest])
         ratio = at_gap[omega_row] / max(omega, _MIN_OMEGA)
         gap_share = max(1.0 - float(values[leakage]) * ratio, MIN_GAP_FLUX_SHARE)
@@ -266,9 +253,7 @@ class CoordinateSpace:
         if gap_share > MIN_GAP_FLUX_SHARE and omega > _MIN_OMEGA:
             gain_derivative = power * at_gap[row] / gap_share
             jacobian[row] -= gain_derivative * values[leakage] / omega * jacobian[omega_row]
-            jacobian[row, widest] += (
-                gain_derivative * values[leakage] * ratio / omega * slopes[widest]
-            )
+            jacobian[row, widest] += gain_derivative * values[leakage] * ratio / omega * slopes[widest]
             jacobian[row, leakage] -= gain_derivative * ratio * slopes[leakage]
 
 
@@ -277,7 +262,5 @@ def coordinate_kind(law: str, quantity: str) -> Coordinate:
     kernel = LAWS[law].kernel
     numbers = (*(kernel.fit_parameters if isinstance(kernel, Kernel) else ()), *CIRCUIT_PARAMETERS)
     coordinates = {number.meaning: number.coordinate for number in numbers}
-    meaning = max(
-        (m for m in coordinates if f"{quantity} ".startswith(f"{m} ")), key=len, default=""
-    )
+    meaning = max((m for m in coordinates if f"{quantity} ".startswith(f"{m} ")), key=len, default="")
     return coordinates.get(meaning, "log")

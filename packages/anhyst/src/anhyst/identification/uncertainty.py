@@ -89,10 +89,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     names, values, stds = [], [], []
     at_gaps = [space.form.named_values(parameter_set) for parameter_set in fit.parameter_sets]
     for (name, gap), coordinate_value, slope, std in zip(
-        space.entries,
-        *(column.tolist() for column in space.to_parameters(fit.theta)),
-        all_stds,
-        strict=True,
+        space.entries, *(column.tolist() for column in space.to_parameters(fit.theta)), all_stds, strict=True
     ):
         value = at_gaps[gap or 0].get(name, coordinate_value)
         number = space.fit_parameters[name]
@@ -134,8 +131,7 @@ def describe_uncertainty(
         if "offset" not in name and std > _MAX_RELATIVE_STD * abs(value)
     ]
     sentences = [
-        f"{name} is barely determined by these loops: uncertain by {share}"
-        for name, share in uncertain
+        f"{name} is barely determined by these loops: uncertain by {share}" for name, share in uncertain
     ]
     if len(uncertain) > _MAX_NAMED_PARAMETERS:
         listed = ", ".join(name for name, _ in uncertain[:_MAX_NAMED_PARAMETERS])
@@ -173,13 +169,9 @@ def _group_correlated(correlation: FloatArray) -> list[list[int]]:
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
         correlated = [
-            g
-            for g in groups
-            if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
+            g for g in groups if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
         ]
-        groups = [g for g in groups if g not in correlated] + [
-            [*(o for g in correlated for o in g), index]
-        ]
+        groups = [g for g in groups if g not in correlated] + [[*(o for g in correlated for o in g), index]]
     return [sorted(group) for group in groups if len(group) > 1]
 
 
@@ -214,9 +206,7 @@ def remove_unneeded_offsets(
 
     Offsets that differ between gaps are not sensor offsets, and stay free.
     """
-    free_offsets = sorted(
-        name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None
-    )
+    free_offsets = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
     if not free_offsets:
         return fit
     linearisation = Objective(fit.space, fit.smoothness).linearise(fit.theta)
@@ -226,13 +216,10 @@ def remove_unneeded_offsets(
     )
     samples_per_value = float(np.mean([correlation_length(residual) for residual in residuals]))
     independent_samples = max(
-        2.0,
-        float(sum(residual.size for residual in residuals)) / samples_per_value / loop_correlation,
+        2.0, float(sum(residual.size for residual in residuals)) / samples_per_value / loop_correlation
     )
     removable_sets = [
-        frozenset(names)
-        for n in range(1, len(free_offsets) + 1)
-        for names in combinations(free_offsets, n)
+        frozenset(names) for n in range(1, len(free_offsets) + 1) for names in combinations(free_offsets, n)
     ]
     contradicted = _find_contradicted_offsets(fit)
     removable_sets = [names for names in removable_sets if contradicted <= names]
@@ -252,8 +239,7 @@ def remove_unneeded_offsets(
     # For any values of the remaining offsets, the reduced fit is rejected above this cost.
     remaining = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal = math.exp(
-        full_score / independent_samples
-        - remaining * math.log(independent_samples) / independent_samples
+        full_score / independent_samples - remaining * math.log(independent_samples) / independent_samples
     )
     if contradicted:
         goal = _MAX_REST_READING_COST_RATIO * fit.cost
@@ -333,9 +319,7 @@ def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
     drive_values = low + (high - low) * np.array(_REVERSAL_POSITIONS)
-    positions = np.linspace(
-        0.0, drive_values.size - 1.0, _SAMPLES_PER_BRANCH * (drive_values.size - 1) + 1
-    )
+    positions = np.linspace(0.0, drive_values.size - 1.0, _SAMPLES_PER_BRANCH * (drive_values.size - 1) + 1)
     drive = np.interp(positions, np.arange(drive_values.size), drive_values)
     history = History("conditioned", (low, high, low, high, low))
     outputs = []
@@ -418,15 +402,10 @@ def initial_curve_distance(model: Model, loopset: Loops) -> float:
     for value in loopset.schedule_values if model.needs_schedule else (None,):
         try:
             initial_curve = model.predict(rise, value, history="demagnetised").output
-            settled = model.predict(
-                np.concatenate([rise[::-1], rise]), value, history="settled"
-            ).output
+            settled = model.predict(np.concatenate([rise[::-1], rise]), value, history="settled").output
         except (InputError, NegativeResult):
             return float("inf")
-        descending, ascending = (
-            settled[_INITIAL_CURVE_SAMPLES - 1 :: -1],
-            settled[_INITIAL_CURVE_SAMPLES:],
-        )
+        descending, ascending = (settled[_INITIAL_CURVE_SAMPLES - 1 :: -1], settled[_INITIAL_CURVE_SAMPLES:])
         width = float(np.max(np.abs(descending - ascending)))
         distance = float(np.max(np.abs(ascending) - np.abs(initial_curve)))
         largest_distance = max(largest_distance, distance / width if width > 0.0 else 0.0)
@@ -501,9 +480,7 @@ def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
     )
     removed = {spec.name for spec in model.operator_law.parameters}
     removed -= {spec.name for spec in get_law(model.law, remaining_cells).parameters}
-    remaining_parameters = {
-        name: value for name, value in model.parameters.items() if name not in removed
-    }
+    remaining_parameters = {name: value for name, value in model.parameters.items() if name not in removed}
     return replace(model, cells=remaining_cells, parameters=remaining_parameters)
 
 

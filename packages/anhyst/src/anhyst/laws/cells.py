@@ -133,11 +133,7 @@ class CellWeights:
 
         `function` gives the curve itself, or its derivative by the normalised position.
         """
-        fields, middles, widths = (
-            positions[:, None, :],
-            self.curve_centres[:, None],
-            self.widths[:, None],
-        )
+        fields, middles, widths = (positions[:, None, :], self.curve_centres[:, None], self.widths[:, None])
         signs = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
         halves = [function(self.shape, (fields + side * middles) / widths) for side in signs]
         return np.asarray(sum(halves) / len(halves))
@@ -172,17 +168,13 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
     levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as the rest
     log_low, log_high = np.log10(low), np.log10(high)
-    levels[1:] = 10.0 ** (
-        np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low
-    )
+    levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
     levels[1], levels[-1] = low, high
     logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
     u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # exp(-u) is zero beyond 700
     remaining = np.zeros((len(pinned), PINNED_CELLS + 1))
     remaining[:, 0], remaining[:, 1:-1] = 1.0, np.exp(-u)
-    return _Discretisation(
-        levels, logs, remaining[:, :-1] - remaining[:, 1:], -u * remaining[:, 1:-1]
-    )
+    return _Discretisation(levels, logs, remaining[:, :-1] - remaining[:, 1:], -u * remaining[:, 1:-1])
 
 
 def discretise_populations(
@@ -191,9 +183,7 @@ def discretise_populations(
     """Discretise populations into cells."""
     populations = [cell for cell in pinned if cell.magnetisation != 0.0]
     if not populations:
-        raise ValueError(
-            "no population has a magnetisation above 0; give one to at least one population"
-        )
+        raise ValueError("no population has a magnetisation above 0; give one to at least one population")
     for population in populations:
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
@@ -222,25 +212,19 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     magnetisation, _, scales, spreads = np.array(pinned).T
     levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
-    log_thresholds = np.zeros(
-        (PINNED_CELLS, directions)
-    )  # derivatives of the logarithms of the thresholds
+    log_thresholds = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
     for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
         log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
-    remaining = np.zeros(
-        (count, PINNED_CELLS + 1, directions)
-    )  # derivatives of the share above each limit
+    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the share above each limit
     inner_remaining = remaining[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
     inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
     inner_remaining[index, :, column + 3] = log_derivatives * logs
     weights = np.zeros((levels.size, 1 + count, directions))
-    weights[1:, 1:] = (
-        magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])
-    ).swapaxes(0, 1)
+    weights[1:, 1:] = (magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])).swapaxes(0, 1)
     weights[1:, 1 + index, column] = shares.T
     widths = np.zeros((1 + count, directions))
     weights[0, 0, 0] = widths[0, 1] = widths[1 + index, column + 1] = 1.0
@@ -274,8 +258,6 @@ def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope of the magnetisation over the effective field, on any path."""
     reach = float((cells.curve_centres + 3.0 * cells.widths).max())
-    plays = (
-        np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]
-    )
+    plays = np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]
     slope = cells.curves(plays, curve_slope)
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

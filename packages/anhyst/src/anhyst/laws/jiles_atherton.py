@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from anhyst.support.numeric import FloatArray
 
 PARAMETERS = (
-    ParameterSpec(
-        "M_s", "saturation magnetisation", "A/m", low=0.0, coordinate="log", role="saturation"
-    ),
+    ParameterSpec("M_s", "saturation magnetisation", "A/m", low=0.0, coordinate="log", role="saturation"),
     ParameterSpec("a", "shape of the anhysteretic curve", "A/m", low=0.0, coordinate="log"),
     ParameterSpec(
         "k",
@@ -29,9 +27,7 @@ PARAMETERS = (
         coordinate="log",
         role="pinning",
     ),
-    ParameterSpec(
-        "c", "reversible fraction, 0 to 1", low=0.0, high=1.0, closed=True, role="reversible"
-    ),
+    ParameterSpec("c", "reversible fraction, 0 to 1", low=0.0, high=1.0, closed=True, role="reversible"),
     ParameterSpec("alpha", "interaction, below 1", high=1.0, default=0.0),
     ParameterSpec(
         "r_d",
@@ -45,10 +41,7 @@ PARAMETERS = (
 )
 
 
-FIT_PARAMETERS = (
-    FitParameter("kappa", "k/a", 2e-3, 5e2, "log"),
-    FitParameter("c", "c", 0.0, 0.999),
-)
+FIT_PARAMETERS = (FitParameter("kappa", "k/a", 2e-3, 5e2, "log"), FitParameter("c", "c", 0.0, 0.999))
 """Fit parameters of the law itself."""
 
 
@@ -117,9 +110,7 @@ EFFECTIVE_FIELD = Law(
     title="effective-field Jiles-Atherton law",
     parameters=PARAMETERS,
     iron=partial(_iron, "effective-field"),
-    kernel=Kernel(
-        _effective_field_operator, FIT_PARAMETERS, has_derivatives=True, is_coupled=False
-    ),
+    kernel=Kernel(_effective_field_operator, FIT_PARAMETERS, has_derivatives=True, is_coupled=False),
     least_slope=least_slope,
 )
 

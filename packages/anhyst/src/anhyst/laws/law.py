@@ -112,12 +112,8 @@ class Kernel:
 
     # builds the law from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``
     make_operator: Callable[[float, float, float, float], Operator]
-    fit_parameters: tuple[
-        FitParameter, ...
-    ]  # fit parameters of the law itself: ``kappa`` and ``c``
-    has_derivatives: (
-        bool  # whether the core computes derivatives; otherwise, finite differences are used
-    )
+    fit_parameters: tuple[FitParameter, ...]  # fit parameters of the law itself: ``kappa`` and ``c``
+    has_derivatives: bool  # whether the core computes derivatives; otherwise, finite differences are used
     # whether the interaction enters the law itself; a series reluctance is then not equivalent to
     # less interaction
     is_coupled: bool

@@ -93,9 +93,7 @@ def make_iron(cells: CellWeights, alpha: float) -> CellIron:
     """Return the iron of the core for given cells."""
     from anhyst._core import CellIron
 
-    return CellIron(
-        cells.thresholds, cells.widths, cells.weights, cells.shape, alpha, cells.centres
-    )
+    return CellIron(cells.thresholds, cells.widths, cells.weights, cells.shape, alpha, cells.centres)
 
 
 def _cells_of_parameters(shape: Shape, iron: Mapping[str, float]) -> CellWeights:
@@ -120,9 +118,7 @@ def _with_cells(name: str, cells: CellWeights) -> Law:
     shape = _SHAPES[name]
     if cells.shape != shape:
         other_law = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
-        raise ValueError(
-            f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}"
-        )
+        raise ValueError(f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}")
 
     def given(_: Mapping[str, float]) -> CellWeights:
         return cells

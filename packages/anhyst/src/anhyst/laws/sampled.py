@@ -68,13 +68,7 @@ class SampledIron(ABC):
         return state, max_cycles, _NOT_SETTLED
 
     def _follow(
-        self,
-        inputs: FloatArray,
-        rho: FloatArray,
-        eddy: FloatArray,
-        state: FloatArray,
-        *,
-        inverse: bool,
+        self, inputs: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, *, inverse: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         outputs, fields = np.empty(inputs.size), np.empty(inputs.size)
         current_state: State = tuple(state.tolist())
@@ -88,9 +82,7 @@ class SampledIron(ABC):
                 field = self._root(start, 1.0, weight, value + rate * previous_flux)
             _, current_state = self.step(start, field)
             flux = self._flux(start, field)
-            outputs[index] = (
-                field + weight * flux - rate * previous_flux if inverse else MU_0 * flux
-            )
+            outputs[index] = field + weight * flux - rate * previous_flux if inverse else MU_0 * flux
             fields[index], previous_flux = field, flux
         return outputs, fields, np.array(current_state)
 

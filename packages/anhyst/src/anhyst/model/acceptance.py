@@ -174,9 +174,7 @@ def check_acceptance(model: ModelData) -> Acceptance:
     return Acceptance(check_over_gap(model), check_over_drive(model))
 
 
-def check_over_gap(
-    model: ModelData, at: Callable[[float], ModelData] | None = None
-) -> GapCheck | None:
+def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = None) -> GapCheck | None:
     """Test that the output rises as the gap closes, at any fixed drive.
 
     The steady-state cycle between rest and the largest measured drive is computed on a dense grid
@@ -201,9 +199,7 @@ def check_over_gap(
     for index, gap in enumerate(gaps.tolist()):
         try:
             fixed, schedule = (model, gap) if at is None else (at(gap), None)
-            offset[index] = fixed.interpolate_parameter("out_0", gap)[0] - np.min(
-                model.parameters["out_0"]
-            )
+            offset[index] = fixed.interpolate_parameter("out_0", gap)[0] - np.min(model.parameters["out_0"])
             largest = _largest_drive(model)
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
             share = fixed.interpolate_parameter("in_0", gap)[0] / largest

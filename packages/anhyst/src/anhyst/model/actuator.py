@@ -244,9 +244,7 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
         key = f"provenance.settings.{SETTING_PREFIX}{min(unknown)}"
         raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
     options = ReadOptions.from_text(**texts)
-    return options.read(
-        [_find_source(source.path, source.sha256, Path(folder)) for source in sources]
-    )
+    return options.read([_find_source(source.path, source.sha256, Path(folder)) for source in sources])
 
 
 def _find_source(path: str, sha256: str, folder: Path) -> Path:
@@ -259,9 +257,7 @@ def _find_source(path: str, sha256: str, folder: Path) -> Path:
     if present:
         text = f"{present[0]}: file changed after the identification; identify again"
         raise InputError(text, code="source-changed")
-    raise InputError(
-        f"{path}: no such file; restore the measurements or identify again", code="no-such-file"
-    )
+    raise InputError(f"{path}: no such file; restore the measurements or identify again", code="no-such-file")
 
 
 GAP_SAMPLES = 65

@@ -99,9 +99,7 @@ class ModelDiff(Result):
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest difference of the steady-state loops over the scheduling variable."""
         schedules = [0.0 if loop.schedule is None else loop.schedule for loop in self.loops]
-        ax.plot(
-            schedules, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference"
-        )
+        ax.plot(schedules, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference")
         ax.plot(schedules, [loop.mean for loop in self.loops], "o-", lw=1.1, label="mean")
         ax.set_xlabel("scheduling variable, SI")
         ax.set_ylabel("difference of the outputs, SI")
@@ -165,9 +163,7 @@ def _common_range(ranges: list[Range]) -> Range:
 def _common_schedule(first: Model, second: Model) -> list[float | None]:
     """Return the nodes of both models and the middles between them, within both valid ranges."""
     if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
-        raise InputError(
-            "the scheduling variables differ: no loops compared", code="quantities-differ"
-        )
+        raise InputError("the scheduling variables differ: no loops compared", code="quantities-differ")
     nodes = np.unique([*first.nodes, *second.nodes])
     if not nodes.size:
         return [None]
@@ -178,23 +174,14 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     if not common_nodes.size:
         text = "the valid ranges of the schedule do not overlap: no loops compared"
         raise InputError(text, code="ranges-apart")
-    return sorted(
-        [*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()]
-    )
+    return sorted([*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()])
 
 
 def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
     ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
     cycle = np.concatenate([ascending, ascending[-2::-1]])
     times = slow_times(cycle.size)
-    output, other = (
-        model.predict(cycle, gap, times, "settled").output for model in (first, second)
-    )
+    output, other = (model.predict(cycle, gap, times, "settled").output for model in (first, second))
     differences = np.abs(output - other)
-    largest, worst_drive = (
-        full_scale(first.output, (output,)),
-        float(cycle[int(np.argmax(differences))]),
-    )
-    return LoopDifference(
-        gap, largest, float(differences.mean()), float(differences.max()), worst_drive
-    )
+    largest, worst_drive = (full_scale(first.output, (output,)), float(cycle[int(np.argmax(differences))]))
+    return LoopDifference(gap, largest, float(differences.mean()), float(differences.max()), worst_drive)

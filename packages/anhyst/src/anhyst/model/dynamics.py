@@ -58,9 +58,7 @@ class Dynamics:
                 "model dynamics: give one creep share for each creep time", code="length-differs"
             )
         if any(time <= 0.0 for time in self.times) or list(self.times) != sorted(set(self.times)):
-            raise InputError(
-                "model dynamics: creep times must be above 0 and ascend", code="not-ascending"
-            )
+            raise InputError("model dynamics: creep times must be above 0 and ascend", code="not-ascending")
 
     @property
     def needs_time(self) -> bool:
@@ -83,10 +81,7 @@ class Dynamics:
         shares = np.array(self.shares)
         if is_flux_known:
             slow_rows = np.stack(
-                [
-                    _follow_known_flux(inputs, *pair)
-                    for pair in zip(decay.T, slow_parts, strict=True)
-                ]
+                [_follow_known_flux(inputs, *pair) for pair in zip(decay.T, slow_parts, strict=True)]
             )
             return inputs + shares @ slow_rows, slow_rows[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
@@ -96,9 +91,7 @@ class Dynamics:
             creep[i] = flux_before = value - float(shares @ slow_parts)
         return creep, slow_parts, flux_before
 
-    def settled_slow_parts(
-        self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool
-    ) -> FloatArray:
+    def settled_slow_parts(self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool) -> FloatArray:
         """Return the slow parts at the start of a cycle in its steady state."""
         step = float(np.median(np.diff(time)))
 

@@ -137,23 +137,17 @@ class ModelData:
         nodes = tuple(float(node) for node in self.nodes)
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
-            raise wrong_key(
-                "law", f"is {self.law!r}; use one of {', '.join(LAWS)}", code="unknown-choice"
-            )
+            raise wrong_key("law", f"is {self.law!r}; use one of {', '.join(LAWS)}", code="unknown-choice")
         try:
             law = self.operator_law
         except ValueError as error:
-            raise InputError(
-                f"model cells: {error}", code="cells-out-of-range", key="cells"
-            ) from error
+            raise InputError(f"model cells: {error}", code="cells-out-of-range", key="cells") from error
         problems = find_problems(law, parameters, nodes, self.gap_map)
         if problems:
             text = f"model parameter {problems[0].key}: {problems[0].text}"
             raise InputError(text, code=problems[0].code, key=problems[0].key)
         if nodes and self.schedule is None:
-            raise wrong_key(
-                "model", "there are nodes but no scheduling variable; add it", code="no-schedule"
-            )
+            raise wrong_key("model", "there are nodes but no scheduling variable; add it", code="no-schedule")
         complete = {
             name: parameters.get(name, 0.0 if spec.default is None else spec.default)
             for name, spec in self.specs.items()
@@ -235,11 +229,7 @@ class ModelData:
         law = self.operator_law
         if self.layers is None or law.cells is None or law.least_slope is None:
             return False
-        if (
-            self.layers.count > MAX_COMPILED_LAYERS
-            or self.needs_fixed_gap
-            or "gamma" in self.varying
-        ):
+        if self.layers.count > MAX_COMPILED_LAYERS or self.needs_fixed_gap or "gamma" in self.varying:
             return False
         return not self.jumps_without_gap
 
@@ -248,10 +238,7 @@ class ModelData:
         """Whether the iron would jump without a gap."""
         slope_function = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)
-        return (
-            slope_function is not None
-            and float(slope_function(iron, np.zeros(1)).min()) < MIN_SLOPE
-        )
+        return slope_function is not None and float(slope_function(iron, np.zeros(1)).min()) < MIN_SLOPE
 
     @property
     def valid_range(self) -> schema.ValidRange:
@@ -347,9 +334,7 @@ class ModelData:
             gaps = np.full(eddy_rate.shape, self.schedule_or_default(None))
         # Searches need the same short rows repeatedly.
         key, cache = gaps.tobytes() if gaps.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
-        rows = cache.get(key) or tuple(
-            self.interpolate_parameter(spec.name, gaps) for spec in CIRCUIT_SPECS
-        )
+        rows = cache.get(key) or tuple(self.interpolate_parameter(spec.name, gaps) for spec in CIRCUIT_SPECS)
         if key and key not in cache:
             for values in rows:
                 values.flags.writeable = False

@@ -167,14 +167,11 @@ class Curve:
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
             raise wrong_key(
                 self.name,
-                f"{self.values.size} values for {self.nodes.size} nodes; "
-                "give one value for each node",
+                f"{self.values.size} values for {self.nodes.size} nodes; give one value for each node",
                 code="length-differs",
             )
         if not (np.isfinite(self.nodes).all() and np.isfinite(self.values).all()):
-            raise wrong_key(
-                self.name, "a node or value is not finite; give plain numbers", code="not-finite"
-            )
+            raise wrong_key(self.name, "a node or value is not finite; give plain numbers", code="not-finite")
         if (np.diff(self.nodes) <= 0.0).any():
             text = "the nodes do not ascend; sort them and drop repeats"
             raise wrong_key(self.name, text, code="not-ascending")
@@ -186,9 +183,7 @@ class Curve:
         query = np.asarray(at, dtype=np.float64)
         if self.nodes.size == 1:
             return np.full(query.shape, self.values[0])
-        if (
-            query.size and (query == query.flat[0]).all()
-        ):  # at a fixed gap, one evaluation is enough
+        if query.size and (query == query.flat[0]).all():  # at a fixed gap, one evaluation is enough
             return np.full(query.shape, self._evaluate(query.reshape(-1)[:1])[0])
         return self._evaluate(query)
 
@@ -265,9 +260,7 @@ def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:
 
 
 def _end_slope(near_width: float, far_width: float, secant: float, next_secant: float) -> float:
-    slope = ((2.0 * near_width + far_width) * secant - near_width * next_secant) / (
-        near_width + far_width
-    )
+    slope = ((2.0 * near_width + far_width) * secant - near_width * next_secant) / (near_width + far_width)
     if slope * secant <= 0.0:
         return 0.0
     if secant * next_secant <= 0.0 and abs(slope) > 3.0 * abs(secant):
@@ -275,9 +268,7 @@ def _end_slope(near_width: float, far_width: float, secant: float, next_secant: 
     return slope
 
 
-def _cubic(
-    nodes: FloatArray, heights: FloatArray, slopes: FloatArray
-) -> Callable[[FloatArray], FloatArray]:
+def _cubic(nodes: FloatArray, heights: FloatArray, slopes: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """Return the cubic Hermite curve between the nodes."""
     width = np.diff(nodes)
     secant = np.diff(heights) / width

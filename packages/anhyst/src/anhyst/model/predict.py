@@ -28,8 +28,7 @@ MIN_RUN_SAMPLES = 8
 """Number of samples below which a constant scheduling value counts as moving."""
 
 _Step = Callable[
-    [FloatArray, FloatArray, FloatArray, FloatArray],
-    tuple[FloatArray, FloatArray, FloatArray, int, int],
+    [FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray, int, int]
 ]
 
 PIECE_SAMPLES = 1 << 16
@@ -113,9 +112,7 @@ def _run_without_dynamics(
     drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
     valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
     if not record.reachable.all():
-        zero_flux_output = model.circuit(schedule_values, np.zeros(inputs.size)).output(
-            np.zeros(inputs.size)
-        )
+        zero_flux_output = model.circuit(schedule_values, np.zeros(inputs.size)).output(np.zeros(inputs.size))
         output = np.where(record.reachable, inputs, zero_flux_output)
     notes = []
     if len(runs) > 1:
@@ -127,12 +124,9 @@ def _run_without_dynamics(
         notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
     cycles = [inputs[run] for run in runs] if history_before.kind == "settled" else []
     if any(
-        cycle.size > 2 and abs(cycle[-1] - cycle[0]) > 2.0 * np.abs(np.diff(cycle)).max()
-        for cycle in cycles
+        cycle.size > 2 and abs(cycle[-1] - cycle[0]) > 2.0 * np.abs(np.diff(cycle)).max() for cycle in cycles
     ):
-        notes.append(
-            f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
-        )
+        notes.append(f"the {kind} does not end where it starts; 'settled' repeats it with a straight return")
     return Prediction(
         drive=drive,
         output=output,
@@ -195,9 +189,7 @@ def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) 
         return 0.0
     first_gap = None if schedule is None else schedule[:1]
     last_drive = as_samples(past.turning_points[-1:], "turning point")
-    return float(
-        _run_without_dynamics(model, "drive", last_drive, first_gap, [0.0], past).flux_density[0]
-    )
+    return float(_run_without_dynamics(model, "drive", last_drive, first_gap, [0.0], past).flux_density[0])
 
 
 def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
@@ -255,11 +247,7 @@ def initial_state(
         return state
     # The exact step does not depend on the sampling, so reversals are enough.
     points = np.array(history.turning_points)
-    gaps = (
-        None
-        if schedule is None
-        else np.array(history.schedule_at_points(schedule), dtype=np.float64)
-    )
+    gaps = None if schedule is None else np.array(history.schedule_at_points(schedule), dtype=np.float64)
     circuit = model.circuit(gaps, np.zeros(points.shape))
     drive = circuit.magnetomotive(points)
     conditioned: FloatArray
@@ -273,15 +261,11 @@ def _step(iron: IronOperator, kind: InputKind) -> _Step:
     return step
 
 
-def _settle(
-    iron: IronOperator, record: _RecordRun, run: slice, start: FloatArray
-) -> tuple[FloatArray, int]:
+def _settle(iron: IronOperator, record: _RecordRun, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns; also return the number of cycles."""
     kind, circuit = record.kind, record.circuit(run)
     core_inputs = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
-    state, cycles, status = iron.settle(
-        *core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE
-    )
+    state, cycles, status = iron.settle(*core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE)
     if status == NOT_SETTLED:
         raise NegativeResult(
             f"the {kind} was repeated {cycles} times, but the cycle does not close: "
@@ -300,9 +284,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     if size is not None and np.ndim(values) == 0:
         array = np.full(size, float(array.reshape(-1)[0]))
     if array.ndim != 1 or not array.size:
-        raise wrong_key(
-            name, f"has shape {array.shape}; give one row of samples", code="wrong-shape"
-        )
+        raise wrong_key(name, f"has shape {array.shape}; give one row of samples", code="wrong-shape")
     if size is not None and array.size != size:
         text = f"has {count_text(array.size, 'sample')} for {size}; give one for each"
         raise wrong_key(name, text, code="length-differs")

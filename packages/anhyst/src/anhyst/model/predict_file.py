@@ -221,9 +221,7 @@ def _compute_runs(
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += (
-        [NESTED_LOOPS_NOTE]
-        if any(history_before != histories[0] for history_before in histories)
-        else []
+        [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
     return answers, valid, runs, (*flags, *lines)
 
@@ -243,10 +241,7 @@ def _find_histories(
     earlier runs.
     """
     history_before = History.parse(history)
-    measured, time = (
-        _read_measured(table, _column_name(table, model.output)),
-        _read_measured(table, "time"),
-    )
+    measured, time = (_read_measured(table, _column_name(table, model.output)), _read_measured(table, "time"))
     if history_before != SETTLED or direction == "invert" or measured is None or time is None:
         return [history_before] * len(runs)
     loops = []
@@ -280,9 +275,7 @@ def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) 
     """Return the rows of each run, in their order."""
     for header, column in zip(table.headers, table.columns, strict=True):
         if header.is_label and isinstance(column, Texts):
-            return [
-                run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)
-            ]
+            return [run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)]
     all_rows = np.arange(len(table))
     return _split_by_schedule(schedule, all_rows) if settled else [all_rows]
 

@@ -89,9 +89,7 @@ def describe_far_value(
     largest_value = float(values[np.argmax(np.abs(values))])
     if abs(largest_value) > UNIT_ERROR_RATIO * largest > 0.0:
         factor = abs(largest_value) / largest
-        text = (
-            f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} of the model"
-        )
+        text = f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} of the model"
         unit_guess = likely_unit(quantity, factor)
         return f"{text}; given in {unit_guess}?" if unit_guess else text
     smallest_value = float(np.abs(values).min())
@@ -108,9 +106,7 @@ def describe_far_value(
 def likely_unit(quantity: Quantity, times: float) -> str:
     """Return the unit, a thousandth or millionth of SI, that explains a factor; else empty."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
-    small_units = (
-        unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02
-    )
+    small_units = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest = min(
         (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
@@ -121,9 +117,7 @@ def likely_unit(quantity: Quantity, times: float) -> str:
     return nearest.symbol
 
 
-def warn_if_far(
-    model: ModelData, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None
-) -> None:
+def warn_if_far(model: ModelData, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None) -> None:
     """Warn a Python caller once per call about values whose unit is probably wrong."""
     if model.valid is None:
         return
@@ -141,9 +135,7 @@ def warn_if_far(
 _UNREACHABLE = "demand an output below that of any drive"
 
 
-def _describe_samples(
-    is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str
-) -> str:
+def _describe_samples(is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str) -> str:
     first_bad = int(np.argmin(is_good))
     where = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
     return (

@@ -50,9 +50,7 @@ class _Reader:
                 text = f"is missing; a file of this anhyst says version = {schema.VERSION}"
             self.file.add_problem(("version",), text, code="wrong-version")
         self._stop_if_wrong()
-        drive, answer, schedule = (
-            self._quantity(content, key) for key in ("input", "output", "schedule")
-        )
+        drive, answer, schedule = (self._quantity(content, key) for key in ("input", "output", "schedule"))
         self._stop_if_wrong()
         assert drive is not None
         assert answer is not None
@@ -111,9 +109,7 @@ class _Reader:
             yield
         except InputError as error:
             text = str(error).removeprefix(f"model {key}: ")
-            self.file.add_problem(
-                (key, error.key) if key == "layers" else (key,), text, code=error.code
-            )
+            self.file.add_problem((key, error.key) if key == "layers" else (key,), text, code=error.code)
         except ValueError as error:
             self.file.add_problem((key,), str(error), code="cells-out-of-range")
 
@@ -165,9 +161,7 @@ class _Reader:
             self._strip_units(value, (*at, key))
 
     def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
-        self.file.add_findings(
-            error, self._advice, lambda location: self._file_path((*at, *location))
-        )
+        self.file.add_findings(error, self._advice, lambda location: self._file_path((*at, *location)))
 
     def _advice(self, path: KeyPath, finding: Any) -> Advice:
         advice = explain_finding(finding)
@@ -208,9 +202,7 @@ class _Reader:
                 text = "the first must not exceed the second"
                 self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            text = (
-                "has a range of a scheduling variable, but there is no [schedule]; remove the range"
-            )
+            text = "has a range of a scheduling variable, but there is no [schedule]; remove the range"
             self.file.add_problem(("valid",), text, code="no-schedule")
         if (uncertainty := content.get("uncertainty")) is not None:
             self._check_lengths(uncertainty)

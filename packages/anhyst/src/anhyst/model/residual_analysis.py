@@ -114,10 +114,7 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if outlier is not None:
         limit = MAX_WORST_IN_RMS * rms * span
         without_outliers = [
-            replace(
-                record_,
-                deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0),
-            )
+            replace(record_, deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0))
             for record_ in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
@@ -125,32 +122,21 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     # residuals.
     noise_rms = float(
         np.mean(
-            [
-                min(estimate_noise(record_.measured), estimate_noise(record_.deviation))
-                for record_ in records
-            ]
+            [min(estimate_noise(record_.measured), estimate_noise(record_.deviation)) for record_ in records]
         )
     )
-    max_noise = noise_rms * (
-        _MAX_NOISE_RATIO if rms <= MAX_UNEXPLAINED else _MAX_CERTAIN_NOISE_RATIO
-    )
+    max_noise = noise_rms * (_MAX_NOISE_RATIO if rms <= MAX_UNEXPLAINED else _MAX_CERTAIN_NOISE_RATIO)
     if rms * span <= max_noise and _is_white([record.deviation for record in records]):
         return ResidualAnalysis(rms, rms)
-    max_samples = min(
-        _MAX_RECORD_SAMPLES, max(_MIN_RECORD_SAMPLES, _MAX_TOTAL_SAMPLES // len(records))
-    )
-    thinned = [
-        record.every_nth(math.ceil(record.deviation.size / max_samples)) for record in records
-    ]
+    max_samples = min(_MAX_RECORD_SAMPLES, max(_MIN_RECORD_SAMPLES, _MAX_TOTAL_SAMPLES // len(records)))
+    thinned = [record.every_nth(math.ceil(record.deviation.size / max_samples)) for record in records]
     return _attribute_to_shapes(thinned, rms, span, (noise_rms, max_noise))
 
 
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
     """Return the largest deviation; None if noise of this rms may reach it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    sizes = [
-        abs(float(each.deviation[row])) for each, row in zip(records, worst_samples, strict=True)
-    ]
+    sizes = [abs(float(each.deviation[row])) for each, row in zip(records, worst_samples, strict=True)]
     index = int(np.argmax(sizes))
     size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
     if size < max(MAX_WORST_IN_RMS * rms, MIN_OUTLIER):
@@ -184,9 +170,7 @@ def _is_white(deviations: Sequence[FloatArray]) -> bool:
     samples = sum(deviation.size for deviation in deviations)
     for lag in range(1, _MAX_LAG_SAMPLES + 1):
         product_sum = sum(
-            float(deviation[lag:] @ deviation[:-lag])
-            for deviation in deviations
-            if deviation.size > lag
+            float(deviation[lag:] @ deviation[:-lag]) for deviation in deviations if deviation.size > lag
         )
         if product_sum > _MAX_WHITE_SIGMAS * power / math.sqrt(samples):
             return False
@@ -228,8 +212,7 @@ def _attribute_to_shapes(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))
         )
     variants = [
-        _ShapeVariant(name, variant, noise_model.expected_squares(variant))
-        for name, variant in bases
+        _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in bases
     ]
     attributed: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
@@ -243,9 +226,7 @@ def _attribute_to_shapes(
         ]
         variant = min(good_variants, key=lambda entry: entry.columns.shape[1])
         excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
-        if noise_model.can_explain(
-            excess + variant.expected_squares, variant.expected_squares, size
-        ):
+        if noise_model.can_explain(excess + variant.expected_squares, variant.expected_squares, size):
             break
         attributed.append((variant.shape, excess / deviation.size))
         explained = variant.columns @ (variant.columns.T @ remaining)
@@ -267,9 +248,7 @@ def _attribute_to_shapes(
     return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
 
 
-def _count_start_samples(
-    records: Sequence[Residual], explained: FloatArray, variance: float
-) -> int:
+def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
     """Count the samples at the start of records until the effect of a wrong history has faded."""
     longest, start = 0, 0
     for record in records:
@@ -360,9 +339,7 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
         return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
     is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
-    other_law = (
-        "; try --law auto" if is_named else ", and neither can the other laws that were compared"
-    )
+    other_law = "; try --law auto" if is_named else ", and neither can the other laws that were compared"
     return f"{text}: {_SHAPE_TEXTS[main].advice.format(other=other_law)}"
 
 

@@ -92,9 +92,7 @@ def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     gap = np.repeat([record.gap for record in records], sizes)
     largest_outputs = np.zeros(int(gap.max()) + 1)
     for record in records:
-        largest_outputs[record.gap] = max(
-            largest_outputs[record.gap], float(np.max(np.abs(record.measured)))
-        )
+        largest_outputs[record.gap] = max(largest_outputs[record.gap], float(np.max(np.abs(record.measured))))
     relative_output = (largest_outputs / max(float(largest_outputs.max()), 1e-300))[gap][:, None]
     scales: list[FloatArray | float] = [1.0, relative_output] if largest_outputs.size > 1 else [1.0]
     curve = legvander(x, _CURVE_DEGREE)
@@ -128,9 +126,7 @@ def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray)
     return np.hstack([(gap == node)[:, None] * shared for node in np.unique(gap)])
 
 
-def _columns_by_branch_size(
-    half_span: FloatArray, position: FloatArray, rising: FloatArray
-) -> FloatArray:
+def _columns_by_branch_size(half_span: FloatArray, position: FloatArray, rising: FloatArray) -> FloatArray:
     """Return level, curvature and width, in proportion to the size of a branch."""
     size = half_span / float(half_span.max())
     shared = legvander(position, _LEVEL_DEGREE)
@@ -192,9 +188,7 @@ class ColouredNoise:
         )
 
 
-def estimate_coloured_noise(
-    deviation: FloatArray, shapes: FloatArray, sizes: Sequence[int]
-) -> ColouredNoise:
+def estimate_coloured_noise(deviation: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> ColouredNoise:
     """Estimate the noise from the part of the residual that orthonormal shapes do not explain."""
     lengths = tuple(sizes)
     remaining = deviation - shapes @ (shapes.T @ deviation)
@@ -216,9 +210,7 @@ def estimate_coloured_noise(
         return deviation.size - float(np.trace(projected)), product_sum
 
     expected = [expected_sums(correlation_) for correlation_ in _CORRELATION_GRID]
-    ratio = np.maximum.accumulate(
-        [product_sum / expected_power for expected_power, product_sum in expected]
-    )
+    ratio = np.maximum.accumulate([product_sum / expected_power for expected_power, product_sum in expected])
     correlation = float(np.interp(seen_correlation, ratio, _CORRELATION_GRID))
     degrees_of_freedom = max(deviation.size - shapes.shape[1], 2)
     # Add the uncertainty of the correlation, except for noise that may be white.
@@ -235,9 +227,7 @@ def estimate_coloured_noise(
     )
 
 
-def _apply_correlation(
-    columns: FloatArray, correlation: float, sizes: tuple[int, ...]
-) -> FloatArray:
+def _apply_correlation(columns: FloatArray, correlation: float, sizes: tuple[int, ...]) -> FloatArray:
     """Multiply columns by the correlation matrix of the noise, record by record."""
     if correlation == 0.0:
         return columns

@@ -44,11 +44,7 @@ Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], TUPLE_FROM_LIST]
 def output_fields(record: type[FileRecord]) -> list[str]:
     """Return the fields of a record that are in units of the output."""
     hints = get_type_hints(record, include_extras=True)
-    return [
-        name
-        for name, hint in hints.items()
-        if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())
-    ]
+    return [name for name, hint in hints.items() if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())]
 
 
 def is_number(value: object) -> bool:
@@ -101,9 +97,7 @@ class CrossValidation(FileRecord):
     # mean absolute error relative to the largest output, mean over values withheld from the fit,
     # from the selection of the map and from the decision about offsets
     error: FiniteNumber
-    interval: (
-        Range  # interval that contains the error at another such value in about nine of ten cases
-    )
+    interval: Range  # interval that contains the error at another such value in about nine of ten cases
     folds: Numbers = ()  # error at each withheld value, ascending values
     # ``gap``, or ``block`` for withheld blocks of samples, which is not evidence about other loops
     left_out: Literal["gap", "block"] = "gap"
@@ -157,9 +151,7 @@ class FitFigures(FileRecord):
     # expected error between the measured scheduling values; None below three of them
     cross_validation: CrossValidation | None = None
     # compared laws, the simplest first; empty if one was requested
-    candidates: Annotated[
-        tuple[CandidateFit, ...], TUPLE_FROM_LIST, Field(validation_alias="candidate")
-    ] = ()
+    candidates: Annotated[tuple[CandidateFit, ...], TUPLE_FROM_LIST, Field(validation_alias="candidate")] = ()
     # rms residual beyond the sensor noise, relative to the largest output; zero if the residual is
     # noise, None if it was not analysed
     not_noise: FiniteNumber | None = None
@@ -182,9 +174,7 @@ def fit_figures(
         deviations.append(deviation)
         full = full_scale(loopset.output, (loop.output,))
         mean, worst = float(deviation.mean()), float(deviation.max())
-        rows.append(
-            LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst)
-        )
+        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst))
     pooled = np.concatenate(deviations)
     largest, pooled_rms = largest_output(loopset), rms(pooled)
     return FitFigures(
@@ -197,8 +187,7 @@ def fit_figures(
         monotone=monotone,
         cross_validation=cross_validation,
         candidates=tuple(
-            replace(fit, rms=pooled_rms / largest) if fit.note == CHOSEN else fit
-            for fit in candidates
+            replace(fit, rms=pooled_rms / largest) if fit.note == CHOSEN else fit for fit in candidates
         ),
     )
 
@@ -221,9 +210,7 @@ class ReductionStep(FileRecord):
     """One round of the reduction: a parameter replaced by its mean over the gaps (II.D)."""
 
     frozen: str  # fixed parameter
-    cost_before: (
-        FiniteNumber  # mean absolute deviation relative to the largest output, before and after
-    )
+    cost_before: FiniteNumber  # mean absolute deviation relative to the largest output, before and after
     cost_after: FiniteNumber
     # cost of fixing each parameter that was tried in this round
     candidates: Mapping[str, FiniteNumber] = field(default_factory=dict)
@@ -387,8 +374,7 @@ def section_names(
         ("schedule",): nodes,
         ("parameters",): parameter_names(law, drive, answer),
         ("cells",): {
-            name: (name, column(name, "A/m"))
-            for name in ("thresholds", "widths", "weights", "centres")
+            name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights", "centres")
         },
         ("dynamics",): {
             "lag": ("lag", "lag_s"),

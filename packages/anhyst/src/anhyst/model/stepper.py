@@ -43,10 +43,7 @@ class Stepper:
     """
 
     def __init__(
-        self,
-        model: ModelData,
-        schedule: float | None = None,
-        history: HistoryLike | None = None,
+        self, model: ModelData, schedule: float | None = None, history: HistoryLike | None = None
     ) -> None:
         self.model = model
         self._schedule = schedule = model.schedule_or_default(schedule)
@@ -113,9 +110,7 @@ class Stepper:
         """Output after the last commit, in units of the output; None before the first."""
         return self._output
 
-    def solve(
-        self, demand: float, schedule: float | None = None, dt: float | None = None
-    ) -> Candidate:
+    def solve(self, demand: float, schedule: float | None = None, dt: float | None = None) -> Candidate:
         """Return the drive for a demanded output; the state does not change."""
         demands = as_samples([demand], "demand")
         gap = self._at(schedule)
@@ -133,9 +128,7 @@ class Stepper:
             valid=bool(valid[0]),
         )
 
-    def commit(
-        self, applied: float, schedule: float | None = None, dt: float | None = None
-    ) -> float:
+    def commit(self, applied: float, schedule: float | None = None, dt: float | None = None) -> float:
         """Advance the state with the applied drive; return the output."""
         drive = as_samples([applied], "applied drive")
         gap = self._at(schedule)
@@ -152,13 +145,9 @@ class Stepper:
         """Advance the state along a row of drives, as repeated calls of :meth:`commit`."""
         drive = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", drive.size)
-        if self._dynamics is not None or np.any(
-            self.model.interpolate_parameter("gamma", at) > 0.0
-        ):
+        if self._dynamics is not None or np.any(self.model.interpolate_parameter("gamma", at) > 0.0):
             why = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
-            raise InputError(
-                f"the model {why}; commit each sample with dt", code="time-missing", key="t_s"
-            )
+            raise InputError(f"the model {why}; commit each sample with dt", code="time-missing", key="t_s")
         for end in (at.min(), at.max()):
             self._at(float(end))
         circuit = self.model.circuit(at, np.zeros(drive.size))
@@ -188,11 +177,7 @@ class Stepper:
         is_started = self._output is not None  # the first commit has no time step
         if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, is_started):
             return self._circuit_cache[3]  # at a constant gap, the cache is used in every step
-        if (
-            dt is None
-            and is_started
-            and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0)
-        ):
+        if dt is None and is_started and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
             text = "the model has eddy currents (gamma); give the time step dt"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt

@@ -113,9 +113,7 @@ def model_text(model: ModelData) -> str:
     if dynamics := model.dynamics:
         times, shares = list(map(float, dynamics.times)), list(map(float, dynamics.shares))
         table = {"lag_s": float(dynamics.lag), "creep_times_s": times, "creep_shares": shares}
-        sections.append(
-            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(dynamics.fastest)})
-        )
+        sections.append(f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(dynamics.fastest)}))
     if layers := model.layers:
         surface, laminated = float(layers.surface), float(layers.laminated)
         table = {"count": layers.count, "surface": surface, "laminated": laminated}
@@ -144,9 +142,7 @@ def model_text(model: ModelData) -> str:
 def _keys(table: Mapping[str, object]) -> str:
     """Return keys and values as text, without keys that have no value."""
     return "".join(
-        f"{toml_key(key)} = {toml_value(value)}\n"
-        for key, value in table.items()
-        if value is not None
+        f"{toml_key(key)} = {toml_value(value)}\n" for key, value in table.items() if value is not None
     )
 
 
@@ -203,9 +199,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         written = toml_value(_plain(value, is_whole=hints[field.name] is schema.Whole))
         share = (
-            field.name in schema.output_fields(type(record))
-            and field.name != "largest_output"
-            and largest
+            field.name in schema.output_fields(type(record)) and field.name != "largest_output" and largest
         )
         text += f"{toml_key(key)} = {written}"
         text += f"  # {100.0 * value / largest:.3g} %\n" if share else "\n"

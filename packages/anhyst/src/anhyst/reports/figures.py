@@ -70,9 +70,7 @@ def group_by_schedule(loopset: Loops) -> list[Group]:
     """Group loops by the scheduling value, ascending. Loops with a moving value come last."""
     if loopset.schedule is None:
         return [Group("", tuple(range(len(loopset))))]
-    indices_by_value: dict[float | None, list[int]] = {
-        value: [] for value in loopset.schedule_values
-    }
+    indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices_by_value.setdefault(loop.schedule_value, []).append(index)
     moving = f"{display_name(loopset.schedule)} moving"
@@ -88,9 +86,7 @@ def find_small_loops(loopset: Loops) -> list[Group]:
     for group in group_by_schedule(loopset):
         spans = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
         groups += [
-            Group(
-                ", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,)
-            )
+            Group(", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,))
             for index, span in spans.items()
             if span < SMALL_LOOP_SHARE * max(spans.values())
         ]
@@ -126,16 +122,12 @@ def speed_text(group: Sequence[Loop]) -> str:
 
 
 @use_report_style
-def figure_differences(
-    loopset: Loops, fitted: Fitted, single_valued: Sequence[FloatArray]
-) -> Figure:
+def figure_differences(loopset: Loops, fitted: Fitted, single_valued: Sequence[FloatArray]) -> Figure:
     """Draw the difference of the loops from their best single-valued curve.
 
     Hysteresis is a few per cent of the output, so that it is barely visible over the whole range.
     """
-    figure, axes = _create_panels(
-        group_by_schedule(loopset), panel_height=(3.6, 2.7, 2.2), share_y=True
-    )
+    figure, axes = _create_panels(group_by_schedule(loopset), panel_height=(3.6, 2.7, 2.2), share_y=True)
     x_scale = quantity_scale(loopset.input, [_max_abs(loop.input) for loop in loopset.loops])
     y_scale = quantity_scale(loopset.output, [_max_abs(residual) for residual in single_valued])
     for ax, group in axes.items():
@@ -198,9 +190,7 @@ def _draw_loops(
         for loop, index in zip(loops, group.indices, strict=True):
             output = fitted[index]
             if output is not None:
-                ax.plot(
-                    x_scale.factor * loop.input, y_scale.factor * output, color=MODEL_COLOUR, lw=0.9
-                )
+                ax.plot(x_scale.factor * loop.input, y_scale.factor * output, color=MODEL_COLOUR, lw=0.9)
         _label_axes(ax, axes, loopset, x_scale, y_scale, labels_all=has_own_scales)
     _add_legend(figure)
     return figure
@@ -209,9 +199,7 @@ def _draw_loops(
 @use_report_style
 def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw the residual of the model, one panel for each value of the scheduling variable."""
-    figure, axes = _create_panels(
-        group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True
-    )
+    figure, axes = _create_panels(group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     residuals = [
         None if output is None else output - loop.output
         for loop, output in zip(loopset.loops, fitted, strict=True)
@@ -221,12 +209,8 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     y_scale = quantity_scale(loopset.output, largest)
     for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.indices]
-        sigma = np.average(
-            [estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops]
-        )
-        ax.axhspan(
-            -2.0 * y_scale.factor * sigma, 2.0 * y_scale.factor * sigma, color=FAINT_COLOUR, lw=0.0
-        )
+        sigma = np.average([estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops])
+        ax.axhspan(-2.0 * y_scale.factor * sigma, 2.0 * y_scale.factor * sigma, color=FAINT_COLOUR, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _draw_residuals(ax, loopset, residuals, group, x_scale, y_scale)
         _label_axes(ax, axes, loopset, x_scale, y_scale, y_text="model \N{MINUS SIGN} measured")
@@ -274,22 +258,14 @@ def figure_reduction(
     ax = figure.subplots()
     costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
     frozen = [names.get(step.frozen, step.frozen) for step in steps]
-    ax.bar(
-        range(costs.size),
-        costs,
-        width=0.55,
-        color=[MEASURED_COLOUR, *([MODEL_COLOUR] * len(steps))],
-    )
+    ax.bar(range(costs.size), costs, width=0.55, color=[MEASURED_COLOUR, *([MODEL_COLOUR] * len(steps))])
     for index, cost in enumerate(costs.tolist()):
         text = f"{format_number(cost, 2)} %"
         ax.annotate(text, (index, cost), (0, 3), textcoords="offset points", ha="center")
     rejected_costs = [cost for step in steps for cost, _ in _rejected_candidates(step)]
     highest_bar = max(float(costs.max()), 1e-9)
     highest = max(
-        [
-            highest_bar,
-            *(cost for cost in rejected_costs if cost <= MAX_DRAWN_COST_RATIO * highest_bar),
-        ]
+        [highest_bar, *(cost for cost in rejected_costs if cost <= MAX_DRAWN_COST_RATIO * highest_bar)]
     )
     ax.set_ylim(0.0, 1.2 * highest)
     for index, step in enumerate(steps, start=1):
@@ -300,9 +276,7 @@ def figure_reduction(
     ax.set_ylabel("mean deviation,\n% of the largest output")
     handles = [
         Patch(color=MODEL_COLOUR, label="fixed parameter"),
-        Line2D(
-            [], [], ls="none", marker="o", mfc="none", color=FALLING_COLOUR, label="not selected"
-        ),
+        Line2D([], [], ls="none", marker="o", mfc="none", color=FALLING_COLOUR, label="not selected"),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)
     return figure
@@ -351,9 +325,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
             middle = (column + 0.5, row + 0.5)
             ax.annotate(text, middle, ha="center", va="center", fontsize=7.0, color=ink)
     numbers = [str(index + 1) for index in range(count)]
-    labels = [
-        f"{typeset(name)}{2 * NBSP}{n}" for n, name in zip(numbers, uncertainty.names, strict=True)
-    ]
+    labels = [f"{typeset(name)}{2 * NBSP}{n}" for n, name in zip(numbers, uncertainty.names, strict=True)]
     tick_step = 1 + count // 20
     ax.set_yticks(np.arange(count) + 0.5, labels, fontsize=9.0 if shows_numbers else 7.5)
     ax.set_xticks(np.arange(0, count, tick_step) + 0.5, numbers[::tick_step])
@@ -379,9 +351,7 @@ def _create_panels(
         groups = [groups[index] for index in indices]
     columns = column_count(len(groups))
     figure = new_figure(0.4 - (-len(groups) // columns) * panel_height[columns - 1])
-    return figure, dict(
-        zip(create_panels(figure, len(groups), share_y=share_y), groups, strict=True)
-    )
+    return figure, dict(zip(create_panels(figure, len(groups), share_y=share_y), groups, strict=True))
 
 
 def _label_axes(

@@ -81,11 +81,7 @@ def figure_parameters(model: Model) -> Figure | None:
         y_scale = choose_scale(parameter_unit(model, name), np.abs(nodes).tolist())
         ax.plot(x_scale.factor * schedule, y_scale.factor * curve, color=MODEL_COLOUR, lw=1.2)
         ax.plot(
-            x_scale.factor * np.array(model.nodes),
-            y_scale.factor * nodes,
-            "o",
-            color=MODEL_COLOUR,
-            ms=5.5,
+            x_scale.factor * np.array(model.nodes), y_scale.factor * nodes, "o", color=MODEL_COLOUR, ms=5.5
         )
         base, _, index = model.file_keys[name][0].partition("_")
         index = rf"_{{{index}}}" if index else ""
@@ -129,9 +125,7 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
     if nodes.size > (MAX_LOOPS + 1) // 2:
         nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, 8).round().astype(int))]
     midpoints = 0.5 * (nodes[1:] + nodes[:-1])
-    return sorted(
-        [(node, True) for node in nodes.tolist()] + [(m, False) for m in midpoints.tolist()]
-    )
+    return sorted([(node, True) for node in nodes.tolist()] + [(m, False) for m in midpoints.tolist()])
 
 
 @use_report_style
@@ -158,18 +152,14 @@ def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale)
         output = steady_state_loop(model, drive, at)
         if output is None:
             continue
-        name = schedule_scale.format_with_unit(at, 4, short=True) + (
-            "" if is_node else " (between)"
-        )
+        name = schedule_scale.format_with_unit(at, 4, short=True) + ("" if is_node else " (between)")
         dashes = "-" if is_node else (0, (4, 1.6))
         x, y = input_scale.factor * drive, output_scale.factor * output
         ax.plot(x, y, color=colour, ls=dashes, lw=1.2, label=name)
     ax.set_xlabel(axis_label(model.input, input_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
     ax.set_title("steady-state loops at and between the nodes")
-    ax.legend(
-        fontsize=7.5, title=display_name(model.schedule), title_fontsize=7.5, handlelength=2.6
-    )
+    ax.legend(fontsize=7.5, title=display_name(model.schedule), title_fontsize=7.5, handlelength=2.6)
 
 
 def _draw_over_schedule(
@@ -183,9 +173,7 @@ def _draw_over_schedule(
     for share, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
         row = round(share * (drive.size // 2))
         ax.plot(x, output_scale.factor * output[:, row], color=colour, lw=1.2)
-        ax.plot(
-            x, output_scale.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5))
-        )
+        ax.plot(x, output_scale.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
         ax.plot(x[is_node], output_scale.factor * output[is_node, row], "o", color=colour, ms=3.5)
         name = input_scale.format_with_unit(float(drive[row]), 3)
         handles.append(Line2D([], [], color=colour, label=name))
@@ -214,7 +202,9 @@ def _mark_failure(
     index = int(np.argmin(drive_distance)) if is_rising else -1 - int(np.argmin(drive_distance))
     curve = output_scale.factor * check.output[:, index]
     row = int(np.argmin(np.abs(check.gaps - check.gap)))
-    name = f"FAILED at {format_number(input_scale.factor * check.at_drive)} {input_scale.unit}, {check.branch}"
+    name = (
+        f"FAILED at {format_number(input_scale.factor * check.at_drive)} {input_scale.unit}, {check.branch}"
+    )
     ax.plot(schedule_scale.factor * check.gaps, curve, color=ALARM_COLOUR, lw=1.6)
     ax.plot(at, curve[row], "o", mfc="none", mec=ALARM_COLOUR, ms=12.0, mew=2.0)
     return Line2D([], [], color=ALARM_COLOUR, lw=1.6, marker="o", mfc="none", label=name)
@@ -222,6 +212,4 @@ def _mark_failure(
 
 def _ordered_colours(count: int) -> list[Colour]:
     """Return colours of an ordered family, dark to light, readable on white."""
-    return [
-        tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()
-    ]
+    return [tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()]

@@ -15,12 +15,7 @@ from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
-from anhyst.reports.sections_fit import (
-    section_loops,
-    section_measurement,
-    section_rate,
-    section_residuals,
-)
+from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
 from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_evidence
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.cache import c_name
@@ -68,9 +63,7 @@ def make_headline(subject: ModelSubject) -> Headline:
     basis, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
-        plural = {"gap": "gaps"}.get(
-            subject.schedule_name, f"values of the {subject.schedule_name}"
-        )
+        plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
         place = f" at {len(schedule_values)} {plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
         samples = sum(loop.samples for loop in loops)
@@ -110,13 +103,7 @@ def verdict_notes(subject: ModelSubject) -> tuple[Note, ...]:
         f"to {format_percent(possible_gain)})"
     )
     if assessment.dynamics:
-        return (
-            Note(
-                "bad",
-                "Cannot be assessed",
-                f"{comparison}: {gain_text}; but {assessment.dynamics}.",
-            ),
-        )
+        return (Note("bad", "Cannot be assessed", f"{comparison}: {gain_text}; but {assessment.dynamics}."),)
     if assessment.level == "yes":
         return (Note("good", "Worth it", f"{comparison}: {gain_text}."),)
     title = "Small gain" if assessment.level == "little" else "Barely worth it"
@@ -166,12 +153,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
     single_rms, noise = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
     largest_mean = max(assessment.single_mean, fit.mean_abs)
     cells = [
-        row(
-            Cell("Best single-valued curve"),
-            assessment.single_mean,
-            single_rms,
-            assessment.single_worst,
-        ),
+        row(Cell("Best single-valued curve"), assessment.single_mean, single_rms, assessment.single_worst),
         row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
         row(Cell("Noise alone (no model can be better)"), noise, _RMS_PER_MEAN_ABS * noise, None),
     ]
@@ -200,9 +182,7 @@ def _validity_text(subject: ModelSubject) -> str:
     if model.schedule is not None and model.valid.schedule is not None:
         low, high = model.valid.schedule
         scale = subject.schedule_scale
-        text = (
-            scale.format_range(low, high) if low < high else f"{scale.format_with_unit(low)} only"
-        )
+        text = scale.format_range(low, high) if low < high else f"{scale.format_with_unit(low)} only"
         parts.append(f"{display_name(model.schedule)} {text}")
     return f"Valid range: {'; '.join(parts)}. Results outside this range are computed and flagged."
 
@@ -227,9 +207,7 @@ def _write_report(model: Model, folder: Path, path: Path, out: PathLike) -> tupl
         stream.write(html)
     warnings = list(subject.warnings)
     if subject.missing_reason:
-        warnings.insert(
-            0, f"{subject.missing_reason}; the report is written from the model file only"
-        )
+        warnings.insert(0, f"{subject.missing_reason}; the report is written from the model file only")
     if subject.acceptance.passed is False:
         warnings.insert(0, f"{path}: {subject.acceptance.text(subject.model.input.unit)}")
     return tuple(map(word_for_reader, warnings))

@@ -53,8 +53,7 @@ def section_loops(subject: ModelSubject) -> Section | None:
             figures.figure_loops(evidence.loops, evidence.fitted),
             f"{subject.output_name} over {subject.input_name}, {panels}: measured samples as grey points, "
             f"the modelled loops as blue lines. {distance_text}",
-            f"Measured samples (points) and model (line), {panels}."
-            + _omitted_panels_text(evidence),
+            f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(evidence),
         ),
         subject.picture(
             figures.figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
@@ -100,14 +99,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
         blocks.append(Text(_corner_text(subject.model)))
     rows = [_speed_row(subject, evidence, group) for group in groups]
     scale = subject.deviation_scale
-    head = [
-        "speed",
-        "loops",
-        scale.heading("rms"),
-        "of largest",
-        scale.heading("worst"),
-        "of largest",
-    ]
+    head = ["speed", "loops", scale.heading("rms"), "of largest", scale.heading("worst"), "of largest"]
     blocks += [
         subject.picture(
             figures.figure_speeds(evidence.loops, evidence.fitted, speeds),
@@ -116,10 +108,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
         ),
         make_table(
-            "Errors by speed",
-            head,
-            rows,
-            f"“Of largest”: in % of {subject.full_scale_text} of all loops.",
+            "Errors by speed", head, rows, f"“Of largest”: in % of {subject.full_scale_text} of all loops."
         ),
     ]
     return Section("rate", "Rate dependence", tuple(blocks))
@@ -128,9 +117,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
 def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop]) -> list[Cell]:
     chosen, scale = {id(loop) for loop in group}, subject.deviation_scale
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    residuals = [
-        output - loop.output for loop, output in pairs if output is not None and id(loop) in chosen
-    ]
+    residuals = [output - loop.output for loop, output in pairs if output is not None and id(loop) in chosen]
     cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not residuals:
         return [*cells, *[Cell("")] * 4]
@@ -142,14 +129,8 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
 
 def _corner_text(model: Model) -> str:
     """Return a sentence about the speed above which the modelled loops are higher."""
-    layers_text = (
-        f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
-    )
-    corner, uncertainty, share = (
-        rate_corner(model),
-        model.uncertainty,
-        format_percent(VISIBLE_HEIGHT_SHARE),
-    )
+    layers_text = f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
+    corner, uncertainty, share = (rate_corner(model), model.uncertainty, format_percent(VISIBLE_HEIGHT_SHARE))
     if corner is None:
         return (
             f"The iron is {layers_text}; up to the speed of the fastest loops, the height of the modelled "
@@ -183,9 +164,7 @@ def rate_corner(model: Model) -> float | None:
         time = np.arange(_CYCLE_SAMPLES) / (_CYCLE_SAMPLES * rate)
         output = model.predict(drive, node, time, "settled").output
         falling = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
-        heights.append(
-            float(np.max(falling - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output))
-        )
+        heights.append(float(np.max(falling - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output)))
     increase = np.array(heights) - heights[0]
     visible = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
     if not visible.size:
@@ -203,11 +182,7 @@ def _panels_text(subject: ModelSubject, evidence: Evidence) -> str:
 
 def _omitted_panels_text(evidence: Evidence) -> str:
     groups = len(figures.group_by_schedule(evidence.loops))
-    return (
-        f" {figures.MAX_PANELS} of {groups} panels are shown."
-        if groups > figures.MAX_PANELS
-        else ""
-    )
+    return f" {figures.MAX_PANELS} of {groups} panels are shown." if groups > figures.MAX_PANELS else ""
 
 
 def section_residuals(subject: ModelSubject) -> Section | None:
@@ -230,10 +205,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
         if subject.fit is not None and subject.fit.left_over:
             line = subject.fit.left_over
             caption += f" {line[0].upper()}{line[1:]}."
-        blocks += [
-            Text(index),
-            subject.picture(figure, alt, caption + _omitted_panels_text(evidence)),
-        ]
+        blocks += [Text(index), subject.picture(figure, alt, caption + _omitted_panels_text(evidence))]
         blocks += _group_table(subject, evidence)
     if subject.fit is not None and subject.fit.loops:
         blocks.append(_loop_table(subject, subject.fit.loops))
@@ -282,9 +254,7 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
         mean = float(np.mean(np.abs(pooled)))
         row = [group.title, str(pooled.size), scale.format(mean), subject.percent_of_largest(mean)]
         row += map(scale.format, (rms(pooled), float(np.max(np.abs(pooled)))))
-        row += [
-            scale.format(_mean_or_none(pooled[branch]), 2) for branch in (is_rising, ~is_rising)
-        ]
+        row += [scale.format(_mean_or_none(pooled[branch]), 2) for branch in (is_rising, ~is_rising)]
         rows.append(row)
     head = [subject.schedule_name, "samples", scale.heading("mean"), "of largest", scale.heading("rms"),
             scale.heading("worst"), scale.heading("bias rising"), scale.heading("bias falling")]  # fmt: skip
@@ -309,22 +279,16 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         (
             scale.heading("mean"),
             lambda one: Cell(
-                scale.format(one.mean_abs),
-                bar=one.mean_abs / largest_mean if largest_mean else None,
+                scale.format(one.mean_abs), bar=one.mean_abs / largest_mean if largest_mean else None
             ),
         ),
         ("of largest", lambda one: subject.percent_of_largest(one.mean_abs)),
         (
             "of own",
-            lambda one: format_percent(
-                one.mean_abs / one.largest_output if one.largest_output else None
-            ),
+            lambda one: format_percent(one.mean_abs / one.largest_output if one.largest_output else None),
         ),
         (scale.heading("rms"), lambda one: scale.format(one.rms)),
-        (
-            scale.heading("worst"),
-            lambda one: Cell(scale.format(one.worst), strong=one.worst == worst),
-        ),
+        (scale.heading("worst"), lambda one: Cell(scale.format(one.worst), strong=one.worst == worst)),
     ]
     caption = (
         f"“Of largest”: mean in parts of {subject.full_scale_text} of all loops; “of own”: of "
@@ -376,9 +340,7 @@ Column = tuple[str, Callable[[Any], str | Cell]]
 
 def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    input_scale = quantity_scale(
-        inspection.input, [v for o in loops for v in (o.input_low, o.input_high)]
-    )
+    input_scale = quantity_scale(inspection.input, [v for o in loops for v in (o.input_low, o.input_high)])
     output_scale = quantity_scale(
         inspection.output, [v for o in loops for v in (o.output_low, o.output_high)]
     )
@@ -395,9 +357,7 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
         ),
     ]
     if any(loop.step is not None for loop in loops):
-        columns.append(
-            ("step [ms]", lambda one: format_number(1e3 * (one.step or 0.0), short=True))
-        )
+        columns.append(("step [ms]", lambda one: format_number(1e3 * (one.step or 0.0), short=True)))
     columns.append(("history", lambda one: str(one.history)))
     return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
 
@@ -442,15 +402,11 @@ def _table_by_loop(
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
-        schedule_text = (
-            unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
-        )
+        schedule_text = unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
         row = [loop.label, *([] if schedule is None else [schedule_text])]
         rows.append([*row, *(text(loop) for _, text in columns)])
     schedule_heading = [] if schedule is None else [scale.heading(schedule.symbol)]
-    return make_table(
-        title, ["loop", *schedule_heading, *(name for name, _ in columns)], rows, caption
-    )
+    return make_table(title, ["loop", *schedule_heading, *(name for name, _ in columns)], rows, caption)
 
 
 def _format_range(scale: Scale, low: float, high: float) -> str:

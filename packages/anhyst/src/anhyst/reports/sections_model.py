@@ -117,9 +117,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
-        alternatives = [
-            (cost, names.get(name, name)) for cost, name in costs if name != step.frozen
-        ]
+        alternatives = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
         alternatives_text = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in alternatives)
         frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
         bar = step.cost_after / largest_cost if largest_cost else None
@@ -142,11 +140,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         Text(text),
         subject.picture(figure_reduction(steps, names), alt, caption),
         make_table(
-            "Cost of each round",
-            head,
-            rows,
-            "Alternatives with the smallest cost come first.",
-            texts=3,
+            "Cost of each round", head, rows, "Alternatives with the smallest cost come first.", texts=3
         ),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
@@ -185,11 +179,7 @@ def section_between(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = [subject.picture(figure, alt, caption)]
     if check is not None:
         blocks.insert(0, acceptance_note(subject))
-    nodes = (
-        "reference gaps"
-        if subject.schedule_name == "gap"
-        else f"nodes of the {subject.schedule_name}"
-    )
+    nodes = "reference gaps" if subject.schedule_name == "gap" else f"nodes of the {subject.schedule_name}"
     return Section("between", f"Loops at and between the {nodes}", tuple(blocks))
 
 
@@ -223,9 +213,7 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
             f"the others, in parts of {subject.full_scale_text}; mean over all inner ones."
         )
         head = ["map", "", "mean deviation"]
-        blocks.append(
-            make_table("Cross-validation error of each map", head, rows, caption, texts=2)
-        )
+        blocks.append(make_table("Cross-validation error of each map", head, rows, caption, texts=2))
     if model.fit and model.fit.cross_validation:
         blocks.append(Text(_expected_error_text(subject, model.fit.cross_validation)))
     return Section("gap-map", f"Comparison of maps for the {subject.schedule_name}", tuple(blocks))
@@ -355,9 +343,9 @@ def equations_markup(subject: ModelSubject) -> Markup:
         output = Markup("{} · {}").format(names["c_out"], output)
     if is_nonzero("out_0"):
         output += Markup(" + {}").format(names["out_0"])
-    return Markup(
-        '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
-    ).format(left_side, right_side, answer, output)
+    return Markup('<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>').format(
+        left_side, right_side, answer, output
+    )
 
 
 def symbol_markup(name: str) -> Markup:
@@ -377,14 +365,10 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
     fitted = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
     for index, (name, value, deviation) in enumerate(fitted, start=1):
         part = deviation / abs(value) if value and "offset" not in name else None
-        meaning = next(
-            (text for start, text in QUANTITY_MEANINGS.items() if name.startswith(start)), ""
-        )
+        meaning = next((text for start, text in QUANTITY_MEANINGS.items() if name.startswith(start)), "")
         share = Cell(format_percent(part), strong=part is not None and part > 0.2)
         shown_meaning = "" if meaning == previous_meaning else meaning
-        rows.append(
-            [str(index), typeset(name), shown_meaning, format_deviation(value, deviation), share]
-        )
+        rows.append([str(index), typeset(name), shown_meaning, format_deviation(value, deviation), share])
         previous_meaning = meaning
     caption = (
         "The fitted quantities are combinations of parameters that the data determine. "
@@ -400,9 +384,7 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
             "red: one increases as the other decreases; white: independent."
         )
         blocks.append(
-            subject.picture(
-                figure_correlation(uncertainty), _correlation_text(uncertainty), caption
-            )
+            subject.picture(figure_correlation(uncertainty), _correlation_text(uncertainty), caption)
         )
     if uncertainty.statements:
         statements = (typeset(text) for text in uncertainty.statements)
@@ -421,9 +403,7 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    strongest = (
-        f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3]
-    )
+    strongest = (f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3])
     pairs_text = "; ".join(strongest)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
     return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."

@@ -20,15 +20,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    MINUS,
-    Note,
-    Picture,
-    Scale,
-    display_name,
-    format_percent,
-    quantity_scale,
-)
+from anhyst.support.page import MINUS, Note, Picture, Scale, display_name, format_percent, quantity_scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +77,7 @@ class ModelSubject:
     @property
     def output_scale(self) -> Scale:
         """Scale of the output, chosen by its valid range."""
-        return quantity_scale(
-            self.model.output, self.model.valid.output if self.model.valid else []
-        )
+        return quantity_scale(self.model.output, self.model.valid.output if self.model.valid else [])
 
     @property
     def schedule_scale(self) -> Scale:

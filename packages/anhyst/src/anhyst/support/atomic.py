@@ -60,15 +60,11 @@ def read_error(path: PathLike, error: OSError) -> InputError:
     """Return the error for a file that cannot be read, in one line."""
     if isinstance(error, FileNotFoundError):
         return InputError(f"{path}: no such file; check the path", code="no-such-file")
-    return InputError(
-        f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
-    )
+    return InputError(f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read")
 
 
 @contextmanager
-def atomic_writer(
-    path: PathLike, check_draft: Callable[[Path], object] | None = None
-) -> Iterator[IO[str]]:
+def atomic_writer(path: PathLike, check_draft: Callable[[Path], object] | None = None) -> Iterator[IO[str]]:
     """Open a text file that appears under its name only when it is complete.
 
     The text is written to a temporary file in the same folder, flushed to the disk and renamed.
@@ -131,9 +127,7 @@ def check_writable(path: PathLike, input_files: Iterable[PathLike] = ()) -> None
     """Raise an error if a file cannot be written. Call this before long work."""
     target = Path(os.path.realpath(path))
     if any(target == Path(os.path.realpath(source)) for source in input_files):
-        raise InputError(
-            f"{path}: is read by this command; write to another file", code="writes-over-input"
-        )
+        raise InputError(f"{path}: is read by this command; write to another file", code="writes-over-input")
     try:
         if (temporary := _temporary_path(target)) is not None:
             temporary.open("x").close()
@@ -239,8 +233,7 @@ def check_new(out: PathLike, names: Sequence[str]) -> None:
     for name in names:
         if (target / name).exists():
             raise InputError(
-                f"{target / name}: is there already; remove it or name another folder",
-                code="exists-already",
+                f"{target / name}: is there already; remove it or name another folder", code="exists-already"
             )
 
 
@@ -299,8 +292,7 @@ def check_picture(path: PathLike) -> None:
     """Raise an error if a picture cannot be written, because of its suffix or its place."""
     if Path(path).suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(
-            f"{path}: a plot is written as .png, .svg or .pdf; change the ending",
-            code="wrong-ending",
+            f"{path}: a plot is written as .png, .svg or .pdf; change the ending", code="wrong-ending"
         )
     check_writable(path)
 

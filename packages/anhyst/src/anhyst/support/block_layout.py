@@ -42,9 +42,7 @@ def _word_from_row(row: dict[str, Any]) -> Word:
     given = {key: row[key] for key in ("axis", "of", "factor", "unit") if key in row}
     limits = row.get("low", 0), row.get("high", 65535)
     names = row["name"].upper(), row.get("shift", "").upper()
-    return Word(
-        row["at"], names[0], row["format"], row["doc"], *limits, size, shift=names[1], **given
-    )
+    return Word(row["at"], names[0], row["format"], row["doc"], *limits, size, shift=names[1], **given)
 
 
 _BLOCK = tomllib.loads((contract_folder() / "block.toml").read_text(encoding="utf-8"))
@@ -63,10 +61,7 @@ SIGNAL_UNITS: tuple[str, ...] = ("", *_BLOCK["units"])
 HEAD_WORDS = _GROUPS["head"]
 BODY_WORDS = {
     kind: tuple(
-        word
-        for group in _BLOCK["group"]
-        if kind in group["kinds"]
-        for word in _GROUPS[group["name"]]
+        word for group in _BLOCK["group"] if kind in group["kinds"] for word in _GROUPS[group["name"]]
     )
     for kind in KINDS
 }
@@ -75,7 +70,5 @@ BODY_WORDS = {
 WORD_INDEX = {word.name: word.index for body in (HEAD_WORDS, *BODY_WORDS.values()) for word in body}
 """Index of each entry in the block, by its name."""
 
-WORD_INDEX_OF_KIND = {
-    kind: {word.name: word.index for word in body} for kind, body in BODY_WORDS.items()
-}
+WORD_INDEX_OF_KIND = {kind: {word.name: word.index for word in body} for kind, body in BODY_WORDS.items()}
 """Index of each entry in the block, by the kind of block and the name of the entry."""

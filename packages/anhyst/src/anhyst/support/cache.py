@@ -96,9 +96,7 @@ def code_digest() -> bytes:
     versions = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(versions.encode())
     roots = {Path(__file__).resolve().parents[1], contract_folder(), *plugin_paths()}
-    files = (
-        path for place in roots for path in (place.rglob("*.*") if place.is_dir() else [place])
-    )
+    files = (path for place in roots for path in (place.rglob("*.*") if place.is_dir() else [place]))
     sources = (path for path in files if path.suffix in {".py", ".j2", ".toml"})
     for path in (Path(_native.__file__), *sorted(sources)):
         digest.update(f"\0{path}\0".encode())
@@ -164,8 +162,7 @@ class ResultsFile:
             fault = self._find_fault(result)
             if fault is not None:
                 raise InputError(
-                    f"{self.path}: line {number}: {fault}; {_REMOVE_LINE_ADVICE}",
-                    code="damaged-results",
+                    f"{self.path}: line {number}: {fault}; {_REMOVE_LINE_ADVICE}", code="damaged-results"
                 )
             self.done[result[self._key]] = result
 
@@ -176,14 +173,11 @@ class ResultsFile:
             entry = None
         if not isinstance(entry, dict):
             raise InputError(
-                f"{self.path}: line {number}: cannot be read; {_OTHER_FILE_ADVICE}",
-                code="damaged-results",
+                f"{self.path}: line {number}: cannot be read; {_OTHER_FILE_ADVICE}", code="damaged-results"
             )
         return entry
 
-    def _check_header(
-        self, stored_settings: Mapping[str, Any], settings: Mapping[str, Any]
-    ) -> None:
+    def _check_header(self, stored_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
         for name, value in settings.items():
             stored = stored_settings.get(name)
             if stored != json.loads(json.dumps(value)):
@@ -251,10 +245,7 @@ def compile_and_link(
     identity = f"{Path(program).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
     compile_command = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*compile_command, *include_options], "\0".join([identity, *compile_command])
-    with (
-        tempfile.TemporaryDirectory(prefix="anhyst-") as scratch,
-        ThreadPoolExecutor(core_count()) as pool,
-    ):
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch, ThreadPoolExecutor(core_count()) as pool:
         objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
         messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *link_options])]

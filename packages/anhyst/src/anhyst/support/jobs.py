@@ -52,10 +52,7 @@ SCHEDULER_TIMEOUT_S = 10.0
 
 
 def map_unordered(
-    work: Callable[[A], B],
-    inputs: Sequence[A],
-    progress: Progress | None = None,
-    jobs: int | None = None,
+    work: Callable[[A], B], inputs: Sequence[A], progress: Progress | None = None, jobs: int | None = None
 ) -> Iterator[tuple[int, B]]:
     """Apply a function to each input. Yield (index, result) pairs as soon as they are ready."""
     count = min(jobs or core_count(), len(inputs))
@@ -72,10 +69,7 @@ def map_unordered(
 
 
 def map_ordered(
-    work: Callable[[A], B],
-    inputs: Sequence[A],
-    progress: Progress | None = None,
-    jobs: int | None = None,
+    work: Callable[[A], B], inputs: Sequence[A], progress: Progress | None = None, jobs: int | None = None
 ) -> list[B]:
     """Apply a function to each input, and return the results in the order of the inputs."""
     results = dict(map_unordered(work, inputs, progress, jobs))
@@ -105,9 +99,7 @@ def use_scheduler(scheduler: str | None) -> Iterator[None]:
         client.close()
 
 
-def _in_processes(
-    work: Callable[[A], B], inputs: Sequence[A], count: int
-) -> Iterator[tuple[int, B]]:
+def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> Iterator[tuple[int, B]]:
     from concurrent.futures import ProcessPoolExecutor, as_completed  # slow to import
 
     with ProcessPoolExecutor(count, initializer=_ignore_interrupts) as pool:

@@ -44,9 +44,7 @@ class FileKind:
         """A sentence that names the commands that accept such a file, or its other use."""
         if self.use or not self.verbs:
             return self.use or "no verb takes it"
-        return (
-            f"anhyst {_join_words(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
-        )
+        return f"anhyst {_join_words(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
 
     def has_option(self, verb: str, option: str) -> bool:
         """Whether this kind supports an option of a command that only some kinds support."""
@@ -55,9 +53,7 @@ class FileKind:
     def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
         """Raise an error if an option is given (not None) that this kind does not support."""
         refused = [
-            name
-            for name, value in given.items()
-            if value is not None and not self.has_option(verb, name)
+            name for name, value in given.items() if value is not None and not self.has_option(verb, name)
         ]
         if refused:
             raise InputError(
@@ -68,10 +64,7 @@ class FileKind:
 
 
 MODEL_FILE = FileKind(
-    "anhyst-model",
-    "a model",
-    "models",
-    ("predict", "invert", "report", "diff", "compile", "watch", "export"),
+    "anhyst-model", "a model", "models", ("predict", "invert", "report", "diff", "compile", "watch", "export")
 )
 CONTROLLER_FILE = FileKind(
     "anhyst-controller",
@@ -80,14 +73,9 @@ CONTROLLER_FILE = FileKind(
     use="anhyst simulate, tune, compile and live take it with --controller",
 )
 CALIBRATION_FILE = FileKind(
-    "anhyst-calibration",
-    "a calibration",
-    "calibrations",
-    use="a rig file names it as control.calibration",
+    "anhyst-calibration", "a calibration", "calibrations", use="a rig file names it as control.calibration"
 )
-COMPILED_FOLDER = FileKind(
-    "compiled folder", "a compiled folder", "compiled folders", ("verify", "live")
-)
+COMPILED_FOLDER = FileKind("compiled folder", "a compiled folder", "compiled folders", ("verify", "live"))
 PACKAGE_FOLDER = FileKind(
     "package",
     "a package of an ecosystem",
@@ -128,9 +116,7 @@ def require_capability(kind: FileKind, protocol: type[Capability]) -> Capability
     return cast(Capability, kind)
 
 
-RIG_VERBS = (
-    *("simulate", "tune", "excite", "calibrate", "live", "export", "compile", "force-control"),
-)
+RIG_VERBS = (*("simulate", "tune", "excite", "calibrate", "live", "export", "compile", "force-control"),)
 """Commands that a kind of rig can support."""
 
 
@@ -146,9 +132,7 @@ def _find_fault(record: object, word: str) -> str:
         return f"and its verbs are not a tuple of {', '.join(RIG_VERBS)}"
     tables = (record.reasons, record.options)
     return (
-        ""
-        if all(isinstance(table, Mapping) for table in tables)
-        else "and reasons or options is not a table"
+        "" if all(isinstance(table, Mapping) for table in tables) else "and reasons or options is not a table"
     )
 
 
@@ -172,13 +156,7 @@ def explain_unusable(word: object) -> str:
 
 def accepted_kinds(verb: str) -> tuple[FileKind, ...]:
     """Return the kinds that the first argument of a command can have."""
-    all_kinds = (
-        MODEL_FILE,
-        *rig_kinds().values(),
-        MEASUREMENT_FILE,
-        COMPILED_FOLDER,
-        CONTROLLER_PORT,
-    )
+    all_kinds = (MODEL_FILE, *rig_kinds().values(), MEASUREMENT_FILE, COMPILED_FOLDER, CONTROLLER_PORT)
     return tuple(kind for kind in all_kinds if verb in kind.verbs)
 
 
@@ -198,11 +176,7 @@ def content_kind(content: Mapping[str, object]) -> FileKind:
         word = control.get("kind") if isinstance(control, dict) else None
         return rig_kinds().get(word, UNKNOWN_FILE) if isinstance(word, str) else UNKNOWN_FILE
     return next(
-        (
-            kind
-            for kind in (MODEL_FILE, CONTROLLER_FILE, CALIBRATION_FILE)
-            if kind.word == file_format
-        ),
+        (kind for kind in (MODEL_FILE, CONTROLLER_FILE, CALIBRATION_FILE) if kind.word == file_format),
         UNKNOWN_FILE,
     )
 
@@ -237,10 +211,7 @@ def _folder_kind(manifest: Path) -> FileKind:
 
 
 def require_kind(
-    path: PathLike,
-    accepted: Collection[FileKind],
-    verb: str = "",
-    known_kind: FileKind | None = None,
+    path: PathLike, accepted: Collection[FileKind], verb: str = "", known_kind: FileKind | None = None
 ) -> FileKind:
     """Return the kind of a file, or raise an error that names the commands that accept it.
 
@@ -259,12 +230,8 @@ def require_kind(
         reason = f": {kind.reasons[verb]}" if verb in kind.reasons else ""
         requirement = f"{verb} is for {names}{reason}"
     else:
-        requirement = (
-            f"{_join_words([accepted_kind.title for accepted_kind in accepted], 'or')} is needed"
-        )
-    raise InputError(
-        f"{path}: this is {kind.title}; {requirement}; {kind.usage}", code="wrong-kind"
-    )
+        requirement = f"{_join_words([accepted_kind.title for accepted_kind in accepted], 'or')} is needed"
+    raise InputError(f"{path}: this is {kind.title}; {requirement}; {kind.usage}", code="wrong-kind")
 
 
 def _join_words(words: Sequence[str], conjunction: str) -> str:
@@ -272,16 +239,7 @@ def _join_words(words: Sequence[str], conjunction: str) -> str:
 
 
 MethodName = Literal[
-    "ratio",
-    "secant",
-    "linearised",
-    "single-valued",
-    "play",
-    "simplified",
-    "at-rest",
-    "full",
-    "flux",
-    "fused",
+    "ratio", "secant", "linearised", "single-valued", "play", "simplified", "at-rest", "full", "flux", "fused"
 ]
 """Method that computes the current for a force (:data:`anhyst.compensate.methods.METHODS`)."""
 METHOD_TITLES: Mapping[MethodName, str] = {

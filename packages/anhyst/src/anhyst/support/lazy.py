@@ -9,9 +9,7 @@ from pkgutil import iter_modules
 from typing import Any
 
 
-def lazy_names(
-    package: str, class_modules: Mapping[str, str]
-) -> tuple[list[str], Callable[[str], Any]]:
+def lazy_names(package: str, class_modules: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
     """Return all public names of a package, and the function that imports one: its ``__getattr__``.
 
     The commands are the modules in the folder ``verbs`` of the package. ``class_modules`` contains

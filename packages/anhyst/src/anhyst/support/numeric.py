@@ -63,9 +63,7 @@ def sine(turns: ArrayLike) -> FloatArray:
     remainder = angles - np.rint(angles)
     # Map the angle to within a quarter turn of zero; the sine is symmetric about its maximum.
     angle = (
-        2.0
-        * math.pi
-        * np.where(np.abs(remainder) > 0.25, np.copysign(0.5, remainder) - remainder, remainder)
+        2.0 * math.pi * np.where(np.abs(remainder) > 0.25, np.copysign(0.5, remainder) - remainder, remainder)
     )
     square, series = angle * angle, np.zeros_like(angle)
     for coefficient in reversed(_SINE_COEFFICIENTS):

@@ -82,10 +82,7 @@ class PageTable:
     def is_wide(self) -> bool:
         """Whether the table is wider than a page, so that it is set smaller and wrapped."""
         columns = zip(self.head, *([cell.text for cell in row] for row in self.rows), strict=True)
-        return (
-            sum(max(map(len, column)) + _COLUMN_GAP_LETTERS for column in columns)
-            > MAX_TABLE_LETTERS
-        )
+        return sum(max(map(len, column)) + _COLUMN_GAP_LETTERS for column in columns) > MAX_TABLE_LETTERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,16 +107,10 @@ class Section:
 
 
 def make_table(
-    title: str,
-    head: Sequence[str],
-    rows: Sequence[Sequence[str | Cell]],
-    caption: str = "",
-    texts: int = 1,
+    title: str, head: Sequence[str], rows: Sequence[Sequence[str | Cell]], caption: str = "", texts: int = 1
 ) -> PageTable:
     """Create a table of texts and cells."""
-    cell_rows = tuple(
-        tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in row) for row in rows
-    )
+    cell_rows = tuple(tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in row) for row in rows)
     return PageTable(title, tuple(head), cell_rows, caption, texts)
 
 
@@ -148,13 +139,9 @@ class Headline:
     validity: str
 
 
-def render_page(
-    head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str
-) -> str:
+def render_page(head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str) -> str:
     """Return the HTML text of a page."""
-    return _template().render(
-        head=head, sections=sections, version=version, kind=kind, source=source
-    )
+    return _template().render(head=head, sections=sections, version=version, kind=kind, source=source)
 
 
 @cache
@@ -174,9 +161,7 @@ MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
 UNKNOWN_TEXT = "\N{EN DASH}"
 
-GREEK_LETTERS: Mapping[str, str] = MappingProxyType(
-    {"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"}
-)
+GREEK_LETTERS: Mapping[str, str] = MappingProxyType({"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"})
 
 _PREFIXES = (("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9))
 _PREFIXABLE_UNITS = frozenset({"A", "A/m", "V", "N", "T", "Wb", "s", "Pa", "Hz"})
@@ -193,11 +178,7 @@ class Scale:
 
     def format(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
         """Return an SI value as text without its unit; ``short`` drops trailing zeros."""
-        return (
-            UNKNOWN_TEXT
-            if value is None
-            else format_number(value * self.factor, digits, short=short)
-        )
+        return UNKNOWN_TEXT if value is None else format_number(value * self.factor, digits, short=short)
 
     def format_with_unit(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
         """Return an SI value as text with its unit."""

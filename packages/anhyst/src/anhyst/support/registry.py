@@ -46,11 +46,7 @@ def entry_points_in(group: str) -> list[EntryPoint]:
     entries = [point for point in _all_entry_points() if point.group == group]
     return sorted(
         entries,
-        key=lambda entry: (
-            package_name(entry) not in PROJECT_PACKAGES,
-            package_name(entry),
-            entry.name,
-        ),
+        key=lambda entry: (package_name(entry) not in PROJECT_PACKAGES, package_name(entry), entry.name),
     )
 
 

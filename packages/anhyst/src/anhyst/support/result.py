@@ -90,9 +90,7 @@ class Result(ABC):
             import pandas as pd
         except ImportError as error:
             raise InputError(
-                "pandas is not installed: pip install 'anhyst[pandas]'",
-                code="not-installed",
-                key="pandas",
+                "pandas is not installed: pip install 'anhyst[pandas]'", code="not-installed", key="pandas"
             ) from error
         columns = self.to_columns()
         return pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
@@ -120,8 +118,7 @@ def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an HTML table for a notebook."""
     lines = [("th", head), *(("td", row) for row in rows)]
     body = "".join(
-        f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
-        for tag, cells in lines
+        f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>" for tag, cells in lines
     )
     return f"<table>{body}</table>"
 

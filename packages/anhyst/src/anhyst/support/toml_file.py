@@ -10,15 +10,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    GetCoreSchemaHandler,
-    Tag,
-    ValidationError,
-)
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import core_schema
 
@@ -121,11 +113,7 @@ class TomlFileError(InputError):
             other_keys = [
                 f"{o.key} (line {o.line})" if o.line else o.key for o in others[:MAX_NAMED_PROBLEMS]
             ]
-            more = (
-                f" and {len(others) - MAX_NAMED_PROBLEMS} more"
-                if len(others) > MAX_NAMED_PROBLEMS
-                else ""
-            )
+            more = f" and {len(others) - MAX_NAMED_PROBLEMS} more" if len(others) > MAX_NAMED_PROBLEMS else ""
             text += f"; also wrong: {', '.join(other_keys)}{more}"
         super().__init__(text, code=first.code, key=first.key)
 
@@ -139,9 +127,7 @@ class TomlFile:
         try:
             self.content: dict[str, Any] = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
-            raise InputError(
-                _describe_damage(path, text, str(error)), code="damaged-toml"
-            ) from error
+            raise InputError(_describe_damage(path, text, str(error)), code="damaged-toml") from error
         except (ValueError, RecursionError) as error:  # too long numbers, too deep nesting
             text = f"{path}: damaged TOML: {error}; correct it"
             raise InputError(text, code="damaged-toml") from error
@@ -200,9 +186,7 @@ def require_toml_kind(path: PathLike, accepted: Collection[FileKind]) -> FileKin
 
 def require_rig(path: PathLike, verb: str) -> FileKind:
     """Return the kind of a rig file that a command accepts; raise an error for any other file."""
-    return require_toml_kind(
-        path, [kind for kind in accepted_kinds(verb) if kind.format == RIG_FORMAT]
-    )
+    return require_toml_kind(path, [kind for kind in accepted_kinds(verb) if kind.format == RIG_FORMAT])
 
 
 def check_kind(file: TomlFile, accepted: Collection[FileKind]) -> FileKind:
@@ -215,17 +199,13 @@ def check_kind(file: TomlFile, accepted: Collection[FileKind]) -> FileKind:
         reason = explain_unusable(control.get("kind")) if isinstance(control, dict) else ""
         if is_rig and reason:
             file.add_problem(("control", "kind"), reason, code="not-installed")
-        elif is_rig and (
-            rigs := [rig_kind for rig_kind in accepted if rig_kind.format == RIG_FORMAT]
-        ):
+        elif is_rig and (rigs := [rig_kind for rig_kind in accepted if rig_kind.format == RIG_FORMAT]):
             controls = " or ".join(f'"{kind.word}"' for kind in rigs)
             text = f"must be {controls}; is this {names}, or a kind whose package is not installed?"
             file.add_problem(("control", "kind"), text, "wrong-format")
         else:
             formats = " or ".join(sorted({f'"{kind.format}"' for kind in accepted}))
-            file.add_problem(
-                ("format",), f"must be {formats}; is this {names}?", code="wrong-format"
-            )
+            file.add_problem(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
         raise file.to_error()
     return kind
 
@@ -312,9 +292,7 @@ def _find_tagged(annotation: Any, tag: str) -> Any:
     inner = get_args(annotation)
     if any(isinstance(branch, Tag) and branch.tag == tag for branch in inner):
         return annotation
-    return next(
-        (value for branch in inner if (value := _find_tagged(branch, tag)) is not None), None
-    )
+    return next((value for branch in inner if (value := _find_tagged(branch, tag)) is not None), None)
 
 
 def _table_types(annotation: Any) -> list[type[BaseModel]]:
@@ -351,6 +329,4 @@ def explain_finding(error: dict[str, Any]) -> Advice:
     text = str(error["msg"]).replace("Input should be", "must be", 1)
     text = text[0].lower() + text[1:]
     value_text = repr(value)
-    return Advice(
-        f"{text}, is {value_text}" if len(value_text) <= 40 else text, kind.replace("_", "-")
-    )
+    return Advice(f"{text}, is {value_text}" if len(value_text) <= 40 else text, kind.replace("_", "-"))

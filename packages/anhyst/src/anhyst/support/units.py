@@ -332,9 +332,7 @@ def _parse_text(text: str, unit: str | None) -> Header:
     if name.lower() == LOOP_HEADER:
         return Header(text, LOOP_HEADER, None, None)
     quantity = _find_quantity(name)
-    stated = (
-        unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
-    )
+    stated = unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
     if not unit_text and (unsupported := _UNSUPPORTED_UNIT_PATTERN.search(text)):
         stated = unsupported[1]
     axis = find_unit(unit_text) or find_unit(unit_text.lower())
@@ -343,11 +341,7 @@ def _parse_text(text: str, unit: str | None) -> Header:
     if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
         quantity = QUANTITIES["flux_linkage"]
     if problem is not None:
-        quantity = (
-            quantity
-            or _quantity_from_words(name, find_unit(conflict[1]))
-            or Quantity(name, name, "1")
-        )
+        quantity = quantity or _quantity_from_words(name, find_unit(conflict[1])) or Quantity(name, name, "1")
         return Header(text, name, quantity, None, problem, stated, conflict=conflict)
     is_gap = not unit_text and named_quantities(name) == {"gap"}
     if quantity is None and is_gap and not (has_qualifier(name) or is_formula(name)):
@@ -356,26 +350,14 @@ def _parse_text(text: str, unit: str | None) -> Header:
         clock, unit_text = _parse_clock(name)
         if clock != name:
             unit_of_clock = find_unit(unit_text)
-            problem = (
-                None if unit_of_clock else _describe_unit_problem(QUANTITIES["time"], "", None)
-            )
-            return Header(
-                text, clock, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True
-            )
+            problem = None if unit_of_clock else _describe_unit_problem(QUANTITIES["time"], "", None)
+            return Header(text, clock, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True)
     header_unit = find_unit(unit_text) if unit_text else None
     if quantity is not None and quantity.unit == "1" and not unit_text:
         header_unit = UNITS["1"]
-    if (
-        quantity is None
-        and (quantity_by_words := _quantity_from_words(name, header_unit)) is not None
-    ):
+    if quantity is None and (quantity_by_words := _quantity_from_words(name, header_unit)) is not None:
         return Header(
-            text,
-            quantity_by_words.symbol,
-            quantity_by_words,
-            header_unit,
-            stated=stated,
-            is_from_words=True,
+            text, quantity_by_words.symbol, quantity_by_words, header_unit, stated=stated, is_from_words=True
         )
     if quantity is None:
         unknown_quantity = Quantity(name, name, header_unit.si if header_unit else "1")
@@ -399,9 +381,7 @@ def _parse_clock(name: str) -> tuple[str, str]:
 def _quantity_from_words(name: str, unit: Unit | None) -> Quantity | None:
     """Return the only quantity that matches the words of a name and the unit, or None."""
     candidates = named_quantities(name) if unit is not None else set()
-    matches = [
-        key for key in candidates if unit and QUANTITY_DIMENSIONS.get(key, key) == unit.dimension
-    ]
+    matches = [key for key in candidates if unit and QUANTITY_DIMENSIONS.get(key, key) == unit.dimension]
     is_doubted = matches != ["time"] and (has_qualifier(name) or is_formula(name))
     if len(matches) != 1 or is_doubted:
         return None
@@ -421,9 +401,7 @@ def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     name, unit_text = _split_brackets(text)
     if not stated or (stated == _NO_UNIT_MARK and find_unit(unit_text)):
         return name, unit_text
-    return (
-        (name, stated) if _is_same_unit(find_unit(unit_text), find_unit(stated)) else (text, stated)
-    )
+    return (name, stated) if _is_same_unit(find_unit(unit_text), find_unit(stated)) else (text, stated)
 
 
 def join_header(name: str, unit: str) -> str:
@@ -453,11 +431,7 @@ def _split_brackets(text: str) -> tuple[str, str]:
     if brackets:
         name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
         inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
-        return (
-            (f"{inner_name} ({unit_text})", inner_unit)
-            if find_unit(inner_unit)
-            else (name, unit_text)
-        )
+        return (f"{inner_name} ({unit_text})", inner_unit) if find_unit(inner_unit) else (name, unit_text)
     without_in = re.sub(r"\s+in\s+", " ", text)
     return _split_slash(text) or _split_underscore(without_in.replace(" ", "_"))
 
@@ -476,9 +450,7 @@ def _split_slash(text: str) -> tuple[str, str] | None:
             continue
         names = {quantity.name} if quantity else named_quantities(name)
         is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
-        if unit.dimension in {QUANTITY_DIMENSIONS.get(key, key) for key in names} or (
-            is_time and is_stroke
-        ):
+        if unit.dimension in {QUANTITY_DIMENSIONS.get(key, key) for key in names} or (is_time and is_stroke):
             return name, unit_text
         # 'J/T' is a name and a unit; 'F/A' and 'm/s' are ratios.
         is_named = len(unit_text) > 1 if quantity else find_unit(name) is None
@@ -494,12 +466,7 @@ def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
     if not stated and _BRACKET_PATTERN.match(text):
         # The volts of 'I_A [V]' come from a sensor. The A of 'I_mA [A]' are a contradiction.
         inner, outer = find_unit(split_header(name)[1]), find_unit(unit_text)
-        if (
-            inner
-            and outer
-            and inner.dimension == outer.dimension
-            and not _is_same_unit(inner, outer)
-        ):
+        if inner and outer and inner.dimension == outer.dimension and not _is_same_unit(inner, outer):
             return inner.symbol, outer.symbol
     name_unit = find_unit(unit_text) if unit_text else None
     if (
@@ -549,9 +516,7 @@ def _find_quantity(name: str) -> Quantity | None:
 
 def _describe_unit_problem(quantity: Quantity, unit_text: str, unit: Unit | None) -> str | None:
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
-    examples = " or ".join(
-        f"'{quantity.symbol}_{symbol}'" for symbol in _example_symbols(dimension)
-    )
+    examples = " or ".join(f"'{quantity.symbol}_{symbol}'" for symbol in _example_symbols(dimension))
     if unit is None:
         if unit_text:
             return f"{_unknown_unit_text(unit_text)}; write {examples}"

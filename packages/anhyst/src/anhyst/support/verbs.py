@@ -8,12 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
-from anhyst.support.registry import (
-    PROJECT_PACKAGES,
-    entry_points_in,
-    load_entry_point,
-    package_name,
-)
+from anhyst.support.registry import PROJECT_PACKAGES, entry_points_in, load_entry_point, package_name
 
 
 def _find_in_folder(folder: object) -> dict[str, str]:

@@ -63,7 +63,9 @@ _MEASURED_WORDS = (
 _SENSOR_WORDS = frozenset({"sensor", "sensors", "cell", "lc", "loadcell", "dms", "kmd", "messdose"})
 """Words of a column that comes from a sensor of the output."""
 
-_RAW_UNIT_WORDS = "count counts cts digit digits lsb adc raw inc incs increments steps pulses bits ticks au div code"
+_RAW_UNIT_WORDS = (
+    "count counts cts digit digits lsb adc raw inc incs increments steps pulses bits ticks au div code"
+)
 _QUALIFIERS = frozenset(_QUALIFIER_WORDS.split())
 _MEASURED = frozenset(_MEASURED_WORDS.split())
 RAW_UNITS = frozenset(_RAW_UNIT_WORDS.split())
@@ -151,9 +153,7 @@ def split_words(name: str) -> list[str]:
     """Return the words of a name, folded; CamelCase is split, and ends of compounds are added."""
     spaced_name = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
     words = re.findall(r"b-field|[a-z]+", fold(spaced_name).replace("b field", "b-field"))
-    ends = [
-        end for word in words for end in _COMPOUND_ENDINGS if word.endswith(end) and word != end
-    ]
+    ends = [end for word in words for end in _COMPOUND_ENDINGS if word.endswith(end) and word != end]
     return words + ends
 
 
@@ -164,9 +164,7 @@ def named_quantities(name: str) -> set[str]:
     (['current'], ['force', 'voltage'])
     """
     words = set(split_words(name))
-    return {
-        quantity for quantity, quantity_words in QUANTITY_WORDS.items() if words & quantity_words
-    }
+    return {quantity for quantity, quantity_words in QUANTITY_WORDS.items() if words & quantity_words}
 
 
 def is_drive(name: str) -> bool:
@@ -232,8 +230,4 @@ def undo_formula(name: str) -> str:
     if re.fullmatch(r"-\s*\w+", spaced_name):
         return "-1"
     formula = _FORMULA_PATTERN.search(spaced_name)
-    return (
-        "FACTOR"
-        if formula and (formula["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name))
-        else ""
-    )
+    return "FACTOR" if formula and (formula["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name)) else ""

@@ -111,9 +111,7 @@ def _python_mapping(text: str, *, has_numbers: bool) -> str:
     for part in _PAIR_PATTERN.findall(text):
         name, _, value = part.rpartition("=")
         name = name[1:-1] if name[:1] == name[-1:] == '"' else name
-        value_text = (
-            value if has_numbers and _is_number(value) else json.dumps(value, ensure_ascii=False)
-        )
+        value_text = value if has_numbers and _is_number(value) else json.dumps(value, ensure_ascii=False)
         pairs.append(f"{json.dumps(name, ensure_ascii=False)}: {value_text}")
     return f"{{{', '.join(pairs)}}}"
 

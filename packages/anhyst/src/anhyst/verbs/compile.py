@@ -112,9 +112,7 @@ def compile(  # noqa: A001
                 text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
                 raise wrong_key(option, text, code="option-not-for-this")
         request = StageRequest(kind, io or "f32", rate, name)
-        return require_capability(rig, HasController).compile_controller(
-            model, out, request, progress
-        )
+        return require_capability(rig, HasController).compile_controller(model, out, request, progress)
     if kind == "single-valued":
         text = "single-valued is for the rig file of a stage; give full, simplified or play"
         raise wrong_key("--kind", text, code="option-not-for-this")
@@ -124,9 +122,7 @@ def compile(  # noqa: A001
     )  # fmt: skip
 
 
-def show(
-    result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]
-) -> Iterator[OutputPart]:
+def show(result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: what was compiled, its accuracy, and the guide to read next."""
     from anhyst.compilation.compiled_stage import CompiledStage
     from anhyst.compilation.play import CompiledPlay
@@ -158,8 +154,7 @@ def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
     yield f"{compiled.out}: play, {manifest['io']}, {size} bytes of parameters"
     yield rows
     yield (
-        f"half-width of the play: {play['radius_A']:.3g} A; of the loops: up to "
-        f"{play['half_width_A']:.3g} A"
+        f"half-width of the play: {play['radius_A']:.3g} A; of the loops: up to {play['half_width_A']:.3g} A"
     )
 
 

@@ -11,9 +11,7 @@ if TYPE_CHECKING:
 
 PLACE = 10, "From measurements to a model"
 
-Name = Literal[
-    "bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"
-]
+Name = Literal["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"]
 """Names of the bundled examples."""
 
 

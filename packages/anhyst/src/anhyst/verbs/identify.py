@@ -166,9 +166,7 @@ def refuse(result: IdentifyResult, arguments: Mapping[str, Any]) -> None:
 
     out = arguments["out"]
     if result.interrupted:
-        raise Interrupted(
-            f"{out} contains the best model until then{_continuation_text(arguments)}"
-        )
+        raise Interrupted(f"{out} contains the best model until then{_continuation_text(arguments)}")
     if result.acceptance.passed is False:
         failed = result.acceptance.text(result.model.input.unit)
         reasons = "; ".join(filter(None, (failed, result.rejection)))
@@ -231,9 +229,7 @@ def _show_fit(model: Model) -> Iterator[OutputPart]:
     fit = model.fit
     if fit is None or not fit.largest_output > 0.0:
         return
-    mean, rms, worst = (
-        100.0 * value / fit.largest_output for value in (fit.mean_abs, fit.rms, fit.worst)
-    )
+    mean, rms, worst = (100.0 * value / fit.largest_output for value in (fit.mean_abs, fit.rms, fit.worst))
     yield (
         f"deviation from the measurement: mean {mean:.3g} %, rms {rms:.3g} %, worst "
         f"{worst:.3g} % of {name_full_scale(model.output, fit.largest_output)}"
@@ -277,9 +273,7 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
         note = f" ({candidate.note})" if candidate.note else ""
         left_out = "" if candidate.left_out is None else f"{100.0 * candidate.left_out:.3g}"
         rms = "" if candidate.rms is None else f"{100.0 * candidate.rms:.3g}"
-        rows.add_row(
-            f"{candidate.law}{note}", candidate.gap_map, rms, left_out, str(candidate.numbers)
-        )
+        rows.add_row(f"{candidate.law}{note}", candidate.gap_map, rms, left_out, str(candidate.numbers))
     more = [f"{count_text(hidden, 'more candidate')}: --verbose"] if hidden else []
     return [rows, *more] if ranked else []
 
@@ -291,9 +285,7 @@ def _list_offsets(model: Model) -> list[str]:
         return []
     lines = [
         f"{name}: {value:.3g} +- {std:.2g}"
-        for name, value, std in zip(
-            uncertainty.names, uncertainty.values, uncertainty.std, strict=True
-        )
+        for name, value, std in zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
         if "offset" in name
     ]
     return lines or ["offsets of input and output: none, because the loops do not require any"]

@@ -88,9 +88,7 @@ def refuse(result: Verification, arguments: Mapping[str, Any]) -> None:
     if arguments["on"] is not None and result.not_run:
         missing_tools = [gap.text() for gap in result.missing if gap.target in result.not_run]
         raise wrong_key(
-            "--on",
-            f"not run, because tools are missing: {'; '.join(missing_tools)}",
-            code="tool-missing",
+            "--on", f"not run, because tools are missing: {'; '.join(missing_tools)}", code="tool-missing"
         )
 
 

@@ -16,13 +16,7 @@ import numpy as np
 from anhyst.compilation.vectors import LEVITATION_COLUMNS, LEVITATION_INPUT_COUNT
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import COMPILED_FOLDER, require_kind
-from anhyst.verification.protocol import (
-    AS_GIVEN,
-    COMPENSATOR_RECORD,
-    CONTROLLER_RECORD,
-    RecordLayout,
-    Words,
-)
+from anhyst.verification.protocol import AS_GIVEN, COMPENSATOR_RECORD, CONTROLLER_RECORD, RecordLayout, Words
 
 MANIFEST_VERSION = 2
 MANIFEST_FILE = "manifest.json"
@@ -54,9 +48,7 @@ class Bundle:
     def c_files(self) -> tuple[str, ...]:
         """Paths of all C files and headers of the folder, without the examples."""
         names = (str(name) for name in self.manifest["files"])
-        return tuple(
-            name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLE_FILES
-        )
+        return tuple(name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLE_FILES)
 
     def copy_sources(self, folder: Path) -> None:
         """Copy the C and the port header to a folder."""
@@ -85,14 +77,10 @@ def read_bundle(folder: Path) -> Bundle:
     try:
         manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        text = (
-            f"{folder}: has no {MANIFEST_FILE}; name the folder that 'anhyst compile --out' wrote"
-        )
+        text = f"{folder}: has no {MANIFEST_FILE}; name the folder that 'anhyst compile --out' wrote"
         raise InputError(text, code="no-manifest") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise _damaged_error(
-            f"{manifest_path}: is not JSON: {error}", code="damaged-manifest"
-        ) from None
+        raise _damaged_error(f"{manifest_path}: is not JSON: {error}", code="damaged-manifest") from None
     if not isinstance(manifest, dict) or manifest.get("format") != MANIFEST_VERSION:
         text = f"{manifest_path}: key 'format' is not {MANIFEST_VERSION}"
         raise _damaged_error(text, code="damaged-manifest", key="format")
@@ -205,9 +193,7 @@ def read_stage_vectors(path: Path, layout: RecordLayout, is_float: bool) -> Gold
     for name in ("command", "flags", "lost", "state") if is_float else ():
         columns[name] = columns[name].view(np.float32).astype(np.uint32)
     inputs = np.stack([columns[record_column_name(name)] for name in layout.inputs], axis=1)
-    return GoldenVectors(
-        inputs, {name: columns[record_column_name(name)] for name in outputs}, layout
-    )
+    return GoldenVectors(inputs, {name: columns[record_column_name(name)] for name in outputs}, layout)
 
 
 def record_column_name(name: str) -> str:
@@ -225,9 +211,7 @@ def _read_columns(path: Path, needed: Iterable[str], is_float: bool) -> dict[str
         raise _damaged_error(f"{path}: has no rows", code="damaged-vectors")
     for name in needed:
         if name not in names:
-            raise _damaged_error(
-                f"{path}: column '{name}' is missing", code="damaged-vectors", key=name
-            )
+            raise _damaged_error(f"{path}: column '{name}' is missing", code="damaged-vectors", key=name)
     try:
         if is_float:
             words = np.array(rows, dtype=np.float64).astype(np.float32).view(np.uint32)

@@ -90,9 +90,7 @@ class BuildFolder:
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
         header = toolchain.ACTUATOR_HEADER
-        texts = toolchain.core_files(toolchain.PIDD2_SOURCES) | {
-            header: toolchain.read_core(header)
-        }
+        texts = toolchain.core_files(toolchain.PIDD2_SOURCES) | {header: toolchain.read_core(header)}
         for name, text in texts.items():
             path = sources / name
             if not path.exists():
@@ -193,14 +191,10 @@ def run_program(program: HarnessProgram, vectors: GoldenVectors, steps: int, see
         Request(VECTORS, steps=len(batch), rows=batch, input_positions=places, record_words=words)
         for batch in batches
     ]
-    random = Request(
-        RANDOM, steps=steps, checkpoint_stride=_checkpoint_stride(steps), record_words=words
-    )
+    random = Request(RANDOM, steps=steps, checkpoint_stride=_checkpoint_stride(steps), record_words=words)
     stack = Request(STACK, steps=min(steps, STACK_STEPS), record_words=words)
     replies = program.run([start, *golden, start, random, stack])
-    answers = [
-        reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
-    ]
+    answers = [reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)]
     golden_answers = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
     return Answers(replies[0], replies[-4], replies[-2], golden_answers, replies[-1].stack_bytes)
 
@@ -226,9 +220,7 @@ def compare_answers(
     if (difference := _compare_with_file(target, vectors)) is not None:
         return difference
     if (mismatch := _find_mismatch(host.vectors, target.vectors)) is not None:
-        return _make_difference(
-            vectors.layout, "vectors", 0, mismatch, host.vectors, target.vectors
-        )
+        return _make_difference(vectors.layout, "vectors", 0, mismatch, host.vectors, target.vectors)
     if host.random.hash == target.random.hash:
         return None
     return _locate_difference(vectors.layout, programs, (host.random, target.random), steps, seed)
@@ -243,9 +235,7 @@ def _compare_with_file(outcome: Answers, vectors: GoldenVectors) -> Difference |
         return None
     row, column = mismatch
     name = list(vectors.outputs)[column]
-    return Difference(
-        "vectors", row, name, _signed(expected[mismatch]), _signed(answered[mismatch])
-    )
+    return Difference("vectors", row, name, _signed(expected[mismatch]), _signed(answered[mismatch]))
 
 
 def _locate_difference(

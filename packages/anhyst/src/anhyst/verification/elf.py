@@ -166,10 +166,7 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
     already active are excluded, because no function calls itself through a pointer.
     """
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
-    analysed = {
-        address: _analyse_function(image, symbol, functions)
-        for address, symbol in functions.items()
-    }
+    analysed = {address: _analyse_function(image, symbol, functions) for address, symbol in functions.items()}
     by_offset = _find_function_pointers(image, functions)
     by_offset[UNKNOWN_OFFSET] = by_offset[UNKNOWN_OFFSET].union(
         *(function.referenced for function in analysed.values())
@@ -193,9 +190,7 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
     return None if deepest == math.inf else int(deepest)
 
 
-def _find_function_pointers(
-    image: Image, functions: dict[int, Symbol]
-) -> defaultdict[int, set[int]]:
+def _find_function_pointers(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
     """Return the functions whose address is stored in a constant, by the offset of the address.
 
     Addresses between functions have the offset UNKNOWN_OFFSET.

@@ -117,9 +117,7 @@ class _Machine:
         self._box = program.image.address("harness_box") - RAM_ADDRESS
         self._wait = program.image.address("harness_wait")
         self._add_counting_hook(program)
-        self._run_until_wait(
-            program.image.address("reset"), program.image.address("link_stack_top")
-        )
+        self._run_until_wait(program.image.address("reset"), program.image.address("link_stack_top"))
 
     def _add_counting_hook(self, program: CortexProgram) -> None:
         """Add the counting hook as native code, because Python would be 100 times slower."""
@@ -131,16 +129,12 @@ class _Machine:
         prefix = self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32))
         clock = (image.address(f"harness_clock_{end}") for end in ("start", "stop"))
         result = ctypes.addressof(self._ram) + (image.address("harness_count") - RAM_ADDRESS)
-        self._counter = _Counter(
-            FLASH_ADDRESS, FLASH_ADDRESS + FLASH_BYTES, prefix, *clock, result, 0
-        )
+        self._counter = _Counter(FLASH_ADDRESS, FLASH_ADDRESS + FLASH_BYTES, prefix, *clock, result, 0)
         self._library = ctypes.CDLL(str(program.counter))
         count = ctypes.cast(self._library.count_block, ctypes.c_void_p)
         hook, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
         block, ours = unicorn.UC_HOOK_BLOCK, ctypes.addressof(self._counter)
-        status = uclib.uc_hook_add(
-            self._uc._uch, ctypes.byref(hook), block, count, ours, *everywhere
-        )
+        status = uclib.uc_hook_add(self._uc._uch, ctypes.byref(hook), block, count, ours, *everywhere)
         if status != unicorn.UC_ERR_OK:
             raise self._error(status)
 
@@ -167,9 +161,7 @@ class _Machine:
         """Write a request into the box, run, and read the box."""
         for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
             ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
-        self._run_until_wait(
-            self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps
-        )
+        self._run_until_wait(self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps)
         return Reply.unpack(bytes(self._ram[self._box : self._box + request.box_bytes]))
 
 
@@ -209,9 +201,7 @@ class Msp430Program:
             for byte in match[1].split()
         )
         if process.returncode or len(dump) != len(requests) * BOX_BYTES:
-            last = (
-                process.stderr.strip() or process.stdout.strip() or "no reason given"
-            ).splitlines()
+            last = (process.stderr.strip() or process.stdout.strip() or "no reason given").splitlines()
             raise target_failed_error("msp430", f"mspdebug ended early: {last[-1]}")
         return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
 
@@ -242,7 +232,6 @@ class Msp430Program:
 
 def _write_commands(address: int, content: bytes) -> list[str]:
     return [
-        f"mw {address + at:#x} "
-        + " ".join(f"{byte:#04x}" for byte in content[at : at + BYTES_PER_LINE])
+        f"mw {address + at:#x} " + " ".join(f"{byte:#04x}" for byte in content[at : at + BYTES_PER_LINE])
         for at in range(0, len(content), BYTES_PER_LINE)
     ]

@@ -68,14 +68,7 @@ COMPENSATOR_RECORD = RecordLayout(
     start_contents="conditioning sequence",
 )  # fmt: skip
 
-_CONTROLLER_INPUTS = (
-    "position",
-    "target",
-    "load",
-    "measured current 1",
-    "measured current 2",
-    "event",
-)
+_CONTROLLER_INPUTS = ("position", "target", "load", "measured current 1", "measured current 2", "event")
 
 CONTROLLER_RECORD = RecordLayout(
     record=(
@@ -211,6 +204,4 @@ def target_failed_error(target: str, reason: str) -> NegativeResult:
 
 def time_limit_error(target: str, limit: float) -> NegativeResult:
     """Return the error for a target that exceeded a time limit, s."""
-    return NegativeResult(
-        f"target {target}: did not end within {limit:.0f} s", code="time-limit", key=target
-    )
+    return NegativeResult(f"target {target}: did not end within {limit:.0f} s", code="time-limit", key=target)

@@ -240,9 +240,7 @@ _MEMORY_COLUMNS: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = 
 
 def _estimate_table(estimates: Sequence[Estimate]) -> TerminalTable:
     parts = dict.fromkeys(estimate.part for estimate in estimates)
-    texts = {
-        (item.part, item.prices): f"{item.cycles} ({item.rate / 1e3:.1f} kHz)" for item in estimates
-    }
+    texts = {(item.part, item.prices): f"{item.cycles} ({item.rate / 1e3:.1f} kHz)" for item in estimates}
     cells = tuple((part, *(texts[part, prices] for prices in PRICES)) for part in parts)
     title = f"a 16-bit DSC of {CLOCK_HZ / 1e6:.0f} MHz, worst case, estimated: cycles (rate)"
     return TerminalTable(title, ("part of a step", *PRICES), cells)

@@ -48,19 +48,13 @@ class ProcessProgram:
         requests_bytes = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
             process = subprocess.run(
-                self.command,
-                input=requests_bytes,
-                capture_output=True,
-                timeout=TIME_LIMIT_S,
-                check=False,
+                self.command, input=requests_bytes, capture_output=True, timeout=TIME_LIMIT_S, check=False
             )
         except subprocess.TimeoutExpired:
             raise protocol.time_limit_error(self.name, TIME_LIMIT_S) from None
         size = requests[0].box_bytes
         if process.returncode or len(process.stdout) != len(requests) * size:
-            raise protocol.target_failed_error(
-                self.name, _failure_reason(process.stderr, process.returncode)
-            )
+            raise protocol.target_failed_error(self.name, _failure_reason(process.stderr, process.returncode))
         boxes = range(0, len(process.stdout), size)
         return [protocol.Reply.unpack(process.stdout[at : at + size]) for at in boxes]
 
@@ -118,9 +112,7 @@ CORTEX_PROCESSORS = {
     "cortex-m3": CortexProcessor("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
     "cortex-m4": CortexProcessor("cortex_m4", "UC_CPU_ARM_CORTEX_M4", "+vfp4d16sp", has_port=True),
     "cortex-m33": CortexProcessor("cortex_m33", "UC_CPU_ARM_CORTEX_M33", "+fp_armv8d16sp"),
-    "cortex-m7": CortexProcessor(
-        "cortex_m7", "UC_CPU_ARM_CORTEX_M7", "+fp_armv8d16sp", has_port=True
-    ),
+    "cortex-m7": CortexProcessor("cortex_m7", "UC_CPU_ARM_CORTEX_M7", "+fp_armv8d16sp", has_port=True),
 }
 
 
@@ -175,9 +167,7 @@ def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
     return True
 
 
-def _build_host(
-    build_folder: BuildFolder, name: str, command: list[str], flags: tuple[str, ...]
-) -> Variant:
+def _build_host(build_folder: BuildFolder, name: str, command: list[str], flags: tuple[str, ...]) -> Variant:
     is_sanitized = flags == SANITIZE_FLAGS
     title = f"{name} sanitizers" if is_sanitized else f"{name} {flags[0]}"
     program = build_folder.folder / f"host-{title.replace(' ', '-')}"
@@ -202,9 +192,7 @@ def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
     builds = [("soft float" if is_float else "portable", "")]
     if is_float and CORTEX_PROCESSORS[name].float_unit:
         builds = [] if build_folder.stage_record is not None else builds
-        builds.append(
-            (f"hard float{PORT_SUFFIX if has_port else ''}", CORTEX_PROCESSORS[name].float_unit)
-        )
+        builds.append((f"hard float{PORT_SUFFIX if has_port else ''}", CORTEX_PROCESSORS[name].float_unit))
     elif has_port:
         builds.append(("port header", ""))
     return TargetOffer(
@@ -307,9 +295,7 @@ def _find_target_fault(target: object, _: str) -> str:
     return "" if all(map(callable, work)) else "and it is not a target"
 
 
-WHOLE_TARGETS: Registry[WholeTarget] = Registry(
-    "anhyst.targets", {}, _find_target_fault, reserved=TARGETS
-)
+WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _find_target_fault, reserved=TARGETS)
 """Targets by name, from the entry points ``anhyst.targets`` of installed packages."""
 
 FLOAT_TARGETS = ("host", *CORTEX_PROCESSORS)
@@ -321,9 +307,7 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
     targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known_targets = (*TARGETS, *WHOLE_TARGETS)
     if not targets:
-        raise wrong_key(
-            "--on", f"no target; known are {', '.join(known_targets)}", code="no-target"
-        )
+        raise wrong_key("--on", f"no target; known are {', '.join(known_targets)}", code="no-target")
     for name in targets:
         if reason := WHOLE_TARGETS.explain_unusable(name):
             raise InputError(f"--on: {name}: {reason}", code="not-installed", key="--on")

@@ -76,15 +76,11 @@ def verify(
         if build_folder.stage_record is None:
             vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
-            vectors = read_stage_vectors(
-                folder / VECTORS_FILE, build_folder.stage_record, bundle.io == "f32"
-            )
+            vectors = read_stage_vectors(folder / VECTORS_FILE, build_folder.stage_record, bundle.io == "f32")
         offers, missing = _collect_offers(build_folder, names)
         runnable = {name for name, offer in offers.items() if offer.builds}
         whole_targets = [
-            name
-            for name in names
-            if name in targets.WHOLE_TARGETS and not _missing_for_whole_target(name)
+            name for name in names if name in targets.WHOLE_TARGETS and not _missing_for_whole_target(name)
         ]
         runnable.update(whole_targets)
         if not runnable:
@@ -92,9 +88,7 @@ def verify(
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_VerificationJob(build_folder, vectors, *numbers), offers)]
         if bundle.manifest.get("controller") is not None:
-            controller_folder = BuildFolder.create(
-                bundle, Path(scratch) / "controller", "controller"
-            )
+            controller_folder = BuildFolder.create(bundle, Path(scratch) / "controller", "controller")
             levitation = _VerificationJob(
                 controller_folder, read_levitation(folder / LEVITATION_FILE), *numbers
             )
@@ -124,9 +118,7 @@ def _collect_offers(
     build_folder: BuildFolder, names: Sequence[str]
 ) -> tuple[dict[str, targets.TargetOffer], tuple[MissingTool, ...]]:
     """Return the possible builds of each target, and all missing tools."""
-    offers = {
-        name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS
-    }
+    offers = {name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS}
     missing = [tool for offer in offers.values() for tool in offer.missing]
     return offers, (*missing, *(tool for name in names for tool in _missing_for_whole_target(name)))
 
@@ -160,20 +152,12 @@ class _VerificationJob:
         self, offers: Mapping[str, targets.TargetOffer], report_build: Callable[[], None]
     ) -> list[TargetResult]:
         """Build and run all targets, with as many threads as processors."""
-        builds = [
-            (name, pending_build)
-            for name, offer in offers.items()
-            for pending_build in offer.builds
-        ]
+        builds = [(name, pending_build) for name, offer in offers.items() for pending_build in offer.builds]
         for steps in {self.step_count(name) for name, _ in builds}:
-            self._answers[steps] = run_program(
-                self._reference.program, self.vectors, steps, self.seed
-            )
+            self._answers[steps] = run_program(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
         with ThreadPoolExecutor(core_count()) as pool:
-            for future in [
-                pool.submit(partial(self._run_build, *pending_build)) for pending_build in builds
-            ]:
+            for future in [pool.submit(partial(self._run_build, *pending_build)) for pending_build in builds]:
                 results.append(future.result())
                 report_build()
         return results
@@ -265,8 +249,7 @@ def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
             for name in elf.PRICES
         ]
         replies = [
-            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random)
-            for name, each in priced
+            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
         ]
     except NegativeResult:
         return ()  # the failure is reported with the target, if it was requested

@@ -115,8 +115,7 @@ def _electrical(plant: RigFile) -> DiagramBlock:
     magnet = plant.magnet
     lines = [
         f"{magnet.turns} turns, {magnet.poles.resistance:.3g} Ω",
-        "flux linkage ψ(i, gap) "
-        + ("of the iron" if magnet.flux_table is None else "from a table"),
+        "flux linkage ψ(i, gap) " + ("of the iron" if magnet.flux_table is None else "from a table"),
         "u = R·i + dψ/dt, by",
         "current and by motion",
     ]
@@ -168,9 +167,7 @@ def _load(plant: RigFile) -> DiagramBlock:
     load = plant.load
     lines = [f"{load.force_N:g} N, {_format_frequency(load.bandwidth_Hz)}"]
     if load.stiffness_N_per_m or load.damping_N_s_per_m:
-        lines.append(
-            f"{_format_gain(load.stiffness_N_per_m)} N/m, {load.damping_N_s_per_m:g} N s/m"
-        )
+        lines.append(f"{_format_gain(load.stiffness_N_per_m)} N/m, {load.damping_N_s_per_m:g} N s/m")
     lines.append(f"encoder {_format_length(load.encoder_step_m)}")
     for disturbance in plant.load.disturbance[:1]:
         more = f" and {len(load.disturbance) - 1} more" if len(load.disturbance) > 1 else ""
@@ -216,19 +213,12 @@ def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
     figure, ax = new_diagram(*_FIGURE_SIZE_IN)
     blocks = diagram_blocks(rig, controller)
     columns = [
-        _LEFT_EDGE_IN + 0.5 * BOX_WIDTH_IN + index * (BOX_WIDTH_IN + _BOX_GAP_IN)
-        for index in range(4)
+        _LEFT_EDGE_IN + 0.5 * BOX_WIDTH_IN + index * (BOX_WIDTH_IN + _BOX_GAP_IN) for index in range(4)
     ]
     above = ("controller", "compensator", "output", "amplifier")
     below = ("sensors", "mechanics", "hysteresis", "electrical")
     for x, name in zip(columns, above, strict=True):
-        draw_box(
-            ax,
-            (x, _TOP_ROW_IN),
-            name,
-            blocks[name],
-            SOFTWARE_FILL if name in above[:2] else PLANT_FILL,
-        )
+        draw_box(ax, (x, _TOP_ROW_IN), name, blocks[name], SOFTWARE_FILL if name in above[:2] else PLANT_FILL)
     for x, name in zip(columns, below, strict=True):
         draw_box(ax, (x, _MIDDLE_ROW_IN), name, blocks[name], PLANT_FILL)
     draw_box(ax, (columns[0], _LOW_ROW_IN), "load", blocks["load"], PLANT_FILL, _LOAD_HEIGHT_IN)
@@ -243,12 +233,8 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
         x = columns[index] + half_width
         draw_arrow(ax, [(x, _TOP_ROW_IN), (x + _BOX_GAP_IN, _TOP_ROW_IN)])
         draw_label(ax, (x + 0.5 * _BOX_GAP_IN, _TOP_ROW_IN + 0.08), name.replace(" ", "\n"))
-    draw_arrow(
-        ax, [(columns[3], _TOP_ROW_IN - half_height), (columns[3], _MIDDLE_ROW_IN + half_height)]
-    )
-    draw_label(
-        ax, (columns[3] + 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)), "voltage u", "left", "center"
-    )
+    draw_arrow(ax, [(columns[3], _TOP_ROW_IN - half_height), (columns[3], _MIDDLE_ROW_IN + half_height)])
+    draw_label(ax, (columns[3] + 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)), "voltage u", "left", "center")
     for index, name in ((3, "i, ψ"), (2, "force"), (1, "gap")):
         x = columns[index] - half_width
         draw_arrow(
@@ -260,20 +246,12 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
     # The reference comes from the left, the measured gap from below.
     draw_arrow(ax, [(0.06, _TOP_ROW_IN), (_LEFT_EDGE_IN, _TOP_ROW_IN)])
     draw_label(ax, (0.5 * _LEFT_EDGE_IN, _TOP_ROW_IN + 0.08), "gap\ndemand")
-    draw_arrow(
-        ax, [(columns[0], _MIDDLE_ROW_IN + half_height), (columns[0], _TOP_ROW_IN - half_height)]
-    )
+    draw_arrow(ax, [(columns[0], _MIDDLE_ROW_IN + half_height), (columns[0], _TOP_ROW_IN - half_height)])
     draw_label(
-        ax,
-        (columns[0] - 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)),
-        "measured gap",
-        "right",
-        "center",
+        ax, (columns[0] - 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)), "measured gap", "right", "center"
     )
     lane = 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)
-    draw_arrow(
-        ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP_ROW_IN - half_height)]
-    )
+    draw_arrow(ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP_ROW_IN - half_height)])
     ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
     draw_label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), inputs)
     _draw_load_and_gap(ax, columns)
@@ -284,9 +262,7 @@ def _draw_load_and_gap(ax: Axes, columns: Sequence[float]) -> None:
     half_width, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
     load_x = columns[1] - 0.5 * half_width
     draw_arrow(
-        ax,
-        [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, floor)],
-        FALLING_COLOUR,
+        ax, [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, floor)], FALLING_COLOUR
     )
     draw_label(ax, (0.5 * (columns[0] + half_width + load_x), _LOW_ROW_IN + 0.05), "load")
     start, lane = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + floor)

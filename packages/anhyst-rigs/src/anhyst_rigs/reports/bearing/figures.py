@@ -110,9 +110,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
         time, part = _part_around_step(panel, name)
         if not index:
             reference = 1e6 * (step.before - part["reference_m"])
-            ax.plot(
-                time, reference, color=INK_COLOUR, lw=0.9, drawstyle="steps-post", label="reference"
-            )
+            ax.plot(time, reference, color=INK_COLOUR, lw=0.9, drawstyle="steps-post", label="reference")
             band = SETTLING_BAND * 1e6 * step.height
             target = 1e6 * (step.before - step.after)
             ax.axhspan(target - band, target + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
@@ -135,28 +133,20 @@ def figure_forces(recordings: Recordings) -> Figure:
     """Draw demanded and true force over time and their difference, one column per variant."""
     names = in_report_order(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
-    axes = figure.subplots(
-        2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2)
-    )
+    axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
     for (above, below), name in zip(axes.T, names, strict=True):
         recording = recordings[name]
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
         demand, force = recording["demand_N"], recording["force_N"]
         above.plot(*thin_curves(time, force), **line_style(name), label=f"true force, {name}")
         above.plot(
-            *thin_curves(time, demand),
-            color=INK_COLOUR,
-            lw=0.8,
-            ls=(0, (4, 3)),
-            label="demanded force",
+            *thin_curves(time, demand), color=INK_COLOUR, lw=0.8, ls=(0, (4, 3)), label="demanded force"
         )
         error = force - demand
         below.plot(*thin_curves(time, error), **line_style(name))
         rms = float(np.sqrt(np.mean(error**2)))
         above.set_title(METHOD_TITLES[name], fontsize=8.5)
-        below.set_title(
-            f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal"
-        )
+        below.set_title(f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal")
         below.set_xlabel("time (ms)")
     axes[0, 0].set_ylabel("force (N)")
     axes[1, 0].set_ylabel("true - demanded force (N)")
@@ -187,9 +177,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
     if is_moving:
         reference = 1e6 * (first["reference_m"][0] - first["reference_m"])
         time = factor * (first["t_s"] - first["t_s"][0])
-        below.plot(
-            *thin_curves(time, reference), color=INK_COLOUR, lw=0.8, ls="--", label="reference"
-        )
+        below.plot(*thin_curves(time, reference), color=INK_COLOUR, lw=0.8, ls="--", label="reference")
     above.set_title(title)
     above.set_ylabel("error of position (nm)")
     below.set_ylabel("position (µm)" if is_moving else "current (A)")
@@ -227,18 +215,14 @@ def figure_standstill(recordings: Recordings) -> Figure:
     return figure
 
 
-def _amplitude_density(
-    recording: Recording, deviation: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _amplitude_density(recording: Recording, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
     from scipy.signal import welch  # slow to import
 
     rate = 1.0 / (recording["t_s"][1] - recording["t_s"][0])
     frequency, power = welch(deviation, rate, nperseg=min(_MAX_SEGMENT_TICKS, deviation.size))
     frequency, power = frequency[1:], power[1:]
     # Average in as many bins as are visible on a logarithmic axis.
-    bin_of = np.digitize(
-        frequency, np.geomspace(frequency[0], frequency[-1] * 1.001, _SPECTRUM_BINS + 1)
-    )
+    bin_of = np.digitize(frequency, np.geomspace(frequency[0], frequency[-1] * 1.001, _SPECTRUM_BINS + 1))
     used = np.unique(bin_of)
     means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used]
     middle, mean = np.array(means).T
@@ -298,9 +282,7 @@ def figure_force_current(
             ax.plot(run["current_A"], run["force_N"], **line_style(name), label=f"run, {name}")
         ax.set_xlabel("current (A)")
         ax.set_ylabel("force (N)")
-    limits = [
-        _axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS
-    ]
+    limits = [_axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS]
     detail.set_xlim(*limits[0])
     detail.set_ylim(*limits[1])
     overview.set_title("whole range")
@@ -326,26 +308,19 @@ def _draw_widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve 
 
 def _subtract_curve(loops: Sequence[LoopCurve]) -> list[LoopCurve]:
     curve = smooth_curve(
-        *(
-            np.concatenate(row)
-            for row in zip(*((loop.current, loop.force) for loop in loops), strict=True)
-        )
+        *(np.concatenate(row) for row in zip(*((loop.current, loop.force) for loop in loops), strict=True))
     )
     return [replace(loop, force=loop.force - np.interp(loop.current, *curve)) for loop in loops]
 
 
 def _draw_loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    colours = dict(
-        zip(sorted({loop.gap for loop in measured}), (SHADE_COLOUR, PALE_COLOUR), strict=False)
-    )
+    colours = dict(zip(sorted({loop.gap for loop in measured}), (SHADE_COLOUR, PALE_COLOUR), strict=False))
     for loop in measured:
         label = f"measured at {1e3 * loop.gap:.3g} mm"
         ax.plot(loop.current, loop.force, color=colours[loop.gap], lw=0.7, label=label)
     if identified is not None:
         label = f"identified, at {1e3 * identified.gap:.3g} mm"
-        ax.plot(
-            identified.current, identified.force, color=INK_COLOUR, lw=0.8, ls="--", label=label
-        )
+        ax.plot(identified.current, identified.force, color=INK_COLOUR, lw=0.8, ls="--", label=label)
 
 
 def _axis_limits(rows: Sequence[FloatArray]) -> tuple[float, float]:
@@ -395,12 +370,7 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
         label = f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
         style = line_style(name)
         ax.semilogx(
-            curve.frequency,
-            curve.decibel,
-            **style,
-            marker="o",
-            ms=3.0,
-            label=_with_note(label, curve),
+            curve.frequency, curve.decibel, **style, marker="o", ms=3.0, label=_with_note(label, curve)
         )
     for name in in_report_order(linear):
         curve = linear[name]
@@ -408,9 +378,7 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
     if linear:
         ax.plot([], [], color=INK_COLOUR, lw=0.7, ls=":", label="linearised loop")
     ax.set_ylim(_MIN_LEVEL_DB, top)
-    frequencies = [
-        frequency for curve in measured.values() for frequency in curve.frequency[[0, -1]]
-    ]
+    frequencies = [frequency for curve in measured.values() for frequency in curve.frequency[[0, -1]]]
     ax.set_xlim(min(frequencies), max(frequencies))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("sensitivity (dB)")
@@ -442,9 +410,7 @@ def figure_bode(loops: Responses) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True)
     for name in in_report_order(loops):
         curve = loops[name]
-        above.semilogx(
-            curve.frequency, curve.decibel, **line_style(name), label=_with_note(name, curve)
-        )
+        above.semilogx(curve.frequency, curve.decibel, **line_style(name), label=_with_note(name, curve))
         phase = np.degrees(np.unwrap(np.angle(curve.value)))
         turns = 360.0 * np.round((phase[0] + 180.0) / 360.0)
         below.semilogx(curve.frequency, phase - turns, **line_style(name))
@@ -469,9 +435,7 @@ def figure_nyquist(loops: Responses) -> Figure:
     ax.plot(unit_circle.real, unit_circle.imag, color=SHADE_COLOUR, lw=0.7, ls="--", label="gain 1")
     limit_circle = unit_circle / limit - 1.0
     ax.fill(limit_circle.real, limit_circle.imag, fc=_ZONE_COLOURS[-1], ec=ALARM_COLOUR, lw=0.7)
-    ax.fill(
-        [], [], fc=_ZONE_COLOURS[-1], ec=ALARM_COLOUR, lw=0.7, label=f"sensitivity above {limit:g}"
-    )
+    ax.fill([], [], fc=_ZONE_COLOURS[-1], ec=ALARM_COLOUR, lw=0.7, label=f"sensitivity above {limit:g}")
     ax.plot([-1.0], [0.0], "+", color=ALARM_COLOUR, ms=9.0)
     for name in in_report_order(loops):
         value = loops[name].value

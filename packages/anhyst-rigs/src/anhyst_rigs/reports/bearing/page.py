@@ -268,8 +268,7 @@ def _frequency_section(subject: SimulationSubject) -> Section:
         peaks = [
             f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
             for name, curve in (
-                (variant, subject.sensitivity[variant])
-                for variant in in_report_order(subject.sensitivity)
+                (variant, subject.sensitivity[variant]) for variant in in_report_order(subject.sensitivity)
             )
         ]
         blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))

@@ -11,23 +11,8 @@ import numpy as np
 from anhyst.control.controller_file import ControllerTable
 from anhyst.data.speeds import select_slow_loops
 from anhyst.support.kinds import MethodName
-from anhyst.support.page import (
-    MINUS,
-    NBSP,
-    UNKNOWN_TEXT,
-    Cell,
-    Note,
-    PageTable,
-    format_number,
-    make_table,
-)
-from anhyst_rigs.reports.bearing.figures import (
-    LoopCurve,
-    Response,
-    StepPanel,
-    identified_loop,
-    nearest_loops,
-)
+from anhyst.support.page import MINUS, NBSP, UNKNOWN_TEXT, Cell, Note, PageTable, format_number, make_table
+from anhyst_rigs.reports.bearing.figures import LoopCurve, Response, StepPanel, identified_loop, nearest_loops
 from anhyst_rigs.reports.study.page import (
     TerminalSummary,
     case_table,
@@ -79,22 +64,16 @@ class SimulationSubject:
     experiments: Experiments | None = None  # all other experiments
     # runs for demanded and true force
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
-    run: Mapping[MethodName, Recording] = field(
-        default_factory=dict
-    )  # runs that are drawn with the loops
+    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs that are drawn with the loops
     measured: tuple[LoopCurve, ...] = ()  # measured loops of the nearest gaps
     identified: LoopCurve | None = None  # loop of the model at the gap of the run
     tracked: tuple[Tracking, ...] = ()  # trajectories, load steps, recoveries
-    standstill: Mapping[MethodName, Recording] = field(
-        default_factory=dict
-    )  # runs at standstill, levitated
+    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill, levitated
     # measured sensitivity; sensitivity and loop gain of the linearised loop
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
-    margins: Mapping[MethodName, Margins] = field(
-        default_factory=dict
-    )  # margins of the linearised loop
+    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # margins of the linearised loop
     notes: tuple[Note, ...] = ()  # for the head of the page
     # SHA-256 of the input files by name
     files: Mapping[str, str] = field(default_factory=dict)
@@ -140,9 +119,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
     upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
     steps_at_gap = {step.height: step for step in steps if step.gap == settings.gap_m}
     all_ticks = simulation.scenario.ticks
-    complete_runs = {
-        name: run for name, run in simulation.step_recordings.items() if len(run) == all_ticks
-    }
+    complete_runs = {name: run for name, run in simulation.step_recordings.items() if len(run) == all_ticks}
     panels = tuple(
         StepPanel(
             step,
@@ -163,10 +140,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
     }
     linear_gain, linear_sensitivity = _linear_responses(simulation)
     has_one_magnet = len(rig.settings.body_magnets) == 1
-    loops, current = (
-        select_slow_loops(simulation.knowledge.loops),
-        rig.settings.measurement.current_max_A,
-    )
+    loops, current = (select_slow_loops(simulation.knowledge.loops), rig.settings.measurement.current_max_A)
     return SimulationSubject(
         rig=rig,
         controller=simulation.controller.settings,
@@ -179,9 +153,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
         else None,
-        tracked=tuple(
-            item for item in _run_tracking(simulation.setups, settings) if item.recordings
-        ),
+        tracked=tuple(item for item in _run_tracking(simulation.setups, settings) if item.recordings),
         standstill=_run_variants(simulation.setups, *standstill),
         sensitivity={
             name: Response(response.frequency, response.ratio)
@@ -224,9 +196,7 @@ def _linear_responses(
     sensitivities: dict[MethodName, Response] = {}
     for name in ("ratio", simulation.main_variant):
         loop = simulation.loops[name]
-        assumption = (
-            "" if has_constant_gains(simulation.setups[name]) else "assuming exact static slopes"
-        )
+        assumption = "" if has_constant_gains(simulation.setups[name]) else "assuming exact static slopes"
         note = assumption if loop.is_stable else f"{assumption}, unstable".removeprefix(", ")
         gains[name] = Response(frequency, loop.loop_gain(frequency), note)
         sensitivities[name] = Response(frequency, loop.sensitivity(frequency), note)
@@ -246,9 +216,7 @@ def _run_variants(
     return parts
 
 
-def _run_tracking(
-    setups: Mapping[MethodName, BearingSetup], settings: RigFile
-) -> Iterator[Tracking]:
+def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) -> Iterator[Tracking]:
     """Simulate trajectories and load steps for figures."""
     setup = next(iter(setups.values()))
     for shape in settings.trajectories:
@@ -259,8 +227,7 @@ def _run_tracking(
         scenario, begin = experiments.plan_load_step(setup, force)
         ticks = round(0.1 / setup.rig.dt)
         recordings = {
-            name: run.slice_ticks(0, ticks)
-            for name, run in _run_variants(setups, scenario, begin).items()
+            name: run.slice_ticks(0, ticks) for name, run in _run_variants(setups, scenario, begin).items()
         }
         yield Tracking(f"load step of {force:g}{NBSP}N", recordings)
 
@@ -287,9 +254,7 @@ STEP_TABLES: Mapping[Metric, str] = {
     "resolution of the position sensor (rms of its noise and its steps) if that is more. The "
     "band is the same for all variants.",
     STEADY_ERROR: "Of the gap, over the end of the hold.",
-    Metric(
-        "tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6
-    ): "Over the whole step.",
+    Metric("tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6): "Over the whole step.",
     Metric(FORCE_ERROR, "Force error, rms", "N"): _DELAY_NOTE,
     Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
     "current's rate of change.",
@@ -373,9 +338,7 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
         mark = " *" if name == simulation.main_variant else ""
-        rows.append(
-            [f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *other_cells]
-        )
+        rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *other_cells])
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
     overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",

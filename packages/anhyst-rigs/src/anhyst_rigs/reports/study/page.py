@@ -146,12 +146,7 @@ def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
     figure.legend(list(labels.values()), list(labels), loc="outside lower center", ncols=columns)
 
 
-_TONE_OF_LEVEL: Mapping[Level, Tone] = {
-    "yes": "good",
-    "mixed": "warn",
-    "no": "warn",
-    "unknown": "info",
-}
+_TONE_OF_LEVEL: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "warn", "unknown": "info"}
 
 
 def verdict_note(judgement: Judgement) -> Note:
@@ -193,12 +188,7 @@ def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def draw_box(
-    ax: Axes,
-    centre: Point,
-    name: str,
-    block: DiagramBlock,
-    fill: str,
-    height: float = BOX_HEIGHT_IN,
+    ax: Axes, centre: Point, name: str, block: DiagramBlock, fill: str, height: float = BOX_HEIGHT_IN
 ) -> None:
     """Draw a box with its title and the lines below it."""
     x, y = centre
@@ -214,21 +204,14 @@ def draw_box(
     shape.set_gid(f"box-{name}")
     ax.add_patch(shape)
     top = y + 0.5 * height - 0.14
-    text = ax.text(
-        x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT
-    )
+    text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT)
     text.set_gid(f"title-{name}")
     _shrink_to_box(text)
     free_height = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
     first = top - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
         text = ax.text(
-            x,
-            first - row * _LINE_SPACING_IN,
-            line,
-            ha="center",
-            va="center",
-            fontsize=_TEXT_SIZE_PT,
+            x, first - row * _LINE_SPACING_IN, line, ha="center", va="center", fontsize=_TEXT_SIZE_PT
         )
         text.set_gid(f"line{row}-{name}")
         _shrink_to_box(text)
@@ -244,9 +227,7 @@ def _shrink_to_box(text: Text) -> None:
         text.set_fontsize(float(text.get_fontsize()) * max_width / width)
 
 
-def draw_arrow(
-    ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any
-) -> None:
+def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
     """Draw an arrow along several points, with its head at the last one."""
     xs, ys = zip(*corners, strict=True)
     if len(corners) > 2:
@@ -322,8 +303,7 @@ def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
 def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
     """Return a large figure with the value that it is compared with."""
     texts = [
-        f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}"
-        for value in (own_value, other_value)
+        f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}" for value in (own_value, other_value)
     ]
     return Tile(texts[0], metric.title, f"{name}: {texts[1]}")
 
@@ -347,10 +327,7 @@ def method_table(
 
 
 def case_table(
-    metric: Metric,
-    cases: Cases,
-    caption: str = "",
-    remark: Callable[[CaseFigures], str] | None = None,
+    metric: Metric, cases: Cases, caption: str = "", remark: Callable[[CaseFigures], str] | None = None
 ) -> PageTable:
     """Return a table of one metric: one row per case and one column per method."""
     methods = in_report_order(name for row in cases.values() for name in row)
@@ -365,9 +342,7 @@ def case_table(
         return " ".join(part.replace(" ", NBSP) for part in parts if part)
 
     rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
-    counts = [
-        figures.interval(metric.key).count for row in cases.values() for figures in row.values()
-    ]
+    counts = [figures.interval(metric.key).count for row in cases.values() for figures in row.values()]
     count_range = " to ".join(str(count) for count in sorted({min(counts), max(counts)}))
     interval = f"Mean and 95 % confidence interval over {count_range} noise seeds."
     return make_table(metric.heading, ["", *methods], rows, f"{caption} {interval}".strip())

@@ -65,9 +65,7 @@ class SimulationTask:
     def require_suffix(self, suffix: str, what: str) -> None:
         """Raise an error if the output file has another suffix."""
         if self.out.suffix != suffix:
-            raise InputError(
-                f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending"
-            )
+            raise InputError(f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending")
 
 
 def files_written(result: StudyResult, out: Path) -> str:

@@ -37,9 +37,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         text = "a single magnet cannot push; raise it to 0 or more"
         yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
     if len(rig.settings.body_magnets) == 1 and not rig.static_load < limits.force_high_N:
-        text = (
-            f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.static_load:g} N"
-        )
+        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.static_load:g} N"
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
     if variant in FLUX_PROBE_METHODS and plant.hall_probe is None:

@@ -46,9 +46,7 @@ class BearingSetup(Setup):
         amplifier, parameters = self.rig.settings.amplifier, self.compensator.parameters
         return self.controller.position_control(
             parameters.scales,
-            ReferenceConverter(
-                amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits
-            ),
+            ReferenceConverter(amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits),
             pair_table(self.rig),
             parameters.flux_full_scale,
         )
@@ -73,15 +71,10 @@ def make_setup(
     """Fit a variant with the calibration of the rig, and combine it with a controller."""
     magnets = calibrated_magnets(rig, magnet, variant)
     compensators = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
-    compensation = controller.compensation.model_copy(
-        update={"variant": variant, "format": number_format}
-    )
+    compensation = controller.compensation.model_copy(update={"variant": variant, "format": number_format})
     table = controller.model_copy(update={"compensation": compensation})
     return BearingSetup(
-        rig,
-        compensators[0],
-        table,
-        own_compensators=tuple(compensators) if len(compensators) > 1 else (),
+        rig, compensators[0], table, own_compensators=tuple(compensators) if len(compensators) > 1 else ()
     )
 
 
@@ -97,9 +90,7 @@ def fit_bearing_compensators(
     return fit_compensators(rig, point, magnets, variant, number_format)
 
 
-def calibrated_magnets(
-    rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName
-) -> list[IdentifiedMagnet]:
+def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> list[IdentifiedMagnet]:
     """Return each magnet with the calibration of a variant, or a single uncorrected one without it.
 
     The gap of the second magnet is the total minus that of the first. Therefore, its zero error has
@@ -138,10 +129,7 @@ def model_to_compile(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName
 
 
 def make_setups(
-    rig: BodyRig,
-    controller: ControllerFile,
-    magnet: IdentifiedMagnet,
-    variants: tuple[MethodName, ...],
+    rig: BodyRig, controller: ControllerFile, magnet: IdentifiedMagnet, variants: tuple[MethodName, ...]
 ) -> Mapping[MethodName, BearingSetup]:
     """Fit several variants with the number format of a controller file that fits the rig."""
     table = controller.settings

@@ -125,9 +125,7 @@ def lift_time(rig: BodyRig, controller: ControllerTable, gap: float) -> float:
     gains, ramp = controller.pidd2_gains(), controller.lift_off
     settling_time = _MIN_SETTLE_S
     if gains.K_i > 0.0:
-        settling_time = max(
-            settling_time, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S)
-        )
+        settling_time = max(settling_time, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S))
     # A drive with less force than demanded lifts off later, but at the largest demand at the
     # latest. Beyond it the controller reports that the armature does not lift.
     force_time = controller.limits.force_high_N / ramp.force_rate_N_per_s
@@ -181,9 +179,7 @@ def plan_recorded_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenar
     return steps, script.build(), landing
 
 
-def _disturbance_force(
-    rig: BodyRig, table: DisturbanceTable, ticks: int, number: int
-) -> FloatArray:
+def _disturbance_force(rig: BodyRig, table: DisturbanceTable, ticks: int, number: int) -> FloatArray:
     time = np.arange(ticks) * rig.dt - table.start_s
     is_active = time >= 0.0
     if table.kind == "step":

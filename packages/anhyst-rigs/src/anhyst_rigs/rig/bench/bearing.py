@@ -20,14 +20,7 @@ from anhyst.support.numeric import FloatArray, sine
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst_rigs.link.virtual_boards import (
-    Q30,
-    Q31,
-    VIRTUAL_BOARDS,
-    Exchange,
-    LibraryBoard,
-    Reading,
-)
+from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, Exchange, LibraryBoard, Reading
 from anhyst_rigs.link.wire import LinkPort
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
@@ -72,25 +65,13 @@ class LoadDrive:
         amplitude_doc = "amplitude of a sine added to its force"
         self._knobs = Knobs(
             Parameter(
-                "load_damping",
-                "N s/m",
-                -max_damping,
-                max_damping,
-                damping_doc,
-                load.damping_N_s_per_m,
+                "load_damping", "N s/m", -max_damping, max_damping, damping_doc, load.damping_N_s_per_m
             ),
             Parameter(
-                "load_stiffness",
-                "N/m",
-                -max_stiffness,
-                max_stiffness,
-                stiffness_doc,
-                load.stiffness_N_per_m,
+                "load_stiffness", "N/m", -max_stiffness, max_stiffness, stiffness_doc, load.stiffness_N_per_m
             ),
             Parameter("disturbance_force", "N", 0.0, max_force, amplitude_doc, 0.0),
-            Parameter(
-                "disturbance_frequency", "Hz", 0.0, max_frequency, "frequency of this sine", 10.0
-            ),
+            Parameter("disturbance_frequency", "Hz", 0.0, max_frequency, "frequency of this sine", 10.0),
         )
         self.parameters = self._knobs.parameters
 
@@ -106,9 +87,7 @@ class LoadDrive:
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        ticks_since = np.arange(
-            first - self._phase_zero_tick, first - self._phase_zero_tick + ticks
-        )
+        ticks_since = np.arange(first - self._phase_zero_tick, first - self._phase_zero_tick + ticks)
         phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
         wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
@@ -139,17 +118,8 @@ _FIRMWARE_SIGNALS = (
     Signal("flags", "", "flags of this tick: Flag"),
 )
 """Signals that only the controller provides."""
-_FULL_SCALE_NAMES = (
-    "gap_middle",
-    "position_full",
-    "current_full",
-    "demand_full",
-    "load_full",
-    "flux_full",
-)
-_STATE_COLUMN = (
-    1 + len(_PLANT_SIGNALS) + [signal.name for signal in _FIRMWARE_SIGNALS].index("state")
-)
+_FULL_SCALE_NAMES = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
+_STATE_COLUMN = 1 + len(_PLANT_SIGNALS) + [signal.name for signal in _FIRMWARE_SIGNALS].index("state")
 """Column of the state in the rows of a bench; the fault is two columns after it."""
 _WORD_INDEX = {field.name: at for at, field in enumerate(fields(PlantDrive))}
 _TickFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
@@ -179,9 +149,7 @@ class BusTap:
             self.ticks_to_skip -= 1
             self._last_answer = replace(self._last_answer, tick=received.tick)
         else:
-            changed_sample = (
-                received if self.change_sample is None else self.change_sample(received)
-            )
+            changed_sample = received if self.change_sample is None else self.change_sample(received)
             try:
                 self._last_answer = self.exchange(changed_sample)
             except (OSError, ValueError):
@@ -221,9 +189,7 @@ class BearingBench(LockStepBench):
         self.bearing = bearing or make_plant(rig, 0)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
-        self.demand_range = DemandRange(
-            "gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap
-        )
+        self.demand_range = DemandRange("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
         self.max_load, self.rest_load = limits.force_high_N, rig.settings.load.force_N
         self._target_code: int | None = None
         self._resources = ExitStack()
@@ -244,13 +210,9 @@ class BearingBench(LockStepBench):
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self.link, position_settings(gains))
-            self._bus = BusController(
-                *source.tick, {name: self._scales[name] for name in _FULL_SCALE_NAMES}
-            )
+            self._bus = BusController(*source.tick, {name: self._scales[name] for name in _FULL_SCALE_NAMES})
             self._resources.callback(self._bus.end)
-            self._loop = ClosedLoop(
-                self.bearing, self._bus, current_controllers(rig), tuple(_PLANT_SIGNALS)
-            )
+            self._loop = ClosedLoop(self.bearing, self._bus, current_controllers(rig), tuple(_PLANT_SIGNALS))
             self.demand(gap)
         except BaseException:
             self._resources.close()
@@ -283,9 +245,7 @@ class BearingBench(LockStepBench):
             if progress is not None:
                 progress(end, scenario.ticks)
         firmware_columns = [column_name(signal.name, signal.unit) for signal in _FIRMWARE_SIGNALS]
-        return Recording.from_table(
-            np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *firmware_columns]
-        )
+        return Recording.from_table(np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *firmware_columns])
 
     def _run_with_heartbeat(self, scenario: Scenario) -> FloatArray:
         """Run a scenario without its targets and commands, and send the heartbeats that are due."""

@@ -49,9 +49,7 @@ def resting_values(file: RigFile, place: float) -> dict[str, float]:
     pose_values = zip(axes, (place * along + offset).tolist(), strict=True)
     values |= {f"pose_read_{axis}": value for axis, value in pose_values}
     gap_reductions = (magnet_rows(file) @ offset).tolist()
-    for number, (magnet, reduction) in enumerate(
-        zip(file.body_magnets, gap_reductions, strict=True), 1
-    ):
+    for number, (magnet, reduction) in enumerate(zip(file.body_magnets, gap_reductions, strict=True), 1):
         gap = (magnet.gap_m or 0.0) - reduction
         values |= {column_name(name, "", number): gap for name in ("gap", "gap_read")}
     return values
@@ -63,7 +61,5 @@ def magnet_pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
     for number, magnet in enumerate(file.body_magnets, 1):
         density = run[column_name("flux_density", "T", number)]
         gap = run[column_name("gap", "m", number)]
-        forces[column_name("pull", "N", number)] = poles.pull_force(
-            density, gap, magnet.gap_m or file.gap_m
-        )
+        forces[column_name("pull", "N", number)] = poles.pull_force(density, gap, magnet.gap_m or file.gap_m)
     return forces

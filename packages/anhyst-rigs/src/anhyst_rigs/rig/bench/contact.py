@@ -52,14 +52,10 @@ class BoardColumns:
     def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
         columns = _force_columns(manifest) if force else _position_columns(manifest)
-        columns_available = [
-            column_spec for column_spec in columns if column_spec.source in sources
-        ]
+        columns_available = [column_spec for column_spec in columns if column_spec.source in sources]
         self._codes_per_unit: float
         self.signals = tuple(column_spec.signal for column_spec in columns_available)
-        self._source_columns = [
-            1 + sources.index(column_spec.source) for column_spec in columns_available
-        ]
+        self._source_columns = [1 + sources.index(column_spec.source) for column_spec in columns_available]
         self._slopes = np.array([column_spec.slope for column_spec in columns_available])
         self._offsets = np.array([column_spec.offset for column_spec in columns_available])
         signals = manifest["signals"]
@@ -116,11 +112,7 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
         _Column(Signal("gap", "m", "measured gap"), "position", slope, zero),
         _Column(Signal("reference", "m", "reference gap"), "reference", slope, zero),
         _Column(Signal("demand", "N", "demanded force"), "demand", force / Q31),
-        *(
-            spec
-            for number in range(controller["magnets"])
-            for spec in _current_columns(current, number + 1)
-        ),
+        *(spec for number in range(controller["magnets"]) for spec in _current_columns(current, number + 1)),
         *_common_columns(manifest["signals"]["demand"]["scale"]),
         _Column(Signal("phase", "", "phase of the controller: Phase"), "phase", 1.0),
     )
@@ -133,18 +125,14 @@ def _current_columns(full: float, number: int = 1) -> tuple[_Column, ...]:
     )
     return (
         _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full / Q30),
-        _Column(
-            Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full / Q31
-        ),
+        _Column(Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full / Q31),
     )
 
 
 def _common_columns(force: float) -> tuple[_Column, ...]:
     return (
         _Column(Signal("expected", "N", "force predicted by the model"), "expected", force / Q31),
-        _Column(
-            Signal("model_flux", "", "flux of the model, relative to full scale"), "flux", 1.0 / Q30
-        ),
+        _Column(Signal("model_flux", "", "flux of the model, relative to full scale"), "flux", 1.0 / Q30),
         _Column(Signal("state", "", "state of the controller: State"), "state", 1.0),
         _Column(Signal("fault", "", "latched fault: Fault"), "fault", 1.0),
         _Column(Signal("flags", "", "flags of this tick: Flag"), "flags", 1.0),
@@ -198,9 +186,7 @@ class Contact:
             )
 
 
-def open_contact(
-    open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None
-) -> Contact:
+def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None) -> Contact:
     """Open a line and return the contact; close it if it is not the expected controller."""
     line = open_line()
     try:
@@ -223,8 +209,7 @@ def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):
         raise OtherFirmware(
-            f"{line.url}: controls a {line.body.name.lower()}, but the folder does not",
-            code="other-firmware",
+            f"{line.url}: controls a {line.body.name.lower()}, but the folder does not", code="other-firmware"
         )
     expected = {
         "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),

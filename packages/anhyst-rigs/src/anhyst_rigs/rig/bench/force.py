@@ -93,9 +93,7 @@ class PrescribedMotion(Knobs):
 class StandPlant:
     """The actuator in the form that the plant bus needs."""
 
-    def __init__(
-        self, stand: ActuatorStand, scales: Scales, armature: Armature | PrescribedMotion
-    ) -> None:
+    def __init__(self, stand: ActuatorStand, scales: Scales, armature: Armature | PrescribedMotion) -> None:
         self._stand, self._scales = stand, scales
         self.armature = armature
         self.gap = 0.0
@@ -132,18 +130,12 @@ class ForceBench(LockStepBench):
     commands = FORCE_COMMANDS
 
     def __init__(
-        self,
-        rig: ForceControlRig,
-        program: Program,
-        plant: StandPlant | None = None,
-        board: str = "library",
+        self, rig: ForceControlRig, program: Program, plant: StandPlant | None = None, board: str = "library"
     ) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
         self._program, self._scales = program, program.scales
         self._stand = plant or StandPlant.with_operator(rig, program, 0)
-        self.demand_range = DemandRange(
-            "force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0
-        )
+        self.demand_range = DemandRange("force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0)
         self._resources = ExitStack()
         try:
             started = VIRTUAL_BOARDS[board](program.firmware, self._stand)

@@ -124,9 +124,7 @@ class HardwareBench(Bench):
         """Search for a controller that does not respond any more."""
         before = self._contact
         self.loss_reason = str(error)
-        self._messages.append(
-            f"lost: {error}; searching for at most {self._search_time / 60.0:g} min"
-        )
+        self._messages.append(f"lost: {error}; searching for at most {self._search_time / 60.0:g} min")
         self._search = ContactSearch(
             lambda: open_contact(self._open_line, self._manifest, before),
             before.line.close,
@@ -170,9 +168,7 @@ class HardwareBench(Bench):
 
     def _connected_line(self) -> XcpMaster:
         if self._search is not None:
-            raise InputError(
-                f"{self.loss_reason}; searching for it, wait until it is back", code="port-gone"
-            )
+            raise InputError(f"{self.loss_reason}; searching for it, wait until it is back", code="port-gone")
         return self._line
 
     def command(self, command: Command) -> None:
@@ -189,9 +185,7 @@ class HardwareBench(Bench):
     def load(self, force: float) -> None:
         """Raise an InputError: this bench has no load drive."""
         del force
-        raise InputError(
-            "load: the bench of a board has no load drive", code="no-load-drive", key="load"
-        )
+        raise InputError("load: the bench of a board has no load drive", code="no-load-drive", key="load")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the settings of the controller."""
@@ -247,10 +241,7 @@ class ContactSearch:
     """Try to reconnect with increasing pauses, in a thread, for a limited time."""
 
     def __init__(
-        self,
-        find_contact: Callable[[], Contact],
-        close_line: Callable[[], None],
-        search_time: float,
+        self, find_contact: Callable[[], Contact], close_line: Callable[[], None], search_time: float
     ) -> None:
         self._find_contact = find_contact
         self._close_line = close_line

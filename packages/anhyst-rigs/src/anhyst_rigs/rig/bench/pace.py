@@ -81,9 +81,7 @@ class PacedBench:
         self._thread = threading.Thread(target=self._run, name="pacer", daemon=True)
         self._thread.start()
 
-    def subscribe(
-        self, name: str, max_chunks: int = 100, needs_every_tick: bool = False
-    ) -> Subscription:
+    def subscribe(self, name: str, max_chunks: int = 100, needs_every_tick: bool = False) -> Subscription:
         """Add a subscriber that receives all chunks from the next one on."""
         subscription = Subscription(name, max_chunks, needs_every_tick)
         with self._wake:
@@ -205,9 +203,7 @@ class PacedBench:
 
     def _ticks_due(self) -> tuple[int, float | None]:
         """Return the ticks to run now, or 0 and the time to wait, s; requires the lock."""
-        full_queues = [
-            subscription.name for subscription in self._subscriptions if subscription.needs_wait()
-        ]
+        full_queues = [subscription.name for subscription in self._subscriptions if subscription.needs_wait()]
         self._awaited_recorder = full_queues[0] if full_queues else ""
         if full_queues:
             return 0, CHUNK_S

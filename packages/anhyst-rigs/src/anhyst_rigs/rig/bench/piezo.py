@@ -80,12 +80,8 @@ class PiezoBench(CycleBench):
         self._staged: dict[str, float] = {}
         stroke = case.stroke_m
         self._knobs = Knobs(
-            Parameter(
-                "disturbance_stroke", "m", 0.0, stroke, "amplitude of a sinusoidal load", 0.0
-            ),
-            Parameter(
-                "disturbance_frequency", "Hz", 0.0, rate / 4.0, "frequency of this sine", 10.0
-            ),
+            Parameter("disturbance_stroke", "m", 0.0, stroke, "amplitude of a sinusoidal load", 0.0),
+            Parameter("disturbance_frequency", "Hz", 0.0, rate / 4.0, "frequency of this sine", 10.0),
         )
         self._phase_zero_tick = 0  # tick at which the phase of the disturbance is zero
         self._cycle_count = 0
@@ -112,9 +108,7 @@ class PiezoBench(CycleBench):
         self._expected_displacements = np.zeros(len(self._drives))
         self._plant_ticks = 0  # ticks of the present plant
         self._delay_ticks = math.ceil(self.rig.response_delay * self.rate) + 1
-        self._past = np.full(
-            self.rig.corner_ticks + self._delay_ticks, settings.displacement_case.low_m
-        )
+        self._past = np.full(self.rig.corner_ticks + self._delay_ticks, settings.displacement_case.low_m)
         self._triangle_height = 0.0
         self._set_controller(None)
 
@@ -166,9 +160,7 @@ class PiezoBench(CycleBench):
         if is_running:
             height = self._values["stroke"] * triangle_wave(self._period_phases(n))
         n, rig, settings = height.size, self.rig, self.rig.settings
-        path = np.concatenate(
-            [self._past, settings.displacement_case.low_m + height + self._offset]
-        )
+        path = np.concatenate([self._past, settings.displacement_case.low_m + height + self._offset])
         reference = round_corners(path, rig.corner_ticks)
         time = rig.dt * np.arange(
             self._plant_ticks - self._delay_ticks, self._plant_ticks + n, dtype=np.float64
@@ -250,34 +242,14 @@ class PiezoBench(CycleBench):
         case = self.rig.settings.displacement_case
         values = self._values | self._staged
         bandwidth, nominal_frequency = settings.displacement.bandwidth_Hz, case.frequency_Hz
-        max_frequency = max(
-            nominal_frequency, min(self.rate / 20.0, 0.25 / max(case.corner_s, self.rig.dt))
-        )
+        max_frequency = max(nominal_frequency, min(self.rate / 20.0, 0.25 / max(case.corner_s, self.rig.dt)))
         baseline, compensator = (inverse.method for inverse in self._inverses)
         specs = (
             ("compensation", "", 0.0, 1.0, f"1: {compensator}; 0: {baseline}"),
             ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "bandwidth of the integrator"),
-            (
-                "stroke",
-                "m",
-                0.0,
-                self._max_displacement - case.low_m,
-                "stroke of the triangle, peak to peak",
-            ),
-            (
-                "frequency",
-                "Hz",
-                0.05 * nominal_frequency,
-                max_frequency,
-                "frequency of the triangle",
-            ),
-            (
-                "plant",
-                "",
-                0.0,
-                float(MAX_PLANT_NUMBER),
-                "0: rig file; n: n-th sample of [spread]",
-            ),
+            ("stroke", "m", 0.0, self._max_displacement - case.low_m, "stroke of the triangle, peak to peak"),
+            ("frequency", "Hz", 0.05 * nominal_frequency, max_frequency, "frequency of the triangle"),
+            ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th sample of [spread]"),
         )
         return (*(Parameter(*spec, values[spec[0]]) for spec in specs), *self._knobs.parameters())
 

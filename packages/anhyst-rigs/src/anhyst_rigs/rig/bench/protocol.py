@@ -33,9 +33,7 @@ def current_signals(first: int, last: int) -> dict[str, Signal]:
     """Return the current signals of some magnets, keyed by the columns of a simulated loop."""
     texts = {"command": "commanded current of magnet", "current": "true current of magnet"}
     return {
-        column_name(name, "A", number): Signal(
-            column_name(name, "", number), "A", f"{text} {number}"
-        )
+        column_name(name, "A", number): Signal(column_name(name, "", number), "A", f"{text} {number}")
         for number in range(first, last + 1)
         for name, text in texts.items()
     }
@@ -228,11 +226,7 @@ class Subscription:
     def needs_wait(self) -> bool:
         """Whether the bench must wait for a full queue of a subscriber that needs every tick."""
         with self._changed:
-            return (
-                self.needs_every_tick
-                and not self.has_ended
-                and len(self._chunks) >= self._max_chunks
-            )
+            return self.needs_every_tick and not self.has_ended and len(self._chunks) >= self._max_chunks
 
     def put(self, chunk: FloatArray) -> None:
         """Append a chunk.
@@ -248,12 +242,7 @@ class Subscription:
             self._changed.notify_all()
 
 
-_STEPS_TO_RUN = (
-    (Command.CLEAR,),
-    (Command.CONDITION, Command.DEMAGNETISED),
-    (Command.LIFT,),
-    (Command.RUN,),
-)
+_STEPS_TO_RUN = ((Command.CLEAR,), (Command.CONDITION, Command.DEMAGNETISED), (Command.LIFT,), (Command.RUN,))
 """Commands from a fault to the state run, in order; each step needs one command of its group."""
 _STAGE_COMMAND_STATES = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
 """State in which a stage permits the commands for lifting and landing."""
@@ -297,9 +286,7 @@ def refusal_reason(command: Command, status: ControllerStatus) -> str:
     """Return why a controller would refuse a command; empty if it would execute it."""
     states = _permitted_states(command, status.levitates)
     if command in _STAGE_COMMAND_STATES and not status.levitates:
-        return (
-            "" if status.name in states else f"only in the state {states[0]}, not in {status.name}"
-        )
+        return "" if status.name in states else f"only in the state {states[0]}, not in {status.name}"
     hindrance = obstacle(command, **status._asdict())
     if hindrance == "current":
         return "only once the current is zero"
@@ -327,9 +314,7 @@ def describe_next_step(commands: Sequence[Command], status: ControllerStatus) ->
     if Command.RUN in commands and status.state is not State.IDLE:
         # The body is lifted already, or is lifted after the command clear.
         commands = [command for command in commands if command is not Command.LIFT]
-    permitted_steps = [
-        [command for command in step if command in commands] for step in _STEPS_TO_RUN
-    ]
+    permitted_steps = [[command for command in step if command in commands] for step in _STEPS_TO_RUN]
     path = [step for step in permitted_steps if step]
     possible_starts = [
         n

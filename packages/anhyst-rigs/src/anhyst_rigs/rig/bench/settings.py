@@ -82,17 +82,14 @@ class ControllerSettings:
 
     def write(self, values: Mapping[str, float], is_running: bool) -> None:
         """Write several settings, or none if one is refused; other names are ignored."""
-        codes = {
-            spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values
-        }
+        codes = {spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values}
         changed_codes = {
             spec.setting: code for spec, code in codes.items() if code != self._codes[spec.setting]
         }
         for setting in changed_codes:
             if is_running and not SETTINGS[setting].while_running:
                 raise InputError(
-                    f"{setting.name.lower()}: cannot change while the controller runs; stop it "
-                    "first",
+                    f"{setting.name.lower()}: cannot change while the controller runs; stop it first",
                     code="wrong-state",
                     key=setting.name.lower(),
                 )
@@ -111,9 +108,7 @@ class ControllerSettings:
 
 
 _COMPENSATION_DOC = "1: the compensator; 0: the constant ratio"
-_COMPENSATION = SettingSpec(
-    "compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC
-)
+_COMPENSATION = SettingSpec("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC)
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
@@ -123,13 +118,7 @@ def force_settings(demand: float, current: float, rate: float) -> tuple[SettingS
     follow_doc = "current that updates the hysteresis state: 0: driven; 1: measured"
     return (
         SettingSpec(
-            "demand_slew",
-            Setting.DEMAND_SLEW,
-            "N/s",
-            max_slew / Q31,
-            max_slew,
-            max_slew / Q31,
-            slew_doc,
+            "demand_slew", Setting.DEMAND_SLEW, "N/s", max_slew / Q31, max_slew, max_slew / Q31, slew_doc
         ),
         _COMPENSATION,
         SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, ratio_doc),
@@ -145,9 +134,7 @@ def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
             continue
         value_per_code, limits = gain / Q30, SETTINGS[setting]
         low, high = sorted((value_per_code * limits.low, value_per_code * limits.high))
-        settings.append(
-            SettingSpec(setting.name.lower(), setting, unit, low, high, value_per_code, doc)
-        )
+        settings.append(SettingSpec(setting.name.lower(), setting, unit, low, high, value_per_code, doc))
     return tuple(settings)
 
 
@@ -157,9 +144,7 @@ _MAX_DELAY_TICKS = 2.0
 """Largest number of ticks between a driven current and the sample that shows it."""
 
 
-def set_expected_amplifier(
-    line: SettingsLine, file: RigFile, slew: float, full_scale: float
-) -> None:
+def set_expected_amplifier(line: SettingsLine, file: RigFile, slew: float, full_scale: float) -> None:
     """Set the lag and sweep time that a controller expects, unless its present values are larger.
 
     The current changes by up to `slew`, A/s. The full scale of the controller is `full_scale`, A.
@@ -223,14 +208,6 @@ def stage_parameters(
         ("gain_snap", "s2", -1e-6, 1e-6, "feedforward gain of the snap"),
         ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "crossover of the position loop"),
         ("motion", "", 0.1, 1.0, "accelerations relative to the rig file"),
-        (
-            "plant",
-            "",
-            0.0,
-            float(MAX_PLANT_NUMBER),
-            "0: rig file; n: n-th sample of [spread]",
-        ),
+        ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th sample of [spread]"),
     )
-    return tuple(
-        Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in specs
-    )
+    return tuple(Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in specs)

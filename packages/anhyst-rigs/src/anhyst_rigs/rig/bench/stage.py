@@ -122,9 +122,7 @@ class StageBench(CycleBench):
     commands = STAGE_COMMANDS
 
     def __init__(
-        self,
-        setups: Sequence[StageSetup],
-        gains: Sequence[Feedforward] = (Feedforward(), Feedforward()),
+        self, setups: Sequence[StageSetup], gains: Sequence[Feedforward] = (Feedforward(), Feedforward())
     ) -> None:
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
@@ -132,15 +130,12 @@ class StageBench(CycleBench):
         coordinate_signals = axis_and_magnet_signals(
             file.body.free, [magnet.name for magnet in file.body_magnets]
         )
-        phase_signal = Signal(
-            "flight", "", "phase of the controller: Phase of anhyst.support.states"
-        )
+        phase_signal = Signal("flight", "", "phase of the controller: Phase of anhyst.support.states")
         self.signals = (*SCAN_SIGNALS, *coordinate_signals, phase_signal, *STAGE_STATE_SIGNALS)
         self.cycles: deque[StageCycle] = deque(maxlen=MAX_CYCLES)
         self._max_acceleration = max(file.scan.test_m_per_s2)
         available_force = (
-            largest_wrench_factor(file, scan_wrench(file))
-            - file.body.mass_kg * self._max_acceleration
+            largest_wrench_factor(file, scan_wrench(file)) - file.body.mass_kg * self._max_acceleration
         )
         self.max_load = MAX_LOAD_SHARE * max(available_force, 0.0)
         axis_directions = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
@@ -226,9 +221,7 @@ class StageBench(CycleBench):
         drive = setup.make_compensators()[magnet]
         path = np.concatenate([*self._history, self._latest_history[-1:]])
         if len(path):
-            scale, zero = (
-                (1.0, 0.0) if setup.correction_rows is None else setup.correction_rows[magnet, :2]
-            )
+            scale, zero = (1.0, 0.0) if setup.correction_rows is None else setup.correction_rows[magnet, :2]
             drive.follow(scale * path[:, magnet], path[:, self._magnets + magnet] - zero)
         return drive
 
@@ -254,13 +247,7 @@ class StageBench(CycleBench):
             conditions = (*self._values.values(), *self._gains, *external_forces)
             begin, ticks = self.tick + 1, len(self._scan_course)
             lap = StageCycle(
-                self._cycle_number,
-                begin,
-                ticks,
-                self._history_start,
-                self._motion,
-                conditions,
-                self._setup,
+                self._cycle_number, begin, ticks, self._history_start, self._motion, conditions, self._setup
             )
             self.cycles.append(lap)
 
@@ -278,9 +265,7 @@ class StageBench(CycleBench):
             self._setups[selected] = setup
         self._values |= {name: value for name, value in staged.items() if name in self._values}
         selected = int(self._values["compensation"])
-        gains = {
-            name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged
-        }
+        gains = {name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged}
         self._gains[selected] = replace(self._gains[selected], **gains)
         if "motion" in staged:
             self._set_motion(staged["motion"])
@@ -301,9 +286,7 @@ class StageBench(CycleBench):
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.assumed_rig.settings.body.mass_kg
         mass_acceleration = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        forward = mass * mass_acceleration + setup.cable_stiffness * (
-            self._course_start + ahead[:, 3]
-        )
+        forward = mass * mass_acceleration + setup.cable_stiffness * (self._course_start + ahead[:, 3])
         return self._course_start + positions, accelerations, forward
 
     def _next_stray(self, n: int, late: FloatArray | float) -> FloatArray:
@@ -355,9 +338,7 @@ class StageBench(CycleBench):
         is_held = self._state is not State.IDLE and not self._is_lifting_or_landing
         loss = find_stage_loss(rig, run, len(fed)) if is_held else None
         run = run.slice_ticks(0, len(fed) if loss is None else loss.tick + 1)
-        columns = (
-            dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
-        )
+        columns = dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
         demanded = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
         currents = [run[name] for name in magnet_columns(CURRENT_SIGNALS[:1], 1, self._magnets)]
         gaps = [run[name] for name in magnet_columns([("gap_read", "m")], 1, self._magnets)]
@@ -389,9 +370,7 @@ class StageBench(CycleBench):
 
     def _lost_rows(self, n: int) -> FloatArray:  # on a stop without current
         values = resting_values(self.rig.settings, self._course_start)
-        return self._rows(
-            n, *(np.full(n, values.get(signal.name, 0.0)) for signal in self._loop_signals)
-        )
+        return self._rows(n, *(np.full(n, values.get(signal.name, 0.0)) for signal in self._loop_signals))
 
     @property
     def _loop_signals(self) -> Sequence[Signal]:
@@ -466,14 +445,9 @@ class StageBench(CycleBench):
                 "added to the demanded wrench immediately",
                 value,
             )
-            for (name, limit), value in zip(
-                self._max_pushes.items(), self._pushes.values(), strict=True
-            )
+            for (name, limit), value in zip(self._max_pushes.items(), self._pushes.values(), strict=True)
         )
-        return (
-            *stage_parameters(values, (baseline_method, compensated_method), crossover),
-            *pushes,
-        )
+        return (*stage_parameters(values, (baseline_method, compensated_method), crossover), *pushes)
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Stage parameters until the body next rests; pushes take effect on the next tick."""
@@ -499,7 +473,5 @@ class StageBench(CycleBench):
 
     @property
     def _next_rest_tick(self) -> int:
-        remaining = (
-            0 if self._active_course is None else len(self._active_course) - self._course_tick
-        )
+        remaining = 0 if self._active_course is None else len(self._active_course) - self._course_tick
         return self.tick + remaining + 1

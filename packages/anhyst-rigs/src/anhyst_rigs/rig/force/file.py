@@ -20,23 +20,13 @@ from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray, first_order_share
 from anhyst.support.toml_file import BRANCH_PREFIX, FileFault, Table, faults_error, read_toml
-from anhyst_rigs.rig.distance import (
-    PlantCheck,
-    make_path_follower,
-    simulate_loop,
-    simulate_loop_in_time,
-)
+from anhyst_rigs.rig.distance import PlantCheck, make_path_follower, simulate_loop, simulate_loop_in_time
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import FittedPlant, check_plant_against_loops
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.measurement_table import MeasuredLoops, MeasurementTable
 from anhyst_rigs.rig.parts.iron import FAMILY_DISCRIMINATOR, CellSteel, DuhemSteel, PreisachSteel
-from anhyst_rigs.rig.parts.magnet import (
-    CircuitTable,
-    FluxPath,
-    make_iron_magnet,
-    make_solenoid_magnet,
-)
+from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, make_iron_magnet, make_solenoid_magnet
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 SENSOR_ORDER = ("gap", "force", "current")
@@ -143,9 +133,7 @@ class ForceControlRig:
     def make_plant(self) -> HeldPlant:
         """Return the actuator with amplifier and sensors, demagnetised."""
         sensors = self.sensor_parameters(self.dt)
-        return HeldPlant(
-            self.amplifier_parameters(), [sensors[name] for name in SENSOR_ORDER], self._magnet
-        )
+        return HeldPlant(self.amplifier_parameters(), [sensors[name] for name in SENSOR_ORDER], self._magnet)
 
     def sensor_parameters(self, seconds: float) -> dict[str, dict[str, float]]:
         """Return the parameters of all sensors for a sampling time, s."""
@@ -188,9 +176,7 @@ def read_rig(path: PathLike) -> ForceControlRig:
         raise faults_error(file, faults)
     if settings.solenoid is None:
         return ForceControlRig(file, settings, None)
-    return ForceControlRig(
-        file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile)
-    )
+    return ForceControlRig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))
 
 
 def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:

@@ -118,9 +118,7 @@ def loops_at_gap(loops: Loops, gap: float) -> Loops:
     return loops.with_loops(loop for loop in loops.loops if _is_same_gap(loop.schedule_value, gap))
 
 
-def identify_force_model(
-    rig: ForceControlRig, loops: Loops, progress: Progress | None = None
-) -> Model:
+def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress | None = None) -> Model:
     """Identify a model from loops, and prepare it for force control.
 
     - Loops at one gap give a model of this gap only. Loops at several gaps give a model with the
@@ -147,9 +145,7 @@ def _with_min_dead_band(model: Model, least: float) -> Model:
     """Return a model whose dead band, if its law has one, has at least a given half-width, A/m."""
     widened: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        widened[spec.name] = map_parameter(
-            model.parameters[spec.name], lambda value: max(value, least)
-        )
+        widened[spec.name] = map_parameter(model.parameters[spec.name], lambda value: max(value, least))
     return replace(model, parameters={**model.parameters, **widened}) if widened else model
 
 

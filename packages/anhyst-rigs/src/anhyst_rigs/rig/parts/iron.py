@@ -19,15 +19,7 @@ from pydantic import Field, Tag, field_validator, model_validator
 from anhyst._core import Steel, exp, log
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, power
-from anhyst.support.toml_file import (
-    BRANCH_PREFIX,
-    Name,
-    NotNegative,
-    Positive,
-    Share,
-    Table,
-    discriminate_by,
-)
+from anhyst.support.toml_file import BRANCH_PREFIX, Name, NotNegative, Positive, Share, Table, discriminate_by
 
 CURVE_KEYS = {
     "sharp": "saturation_sharp_T",
@@ -72,9 +64,7 @@ class AnySteel(Table):
     def make_anhysteretic_steel(self) -> Steel:
         """Return the steel for the core's plant, without hysteresis loops."""
 
-    def drifted_keys(
-        self, pinning: float, reversible: float, saturation: float
-    ) -> dict[str, float]:
+    def drifted_keys(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return the changed keys of a drifted iron, for relative changes of each quantity."""
         del reversible  # only for cells
         keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturation_keys}
@@ -110,9 +100,7 @@ class CellSteel(AnySteel):
     @classmethod
     def _check_cell_count(cls, cells: int) -> int:
         if cells >= MAX_CELLS:
-            raise InputError(
-                f"the plant has at most {MAX_CELLS - 1} cells; lower it", code="too-many-cells"
-            )
+            raise InputError(f"the plant has at most {MAX_CELLS - 1} cells; lower it", code="too-many-cells")
         return cells
 
     @property
@@ -136,9 +124,7 @@ class CellSteel(AnySteel):
         """Return the steel for the core's plant, with the same curve and no loop."""
         return self.model_copy(update={"cells": 1, "reversible_fraction": 1.0}).make_steel()
 
-    def drifted_keys(
-        self, pinning: float, reversible: float, saturation: float
-    ) -> dict[str, float]:
+    def drifted_keys(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return the changed keys of a drifted iron, for relative changes of each quantity."""
         fraction = min(self.reversible_fraction * (1.0 + reversible), 1.0)
         common_keys = super().drifted_keys(pinning, reversible, saturation)
@@ -288,9 +274,7 @@ def everett_table(steel: PreisachSteel, is_pinned: bool) -> FloatArray:
     """Return the polarisation change between any two nodes, T, shape (nodes, nodes)."""
     fields = node_fields(steel)
     cell_weights = (
-        _relay_weights(steel, fields)
-        if is_pinned
-        else np.diag(_unpinned_relay_weights(steel, fields))
+        _relay_weights(steel, fields) if is_pinned else np.diag(_unpinned_relay_weights(steel, fields))
     )
     rising = np.zeros((EVERETT_NODES, EVERETT_NODES))
     from_below = np.cumsum(cell_weights[::-1], axis=0)[::-1]

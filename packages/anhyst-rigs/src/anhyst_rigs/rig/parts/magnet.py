@@ -123,19 +123,13 @@ _VOLUME_WIDTH_RATIO = 6.0
 
 
 def make_iron_magnet(
-    poles: Poles,
-    steel: AnySteel,
-    eddy_time: float = 0.0,
-    gap: float = 1e-3,
-    solid: SolidIron | None = None,
+    poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: float = 1e-3, solid: SolidIron | None = None
 ) -> Magnet:
     """Return a magnet with an iron of any family, and optionally a solid part."""
     numbers = circuit_parameters(poles, eddy_time, gap)
     if solid is None:
         return Magnet(numbers, steel.make_steel())
-    return Magnet(
-        numbers, steel.make_steel(), solid.length / poles.iron_length, *solid.layer_parameters()
-    )
+    return Magnet(numbers, steel.make_steel(), solid.length / poles.iron_length, *solid.layer_parameters())
 
 
 def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
@@ -180,9 +174,7 @@ def read_flux_table(path: PathLike) -> FluxTable:
     if currents[0] != 0.0:
         text = f"currents begin at {currents[0]:g} A; begin at 0, as the flux is assumed to be odd"
         raise InputError(
-            f"{table.locate_row(int(np.argmin(current)))}: {text}",
-            code="currents-not-from-zero",
-            key="I_A",
+            f"{table.locate_row(int(np.argmin(current)))}: {text}", code="currents-not-from-zero", key="I_A"
         )
     numbers = np.full((gaps.size, currents.size), -1)
     for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
@@ -219,9 +211,7 @@ def check_flux_range(
         )
 
 
-def _check_full(
-    path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]
-) -> None:
+def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):
         first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
@@ -245,9 +235,7 @@ def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]
             g, i = places[0].tolist()
             point = _point_text(made.gap[g], made.current[i])
             location = table.locate_row(int(numbers[g, i]))
-            raise InputError(
-                f"{location}: {text} at {point}; correct this point", code="not-monotone"
-            )
+            raise InputError(f"{location}: {text} at {point}; correct this point", code="not-monotone")
 
 
 def _point_text(gap: float, current: float) -> str:

@@ -29,9 +29,7 @@ def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     return replace(rig, settings=rig.settings.with_changes(changes))
 
 
-def correction_rows(
-    learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig
-) -> FloatArray:
+def correction_rows(learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
     """Return the corrections of each magnet, one row each.
 
     The columns are the scale of the current, the zero of the gap (m), the scale of the flux

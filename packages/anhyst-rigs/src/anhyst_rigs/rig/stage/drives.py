@@ -17,12 +17,7 @@ from anhyst.control.position import Allocation
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.stage.geometry import (
-    inverses_without_head,
-    magnet_rows,
-    travel_m,
-    weight_wrench,
-)
+from anhyst_rigs.rig.stage.geometry import inverses_without_head, magnet_rows, travel_m, weight_wrench
 
 _AXIS_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
 _MIN_FORCE_MARGIN_RATIO = 1e-6
@@ -48,13 +43,7 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     """
     min_force, max_force = min_single_force(file), file.tracking.force_max_N
     return WrenchLayout(
-        magnet_rows(file),
-        opposing_magnets(file),
-        kind,
-        idle,
-        min_force,
-        max_force,
-        yields=axis_yields(file),
+        magnet_rows(file), opposing_magnets(file), kind, idle, min_force, max_force, yields=axis_yields(file)
     )
 
 
@@ -68,9 +57,7 @@ def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
     upper_limit = max_force * len(file.body_magnets)
 
     def fits(push: FloatArray) -> bool:
-        allocated = [
-            layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)
-        ]
+        allocated = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
         return all(is_possible and max(forces) <= max_force for forces, is_possible in allocated)
 
     low, high = 0.0, upper_limit
@@ -105,12 +92,7 @@ def _find_spare_magnets(
         limits = np.repeat([-least, most], count)
         equalities = np.column_stack([remaining_rows.T, np.zeros(len(weight))])
         solution = linprog(
-            [*np.zeros(count), -1.0],
-            constraints,
-            limits,
-            equalities,
-            -np.array(weight),
-            (None, None),
+            [*np.zeros(count), -1.0], constraints, limits, equalities, -np.array(weight), (None, None)
         )
         if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
             spare_magnets |= 1 << lost
@@ -125,9 +107,7 @@ def spare_magnets(file: RigFile) -> int:
     """
     pull = magnet_rows(file)
     bounds = min_single_force(file), file.tracking.force_max_N
-    return _find_spare_magnets(
-        pull.tobytes(), len(pull), tuple(weight_wrench(file).tolist()), *bounds
-    )
+    return _find_spare_magnets(pull.tobytes(), len(pull), tuple(weight_wrench(file).tolist()), *bounds)
 
 
 def usual_allocation(file: RigFile) -> Allocation:
@@ -147,10 +127,7 @@ def opposing_magnets(file: RigFile) -> list[int]:
     The index is its own if there is none, and for all bidirectional magnets.
     """
     lines = np.array(
-        [
-            [*magnet.direction, *np.cross(magnet.position_m, magnet.direction)]
-            for magnet in file.body_magnets
-        ]
+        [[*magnet.direction, *np.cross(magnet.position_m, magnet.direction)] for magnet in file.body_magnets]
     )
     opposing = list(range(len(lines)))
     if file.magnet.is_bidirectional:
@@ -179,8 +156,6 @@ def monitoring_settings(rig: BodyRig) -> dict[str, float]:
         "land_ticks": min(math.ceil(landing_ticks), MAX_LANDING_TICKS),
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
         "doubt": AXES_ODD * max(1, round(table.head_s / rig.dt)),
-        "noisy": int(
-            all(sensor.noise_m > sensor.step_m for sensor in rig.settings.position_sensors)
-        ),
+        "noisy": int(all(sensor.noise_m > sensor.step_m for sensor in rig.settings.position_sensors)),
         "spare_heads": sum(1 << sensor for sensor, rows in enumerate(inverses) if rows.any()),
     }

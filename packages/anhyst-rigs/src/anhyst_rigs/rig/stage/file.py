@@ -50,8 +50,7 @@ class StageRig(BodyRig):
         """
         file, body = self.settings, self.settings.body
         lines = [
-            (magnet.position_m, magnet.direction, magnet.gap_m or file.gap_m)
-            for magnet in file.body_magnets
+            (magnet.position_m, magnet.direction, magnet.gap_m or file.gap_m) for magnet in file.body_magnets
         ]
         ends = zip(axis_indices(file), stop_distances(file), strict=True)
         heads = zip(head_lines(file), file.position_sensors, strict=True)
@@ -60,8 +59,7 @@ class StageRig(BodyRig):
             coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in ends],
             magnets=[({"r": place, "d": direction}, gap) for place, direction, gap in lines],
             gap_sensors=[
-                ({"r": place, "d": [-magnet for magnet in direction]}, gap)
-                for place, direction, gap in lines
+                ({"r": place, "d": [-magnet for magnet in direction]}, gap) for place, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
             force_along=along,
@@ -84,9 +82,7 @@ def read_stage(path: PathLike) -> BodyRig:
     if faults:
         raise faults_error(place, faults)
     rig: BodyRig = StageRig(place, settings)
-    return (
-        complete_rig(rig, rig.measured_loops.read()) if settings.magnet.has_iron_from_loops else rig
-    )
+    return complete_rig(rig, rig.measured_loops.read()) if settings.magnet.has_iron_from_loops else rig
 
 
 def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
@@ -103,18 +99,12 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
     for magnet in file.body_magnets:
         if magnet.gap_m is not None and not travel < magnet.gap_m:
             text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
-            text += (
-                f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
-            )
+            text += f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
             yield FileFault(file.key_path(magnet, "gap_m"), text, code="range-too-narrow")
     if not travel > (path_error := 0.5 * file.frame.stray_m):
-        text = (
-            f"the body travels {travel:g} m in both directions, but the long stroke has an error "
-        )
+        text = f"the body travels {travel:g} m in both directions, but the long stroke has an error "
         text += f"of {path_error:g} m"
-        yield FileFault(
-            ("frame", "stray_m"), f"{text}; move the stops apart", code="range-too-narrow"
-        )
+        yield FileFault(("frame", "stray_m"), f"{text}; move the stops apart", code="range-too-narrow")
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
@@ -124,10 +114,7 @@ def _line_faults(file: RigFile) -> Iterator[FileFault]:
     not rotate.
     """
     free = file.body.free
-    required = {
-        "direction": free != ["x"],
-        "position_m": any(axis.startswith("r") for axis in free),
-    }
+    required = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
     for table in (*file.body_magnets, *file.position_sensors):
         for key in (key for key, is_needed in required.items() if is_needed):
             if key not in table.model_fields_set:
@@ -168,9 +155,7 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     for key in ("train_m_per_s2", "test_m_per_s2"):
         required_force = file.body.mass_kg * max(getattr(file.scan, key))
         if required_force > 1.01 * max_force:  # accuracy of the search: 0.1 %
-            text = (
-                f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
-            )
+            text = f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
             text += f"{max_force:.4g} N along the set-point in both directions in "
             text += "addition to the weight; lower it"
             yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

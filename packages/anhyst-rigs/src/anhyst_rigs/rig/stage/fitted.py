@@ -32,24 +32,17 @@ def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> Identifie
         except InputError:
             return False
 
-    return identify_magnet_with_ripple(
-        loops or rig.measured_loops.read(), rig.settings.loops, usable
-    )
+    return identify_magnet_with_ripple(loops or rig.measured_loops.read(), rig.settings.loops, usable)
 
 
 def make_stage(
-    rig: BodyRig,
-    magnet: IdentifiedMagnet,
-    method: MethodName,
-    calibrated: CalibratedMethod | None = None,
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, calibrated: CalibratedMethod | None = None
 ) -> StageSetup:
     """Fit a method, and apply the given calibration or that of the rig file, if any."""
     learnt = calibrated or rig.method_calibration(method)
     if learnt is None:
         return StageSetup(rig, fit_method_compensator(rig, magnet, method))
-    return apply_calibration(
-        rig, cache(partial(fit_method_compensator, rig, magnet, method)), learnt
-    )
+    return apply_calibration(rig, cache(partial(fit_method_compensator, rig, magnet, method)), learnt)
 
 
 def apply_calibration(
@@ -62,9 +55,7 @@ def apply_calibration(
 
     `fitted` returns the compensator for a relative change of the loop width.
     """
-    compensators = tuple(
-        fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets))
-    )
+    compensators = tuple(fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets)))
     return StageSetup(
         rig,
         compensators[0],

@@ -28,9 +28,7 @@ def error_columns(free: Sequence[str]) -> list[str]:
     return [f"error_{axis}_{axis_unit(axis)}" for axis in free]
 
 
-def _line_rows(
-    file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]
-) -> FloatArray:
+def _line_rows(file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]) -> FloatArray:
     """Return one row per line: velocity along the line per velocity of each coordinate."""
     all_rows = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
     return np.ascontiguousarray(all_rows[:, axis_indices(file)])
@@ -78,8 +76,7 @@ def inverses_without_head(file: RigFile) -> FloatArray:
     rows = head_rows(file)
     remaining_rows = [np.delete(rows, head, axis=0) for head in range(len(rows))]
     inverses = [
-        np.linalg.pinv(matrix) * (np.linalg.matrix_rank(matrix) == rows.shape[1])
-        for matrix in remaining_rows
+        np.linalg.pinv(matrix) * (np.linalg.matrix_rank(matrix) == rows.shape[1]) for matrix in remaining_rows
     ]
     return np.array([np.insert(matrix, head, 0.0, axis=1) for head, matrix in enumerate(inverses)])
 

@@ -172,9 +172,7 @@ def scan_scenario(
 def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
     """Run a scenario from rest and check for loss of control."""
     rig, run = setup.rig, SimulatedLoop(setup, seed).run(scenario)
-    return Recording(
-        recording_columns(rig, run, scenario), find_stage_loss(rig, run, scenario.ticks)
-    )
+    return Recording(recording_columns(rig, run, scenario), find_stage_loss(rig, run, scenario.ticks))
 
 
 def feedforward_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
@@ -243,9 +241,7 @@ def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
     file, settings = setup.rig.settings, controller_settings(setup)
     allocation = int(settings["allocation"]), settings["idle"]
     bounds = min_single_force(file), file.tracking.force_max_N
-    drives = DriveLayout(
-        magnet_rows(file), opposing_magnets(file), axis_yields(file), *allocation, *bounds
-    )
+    drives = DriveLayout(magnet_rows(file), opposing_magnets(file), axis_yields(file), *allocation, *bounds)
     return make_fixed_controller(
         controller_matrices(setup), drives, settings | monitoring_settings(setup.rig)
     )

@@ -59,20 +59,14 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
         **{name: run[name] for name in magnet_columns(signals, 1, count)},
         **dict(zip(pose_columns(free), poses_read.T, strict=True)),
-        **{
-            name: run[wrench_name]
-            for name, wrench_name in zip(demand_columns(free), wrench, strict=True)
-        },
+        **{name: run[wrench_name] for name, wrench_name in zip(demand_columns(free), wrench, strict=True)},
     }
 
 
-def axis_columns(
-    signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")
-) -> list[str]:
+def axis_columns(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
     """Return the columns of a signal per coordinate, as the simulated loop names them."""
     return [
-        column_name(signal, units[axis_unit(axis) == "rad"], number)
-        for number, axis in enumerate(free, 1)
+        column_name(signal, units[axis_unit(axis) == "rad"], number) for number, axis in enumerate(free, 1)
     ]
 
 
@@ -80,11 +74,7 @@ def find_stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
     """Return the first tick on an end stop or with an unbounded demand; None if there is none."""
     file, stop = rig.settings, "an end stop was reached"
     max_demand = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
-    bounds = [
-        SignalBound(
-            "the demanded force exceeded all bounds", run["demand_N"], -max_demand, max_demand
-        )
-    ]
+    bounds = [SignalBound("the demanded force exceeded all bounds", run["demand_N"], -max_demand, max_demand)]
     poses = axis_columns("pose", file.body.free)
     for name, end in zip(poses, stop_distances(file), strict=True):
         bounds.append(SignalBound(stop, run[name], -end, end))

@@ -52,18 +52,14 @@ class SetPoint:
         begin, length, _ = self.pulses[-1]
         return begin + length + self.cruise
 
-    def derivatives_at(
-        self, time: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def derivatives_at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return position, acceleration, jerk and snap at given times, m, m/s2, m/s3, m/s4."""
         derivatives = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
             rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
             for sign, start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    derivatives[number] += (
-                        sign * rise * self._integrate_jerk_pulse(time - start, order)
-                    )
+                    derivatives[number] += sign * rise * self._integrate_jerk_pulse(time - start, order)
         return derivatives[0], derivatives[1], derivatives[2], derivatives[3]
 
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
@@ -88,9 +84,7 @@ class SetPoint:
         power = order + 1
         factorial = np.prod(np.arange(1, power + 1)) if power else 1.0
         parts = (
-            sign
-            / snap
-            * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
+            sign / snap * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
             for corner_time, sign in corners
         )
         return np.asarray(sum(parts) / factorial)
@@ -98,9 +92,7 @@ class SetPoint:
 
 def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
     """Return the motion of a rig file with the given peak accelerations."""
-    return SetPoint(
-        tuple(peaks), table.speed_m_per_s, table.cruise_s, table.jerk_phase_s, table.snap_phase_s
-    )
+    return SetPoint(tuple(peaks), table.speed_m_per_s, table.cruise_s, table.jerk_phase_s, table.snap_phase_s)
 
 
 @dataclass(frozen=True)
@@ -152,9 +144,7 @@ def plan_braking(
             speed * (s**4 / 2.0 - s**3 + s)
             + duration * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
         )
-        first = speed / duration * (6.0 * s**2 - 6.0 * s) + acceleration * (
-            3.0 * s**2 - 4.0 * s + 1.0
-        )
+        first = speed / duration * (6.0 * s**2 - 6.0 * s) + acceleration * (3.0 * s**2 - 4.0 * s + 1.0)
         second = speed / duration**2 * (12.0 * s - 6.0) + acceleration / duration * (6.0 * s - 4.0)
         third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
         return [first * is_moving, second * is_moving, third * is_moving, position]
@@ -165,9 +155,7 @@ def plan_braking(
 
 def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return the path error of the long stroke along a motion, m."""
-    return frame_stray_from(
-        rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time
-    )
+    return frame_stray_from(rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time)
 
 
 def frame_stray_from(rig: BodyRig, late: FloatArray | float, time: FloatArray) -> FloatArray:

@@ -87,15 +87,12 @@ class FaultOutcome:
         }
 
 
-def _fake_readings(
-    ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]
-) -> FaultAction:
+def _fake_readings(ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]) -> FaultAction:
     """Replace sensor readings for some ticks by numbers or by functions of the sample."""
 
     def change(sample: PlantSample) -> PlantSample:
         changed = {
-            name: reading(sample) if callable(reading) else reading
-            for name, reading in readings.items()
+            name: reading(sample) if callable(reading) else reading for name, reading in readings.items()
         }
         return replace(sample, **changed)
 
@@ -153,9 +150,7 @@ def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
                 bench.link.write_block(broken)
             except RequestRefusedError:
                 continue
-            raise NegativeResult(
-                "the controller accepted an invalid parameter block", code="bad-block-taken"
-            )
+            raise NegativeResult("the controller accepted an invalid parameter block", code="bad-block-taken")
     return True
 
 
@@ -175,9 +170,7 @@ def _apply_overload(bench: BearingBench, tick: int) -> bool:
 
 def fault_injections() -> Iterator[FaultInjection]:
     """Yield every fault with the reason that the controller must report."""
-    yield FaultInjection(
-        "three samples missing", Fault.NONE, _fake_readings(3, status=_NO_SAMPLE_BIT)
-    )
+    yield FaultInjection("three samples missing", Fault.NONE, _fake_readings(3, status=_NO_SAMPLE_BIT))
     position_missing = Fault.POSITION_MISSING
     yield FaultInjection("no samples", position_missing, _fake_readings(status=_NO_SAMPLE_BIT))
     yield FaultInjection(
@@ -213,12 +206,8 @@ def fault_injections() -> Iterator[FaultInjection]:
     )
     yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _sag_supply)
     yield FaultInjection("winding too warm", Fault.TOO_WARM, _fake_readings(status=_TOO_WARM_BIT))
-    yield FaultInjection(
-        "amplifier reports a fault", Fault.AMPLIFIER, _fake_readings(status=_AMPLIFIER_BIT)
-    )
-    yield FaultInjection(
-        "over-current", Fault.OVER_CURRENT, _fake_readings(status=_OVER_CURRENT_BIT)
-    )
+    yield FaultInjection("amplifier reports a fault", Fault.AMPLIFIER, _fake_readings(status=_AMPLIFIER_BIT))
+    yield FaultInjection("over-current", Fault.OVER_CURRENT, _fake_readings(status=_OVER_CURRENT_BIT))
     yield FaultInjection("bad parameter blocks", Fault.NONE, _send_bad_blocks)
     yield FaultInjection("another block swapped in", Fault.NONE, _swap_block)
     yield FaultInjection("overload for 100 ms", Fault.NONE, _apply_overload)

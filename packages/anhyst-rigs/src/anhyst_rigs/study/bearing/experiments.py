@@ -58,9 +58,7 @@ def min_detectable_frequency(duration: float) -> float:
     return _PERIODS_PER_PIECE * _MIN_PIECES / duration
 
 
-def find_limit_cycle(
-    time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9
-) -> LimitCycle | None:
+def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9) -> LimitCycle | None:
     """Find a limit cycle in a record of a standstill; None if there is none."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
@@ -86,9 +84,7 @@ def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
     first_bin = math.ceil(min_detectable_frequency(len(y) * tick_s) * length * tick_s)
     peak_bins = first_bin + _select_distant_peaks(power[first_bin:], 2 * _PADDING_FACTOR)
-    left_log, peak_log, right_log = (
-        np.log(power[peak_bins + i] + np.finfo(float).tiny) for i in (-1, 0, 1)
-    )
+    left_log, peak_log, right_log = (np.log(power[peak_bins + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
     curvature = left_log - 2.0 * peak_log + right_log
     shift = np.divide(
         0.5 * (left_log - right_log), curvature, out=np.zeros_like(peak_log), where=curvature < 0.0
@@ -250,18 +246,14 @@ class Experiments:
                 for shape, by_variant in self.trajectories
             ],
             "load_steps": [
-                {"force_N": force, "variants": rows(by_variant)}
-                for force, by_variant in self.load_steps
+                {"force_N": force, "variants": rows(by_variant)} for force, by_variant in self.load_steps
             ],
             "events": {event: rows(by_variant) for event, by_variant in self.events.items()},
         }
 
 
 def run_experiments(
-    rig: BodyRig,
-    setups: Mapping[MethodName, BearingSetup],
-    seeds: Sequence[int],
-    parts: Iterator[Progress],
+    rig: BodyRig, setups: Mapping[MethodName, BearingSetup], seeds: Sequence[int], parts: Iterator[Progress]
 ) -> Experiments:
     """Run the standstill, all trajectories and load steps of a rig file, and all events."""
 
@@ -343,9 +335,7 @@ def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
     return ExperimentOutcome(
         {
             "peak_m": peak_deviation(error),
-            "recovery_s": recovery_time(
-                recording["t_s"], error, float(recording["t_s"][0]), RECOVERY_BAND_M
-            ),
+            "recovery_s": recovery_time(recording["t_s"], error, float(recording["t_s"][0]), RECOVERY_BAND_M),
         }
     )
 
@@ -367,10 +357,7 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
         reference_run, event_run = (_run(trial, scenario, largest) for largest in (False, True))
         # control starts earlier with a stronger iron
         return _compare_runs(
-            trial.setup,
-            reference_run,
-            event_run,
-            lambda run: int(np.argmax(run["state"] == RISE_CODE)),
+            trial.setup, reference_run, event_run, lambda run: int(np.argmax(run["state"] == RISE_CODE))
         )
     builder = _lift_off(trial.setup)
     stop_distance = builder.gap - trial.setup.rig.settings.body.stop_low_m
@@ -378,9 +365,7 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
     reference_run, reference_step = _run(trial, scenario), scenario.steps[0]
     if reference_run[1]:
         return None
-    velocity = reference_run[0].slice_ticks(reference_step.begin, reference_step.end)[
-        "velocity_m_per_s"
-    ]
+    velocity = reference_run[0].slice_ticks(reference_step.begin, reference_step.end)["velocity_m_per_s"]
     begin_tick = reference_step.begin + int(np.argmax(np.abs(velocity)))
     scenario.command[begin_tick] |= DROP_SAMPLE_BIT
     return _compare_runs(trial.setup, reference_run, _run(trial, scenario), lambda _: begin_tick)
@@ -396,9 +381,7 @@ def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
     recovery = recording.slice_ticks(begin_tick, len(recording))
     # The armature rests on its stop when the overload ends; it must be levitated in the last third.
-    has_lost = (
-        levitation_loss_time(rig, recovery, 2 * (scenario.ticks - begin_tick) // 3) is not None
-    )
+    has_lost = levitation_loss_time(rig, recovery, 2 * (scenario.ticks - begin_tick) // 3) is not None
     if has_lost or len(recording) < scenario.ticks:
         return None
     error = recovery["gap_m"] - recovery["reference_m"]
@@ -414,9 +397,7 @@ def excess_band(rig: BodyRig, excess: FloatArray) -> float:
     Therefore, the band is at least four times the standard deviation of the last third.
     """
     resolution_band = 3.0 * position_resolution(rig)
-    return max(
-        resolution_band, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M
-    )
+    return max(resolution_band, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M)
 
 
 def _compare_runs(
@@ -449,9 +430,7 @@ def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Re
     return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 
 
-def _run(
-    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
-) -> tuple[Recording, bool]:
+def _run(trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False) -> tuple[Recording, bool]:
     recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
     has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
     return recording, has_lost or len(recording) < scenario.ticks

@@ -20,9 +20,7 @@ from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.study.bearing.operating import OperatingPoint, find_operating_point
 
 
-def read_files(
-    rig_path: PathLike, controller_path: PathLike | None
-) -> tuple[BodyRig, ControllerFile]:
+def read_files(rig_path: PathLike, controller_path: PathLike | None) -> tuple[BodyRig, ControllerFile]:
     """Read a rig file and a controller file (default: controller.toml next to it)."""
     rig = read_bearing(rig_path)
     return rig, read_bearing_controller(rig, controller_path)
@@ -64,9 +62,7 @@ class BearingInputs:
         return identify_magnet(self.loops, self.rig.settings.loops)
 
 
-def check_inputs(
-    rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
-) -> BearingInputs:
+def check_inputs(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> BearingInputs:
     """Read and check all files of a rig and a controller, before any computation."""
     input_files = _named_files(rig, controller)
     for path in outputs:
@@ -86,17 +82,11 @@ def check_inputs(
         )
     completed_rig = complete_rig(rig, loops)
     return BearingInputs(
-        completed_rig,
-        controller,
-        loops,
-        model,
-        operating_point or find_operating_point(completed_rig),
+        completed_rig, controller, loops, model, operating_point or find_operating_point(completed_rig)
     )
 
 
-def check_calibration_covers(
-    rig: BodyRig, method: MethodName, shown_path: Path | str | None
-) -> None:
+def check_calibration_covers(rig: BodyRig, method: MethodName, shown_path: Path | str | None) -> None:
     """Refuse a calibration without the given method; `shown_path` is for the message."""
     if rig.calibration_path is not None and rig.method_calibration(method) is None:
         raise InputError(
@@ -112,10 +102,6 @@ def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
         return None
     model = read_model(controller.model)
     if not is_electromagnet(model) or not model.needs_schedule:
-        text = (
-            f"{controller.model}: a bearing needs a model of force over current and gap; identify"
-        )
-        raise InputError(
-            f"{text} one from {rig.measured_loops.description}", code="not-current-to-force"
-        )
+        text = f"{controller.model}: a bearing needs a model of force over current and gap; identify"
+        raise InputError(f"{text} one from {rig.measured_loops.description}", code="not-current-to-force")
     return model

@@ -190,9 +190,7 @@ def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatA
     return transition[:n, :n], transition[:n, n]
 
 
-def _discretise_with_delay(
-    a: FloatArray, b: FloatArray, timing: LoopTiming
-) -> tuple[FloatArray, FloatArray]:
+def _discretise_with_delay(a: FloatArray, b: FloatArray, timing: LoopTiming) -> tuple[FloatArray, FloatArray]:
     """Return the matrices over a tick; the input of tick n takes effect `delay_ticks` later."""
     tick_s, n = 1.0 / timing.rate, len(b)
     whole_ticks = math.floor(timing.delay_ticks)
@@ -255,8 +253,7 @@ class LinearLoop:
     def __post_init__(self) -> None:
         if not math.isclose(self.controller.rate, self.timing.rate, rel_tol=1e-9):
             raise ValueError(
-                f"the controller runs at {self.controller.rate:g} Hz, the loop at "
-                f"{self.timing.rate:g} Hz"
+                f"the controller runs at {self.controller.rate:g} Hz, the loop at {self.timing.rate:g} Hz"
             )
 
     @cached_property
@@ -313,9 +310,7 @@ class LinearLoop:
         return np.exp(exponent * np.atleast_1d(np.asarray(frequency, dtype=float)))
 
 
-def _controller_matrices(
-    controller: Pidd2,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _controller_matrices(controller: Pidd2) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return matrices from reference and position to the demand; states as in ``pidd2_real.h``."""
     p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
     # first = s (y - position), second = t (first - velocity)
@@ -327,39 +322,32 @@ def _controller_matrices(
     return a[np.ix_(is_used, is_used)], b[is_used], output[is_used], feedthrough
 
 
-def _frequency_response(
-    a: FloatArray, b: FloatArray, c: FloatArray, z: ComplexArray
-) -> ComplexArray:
+def _frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, z: ComplexArray) -> ComplexArray:
     """Return c (z - a)^-1 b for every z."""
     if len(b) == 0:
         return np.zeros(len(z), dtype=np.complex128)
     matrices = z[:, None, None] * np.eye(len(b)) - a
-    return np.asarray(
-        np.linalg.solve(matrices, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c
-    )
+    return np.asarray(np.linalg.solve(matrices, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c)
 
 
 def _find_margins(loop: LinearLoop) -> Margins:
     """Search the loop gain for its crossings of the negative real axis and the unit circle."""
-    grid = np.geomspace(
-        _MIN_FREQUENCY_RATIO * loop.timing.rate, 0.5 * loop.timing.rate, _GRID_POINTS
-    )
+    grid = np.geomspace(_MIN_FREQUENCY_RATIO * loop.timing.rate, 0.5 * loop.timing.rate, _GRID_POINTS)
 
     def gain(frequency: float) -> complex:
         return complex(loop.loop_gain(frequency)[0])
 
     values = loop.loop_gain(grid)
-    axis_crossings = [
-        gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)
-    ] + [float(values[-1].real)]  # the loop gain is real at half the rate
+    axis_crossings = [gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)] + [
+        float(values[-1].real)
+    ]  # the loop gain is real at half the rate
     factors = [-1.0 / x for x in axis_crossings if x < 0.0]
     crossover_frequencies = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
     phase_margins = [
         math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in crossover_frequencies
     ]
     delays = [
-        (angle % 360.0) / 360.0 / f
-        for angle, f in zip(phase_margins, crossover_frequencies, strict=True)
+        (angle % 360.0) / 360.0 / f for angle, f in zip(phase_margins, crossover_frequencies, strict=True)
     ]
     peak_index = int(np.argmax(np.abs(1.0 / (1.0 + values))))
     peak_search = minimize_scalar(
@@ -379,9 +367,7 @@ def _find_margins(loop: LinearLoop) -> Margins:
     )
 
 
-def _find_roots(
-    function: Callable[[float], float], grid: FloatArray, values: FloatArray
-) -> list[float]:
+def _find_roots(function: Callable[[float], float], grid: FloatArray, values: FloatArray) -> list[float]:
     """Return the roots of a function between neighbouring grid points of opposite sign."""
     change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]

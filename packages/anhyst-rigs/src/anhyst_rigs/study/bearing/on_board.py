@@ -120,9 +120,7 @@ class BoardComparison:
         if not self.has_landed:
             text = "the firmware did not land the armature at the end of its run"
             raise NegativeResult(text, code="not-landed")
-        unexpected = [
-            outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected
-        ]
+        unexpected = [outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected]
         if unexpected:
             text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected)}"
             raise NegativeResult(text, code="faults-not-noticed")
@@ -177,11 +175,7 @@ def run_board(
 
 
 def build_firmware(
-    rig: BodyRig,
-    controller: ControllerFile,
-    knowledge: IdentifiedMagnet,
-    board: str,
-    folder: Path,
+    rig: BodyRig, controller: ControllerFile, knowledge: IdentifiedMagnet, board: str, folder: Path
 ) -> tuple[BearingSetup, Path]:
     """Compile the controller of a rig, and build it into the firmware of a board."""
     model = folder / "model.toml"

@@ -55,10 +55,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     force, psi, _ = rig.static_map(path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENT_POINTS - 1]))
     _check_lift_off(
-        rig,
-        float(
-            rig.static_map(ascending_current, np.full(ascending_current.size, stop_gaps[1]))[0][-1]
-        ),
+        rig, float(rig.static_map(ascending_current, np.full(ascending_current.size, stop_gaps[1]))[0][-1])
     )
     if settings.hall_probe is not None:
         density = float(
@@ -74,9 +71,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         text += f", {min_force:.4g} to {max_force:.4g} N; correct it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
     ascending_current_A = float(np.interp(target_force, force[:_CURRENT_POINTS], ascending_current))
-    descending_current_A = float(
-        np.interp(target_force, force[_CURRENT_POINTS:][::-1], ascending_current)
-    )
+    descending_current_A = float(np.interp(target_force, force[_CURRENT_POINTS:][::-1], ascending_current))
     current = 0.5 * (ascending_current_A + descending_current_A)
     hold = HeldBearing(rig).magnet().hold
     try:
@@ -99,9 +94,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         eddy_time=settings.magnet.eddy_time_s,
     )
     check_rate(rig, point.current_drive_pole)
-    return OperatingPoint(
-        gap, target_force, current, float(force[_CURRENT_POINTS - 1]), slopes, point
-    )
+    return OperatingPoint(gap, target_force, current, float(force[_CURRENT_POINTS - 1]), slopes, point)
 
 
 def has_constant_gains(setup: BearingSetup) -> bool:
@@ -183,9 +176,7 @@ def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> li
     )
 
 
-def _make_amplifier(
-    rig: BodyRig, magnet_count: float
-) -> linear.AnalogueAmplifier | linear.DigitalAmplifier:
+def _make_amplifier(rig: BodyRig, magnet_count: float) -> linear.AnalogueAmplifier | linear.DigitalAmplifier:
     gain, integral_gain = (magnet_count * gain_ for gain_ in current_controller_gains(rig))
     if rig.settings.amplifier.mode == "current":
         return linear.AnalogueAmplifier(gain, integral_gain)
@@ -254,9 +245,7 @@ def measure_slopes(
     """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
     slope_span, reversal_step = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
     if not low + slope_span < current < high - slope_span:
-        raise ValueError(
-            f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A"
-        )
+        raise ValueError(f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A")
     below_gap, at_gap, above_gap = (
         _mean_branch(apply, current, held_gap, low, high)
         for held_gap in (gap - gap_step, gap, gap + gap_step)
@@ -271,18 +260,12 @@ def measure_slopes(
     return ReversalSlopes(Slopes(at_gap[0], at_gap[1], k_s), float(after_rise), float(after_fall))
 
 
-def _drive(
-    apply: Callable[[float, float], float], gap: float, start: float, end: float
-) -> FloatArray:
+def _drive(apply: Callable[[float, float], float], gap: float, start: float, end: float) -> FloatArray:
     """Drive the current from one value to another and return the forces along this path."""
-    return np.array(
-        [apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]]
-    )
+    return np.array([apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
 
 
-def _settle_on_loop(
-    apply: Callable[[float, float], float], gap: float, low: float, high: float
-) -> None:
+def _settle_on_loop(apply: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
     for _ in range(_SETTLING_CYCLES):
         _drive(apply, gap, low, high)
         _drive(apply, gap, high, low)
@@ -299,7 +282,5 @@ def _mean_branch(
     deviation = grid[1:-1] - current
     is_near = np.abs(deviation) <= _SLOPE_SPAN * (high - low)
     # A parabola, so that the curvature does not bias the slope.
-    coefficients = (
-        np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
-    )
+    coefficients = np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
     return float(coefficients[0]), float(coefficients[1])

@@ -78,9 +78,7 @@ def settling_band(height: float, resolution: float) -> float:
     return max(SETTLING_BAND * abs(height), _RESOLUTION_FACTOR * resolution)
 
 
-def evaluate_step(
-    time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
-) -> StepFigures:
+def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float) -> StepFigures:
     """Evaluate one step: one sample of the old reference, then the hold at the new one."""
     t, r, y = (np.asarray(signal, dtype=float) for signal in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
@@ -108,9 +106,7 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
     """Return the time after a disturbance until the error stays within a band, s."""
     t = np.asarray(time, dtype=float)
     is_later = t >= start
-    return _settling_time(
-        t[is_later] - start, np.abs(np.asarray(error, dtype=float))[is_later], band
-    )
+    return _settling_time(t[is_later] - start, np.abs(np.asarray(error, dtype=float))[is_later], band)
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
@@ -207,9 +203,7 @@ def measure_sensitivity(
     fits = [_fit_sine(position, piece, rate) for piece in pieces]
     return Sensitivity(
         frequency=frequencies_Hz,
-        ratio=np.array(
-            [amplitude_ratio / amplitude for amplitude_ratio, _ in fits], dtype=np.complex128
-        ),
+        ratio=np.array([amplitude_ratio / amplitude for amplitude_ratio, _ in fits], dtype=np.complex128),
         residual_ratio=np.array([residual for _, residual in fits]) / (amplitude / math.sqrt(2.0)),
         amplitude=amplitude,
     )
@@ -360,14 +354,10 @@ def compare_steps(
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
     """Return the figures of steps up and down of one height together; None if there are no steps."""
-    step_figures = [
-        step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)
-    ]
+    step_figures = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
     return {
         name: float(
-            (max if name in _FIGURES_BY_MAXIMUM else np.mean)(
-                [figures[name] for figures in step_figures]
-            )
+            (max if name in _FIGURES_BY_MAXIMUM else np.mean)([figures[name] for figures in step_figures])
         )
         for name in (STEP_FIGURES if steps else ())
     } or None
@@ -401,9 +391,7 @@ def measure_loop_sensitivity(
         return recording
 
     try:
-        return measure_sensitivity(
-            inject_sine, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz
-        )
+        return measure_sensitivity(inject_sine, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz)
     except _LevitationLostError:
         return None
 
@@ -430,9 +418,7 @@ def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
     return tuple(StepComparison(*step, variant_cells) for step, variant_cells in by_step.items())
 
 
-def compare_overshoots(
-    step: StepComparison, variant: MethodName, baseline: MethodName
-) -> ComparedFigure:
+def compare_overshoots(step: StepComparison, variant: MethodName, baseline: MethodName) -> ComparedFigure:
     """Compare the overshoots of two variants in a step, above the larger noise of both."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
     noise_floor = max(noise[variant].mean, noise[baseline].mean)
@@ -445,9 +431,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
     model = variant if variant in MODEL_METHODS or not models else models[-1]
     if model not in MODEL_METHODS:
         return Judgement("unknown", "no variant with a hysteresis model was run")
-    compared = _compare_with(
-        steps, model, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps]
-    )
+    compared = _compare_with(steps, model, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps])
     if not compared:
         return Judgement("unknown", f"{model} or every baseline lost levitation at every step")
     judgement = judge_against_baselines(model, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])

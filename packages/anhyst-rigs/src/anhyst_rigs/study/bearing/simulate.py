@@ -45,13 +45,7 @@ from anhyst_rigs.study.bearing.responses import (
     judge_steps,
     measure_loop_sensitivity,
 )
-from anhyst_rigs.study.engine.table import (
-    FIGURES_FILE,
-    CaseFigures,
-    Judgement,
-    StudyResult,
-    save_lost_run,
-)
+from anhyst_rigs.study.engine.table import FIGURES_FILE, CaseFigures, Judgement, StudyResult, save_lost_run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,8 +130,7 @@ class Simulation(StudyResult):
         for force, by_variant in all_experiments.load_steps:
             blocks.append((f"load step of {force:g} N", by_variant[self.main_variant]))
         blocks += [
-            (event, by_variant[self.main_variant])
-            for event, by_variant in all_experiments.events.items()
+            (event, by_variant[self.main_variant]) for event, by_variant in all_experiments.events.items()
         ]
         lost_counts = {title: figures.lost for title, figures in blocks if figures.lost}
         runs = [f"{title} ({n} run{'' if n == 1 else 's'})" for title, n in lost_counts.items()]
@@ -245,9 +238,7 @@ def simulate_bearing(
     inputs = check_inputs(rig, controller, _output_paths(out, controller))
     rig = inputs.rig
     settings = rig.settings
-    experiment_count = (
-        len(settings.trajectories) + len(settings.load_steps_N) + len(experiments.EVENTS)
-    )
+    experiment_count = len(settings.trajectories) + len(settings.load_steps_N) + len(experiments.EVENTS)
     parts = split_progress(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + experiment_count)])
     knowledge = inputs.identify_magnet()
     main_variant = controller.settings.compensation.variant
@@ -289,9 +280,7 @@ def simulate_bearing(
         scenario=steps,
         cells=cells,
         experiments=experiment_results,
-        loops={
-            name: make_linear_loop(setup, inputs.operating_point) for name, setup in setups.items()
-        },
+        loops={name: make_linear_loop(setup, inputs.operating_point) for name, setup in setups.items()},
         sensitivity={name: setup for name, setup in sensitivities.items() if setup is not None},
         plant=check_plant(rig, knowledge),
         left_out=left_out,

@@ -25,11 +25,7 @@ Drive = Literal["current", "voltage"]
 
 
 def linearise(
-    rig: PathLike | BodyRig,
-    gap: float | None = None,
-    force: float | None = None,
-    *,
-    drive: Drive = "current",
+    rig: PathLike | BodyRig, gap: float | None = None, force: float | None = None, *, drive: Drive = "current"
 ) -> StateSpace:
     """Linearise a magnetic bearing at an operating point.
 

@@ -173,8 +173,7 @@ class MonteCarlo(StudyResult):
         own_method = self.plants.own_method
         if self.lost_count(own_method):
             return Judgement(
-                "unknown",
-                f"'{own_method}' lost {self.lost_count(own_method)} of {len(self.drifts)} plants",
+                "unknown", f"'{own_method}' lost {self.lost_count(own_method)} of {len(self.drifts)} plants"
             )
         if len(self.drifts) < 2:
             return Judgement("unknown", "one plant is not sufficient; run more")
@@ -184,16 +183,12 @@ class MonteCarlo(StudyResult):
             for case in range(len(figure.case_names))
             if (comparison := self._compare(figure, case)) is not None
         ]
-        return judge_against_baselines(
-            own_method, compared, "figures", self.plants.beneficial_condition
-        )
+        return judge_against_baselines(own_method, compared, "figures", self.plants.beneficial_condition)
 
     def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
         """Compare with the strongest baseline plant by plant, because both have the same plants."""
         completed = [method for method in self.runs if not self.lost_count(method)]
-        means = {
-            method: mean_interval(self.values(method, figure.key, case)) for method in completed
-        }
+        means = {method: mean_interval(self.values(method, figure.key, case)) for method in completed}
         if (baseline := strongest_baseline(means)) is None:
             return None
         own_method = self.plants.own_method
@@ -201,14 +196,10 @@ class MonteCarlo(StudyResult):
             np.array(self.values(method, figure.key, case)) for method in (own_method, baseline)
         )
         uncertainty = (
-            mean_interval(own_values - best_values).half_width
-            if np.isfinite(own_values).all()
-            else 0.0
+            mean_interval(own_values - best_values).half_width if np.isfinite(own_values).all() else 0.0
         )
         title = f"{figure.title} {figure.case_names[case]}".strip()
-        return ComparedFigure(
-            title, baseline, means[own_method].mean, means[baseline].mean, uncertainty
-        )
+        return ComparedFigure(title, baseline, means[own_method].mean, means[baseline].mean, uncertainty)
 
     def facts(self) -> dict[str, str]:
         """Return the first figure of every method, and the verdict."""
@@ -256,9 +247,7 @@ class MonteCarlo(StudyResult):
             "plants": len(self.drifts),
             "seed": self.plants.seed,
             "variants": variants,
-            "worst_plants": {
-                str(number): self.drifts[number].as_dict() for number in sorted(worst)
-            },
+            "worst_plants": {str(number): self.drifts[number].as_dict() for number in sorted(worst)},
             "verdict": {"level": verdict.level, "text": verdict.sentence},
         }
 
@@ -290,11 +279,7 @@ def percentile(values: Sequence[float], percent: float) -> float:
 
 
 def monte_carlo(
-    plants: Plants,
-    path: PathLike,
-    count: int,
-    progress: Progress | None = None,
-    jobs: int | None = None,
+    plants: Plants, path: PathLike, count: int, progress: Progress | None = None, jobs: int | None = None
 ) -> MonteCarlo:
     """Simulate drifted plants; an existing file of results is continued."""
     fault = partial(find_fault, plants=plants)

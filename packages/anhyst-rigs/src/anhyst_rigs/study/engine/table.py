@@ -185,11 +185,7 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
     better = [comparison for comparison in comparable if comparison.is_better]
     worse = [comparison for comparison in comparable if comparison.is_worse]
     level: Level = "no" if not better else "mixed" if worse else "yes"
-    equal = [
-        comparison
-        for comparison in comparable
-        if not comparison.is_better and not comparison.is_worse
-    ]
+    equal = [comparison for comparison in comparable if not comparison.is_better and not comparison.is_worse]
     parts = [
         f"{word} {_format_comparisons(group, len(comparable), noun)}"
         for word, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
@@ -202,12 +198,8 @@ def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun:
     """List figures with their ratios to the baseline, or count them."""
     if count > MAX_LISTED:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
-        parts = sorted(
-            comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio)
-        )
-        span = (
-            f", {_format_range(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
-        )
+        parts = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
+        span = f", {_format_range(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
         return f"{len(comparisons)} of {count} {noun}{span}"
     by_baseline: dict[str, list[str]] = {}
     for comparison in comparisons:

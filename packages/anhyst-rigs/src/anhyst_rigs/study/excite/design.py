@@ -24,13 +24,7 @@ from anhyst_rigs.rig.case_table import ScanCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.force.file import ForceControlRig
 from anhyst_rigs.rig.measurement_table import ExciteTable, MeasurementTable
-from anhyst_rigs.rig.measuring import (
-    FAST_CYCLES,
-    SAMPLES_PER_FAST_CYCLE,
-    HeldBearing,
-    HeldRig,
-    sweep_path,
-)
+from anhyst_rigs.rig.measuring import FAST_CYCLES, SAMPLES_PER_FAST_CYCLE, HeldBearing, HeldRig, sweep_path
 from anhyst_rigs.rig.piezo import PiezoRig
 
 MAX_WARMTH = 0.95
@@ -47,9 +41,7 @@ class Winding:
     continuous_current: float  # largest continuous current, A
     time_constant: float  # thermal time constant, s
 
-    def warmth_along(
-        self, current: FloatArray, dt: float, initial_warmth: float = 0.0
-    ) -> FloatArray:
+    def warmth_along(self, current: FloatArray, dt: float, initial_warmth: float = 0.0) -> FloatArray:
         """Return the warmth after each sample of a current, A, with steps of `dt`, s."""
         from scipy.signal import lfilter  # slow import
 
@@ -174,11 +166,7 @@ def _default_operating_force(rig: BodyRig) -> Bound:
     if force_max is not None:
         return Bound(0.5 * force_max, "control.force_max_N")
     bias = rig.settings.bias_N
-    return (
-        Bound(abs(rig.static_load), "load.force_N")
-        if bias is None
-        else Bound(bias, "control.bias_N")
-    )
+    return Bound(abs(rig.static_load), "load.force_N") if bias is None else Bound(bias, "control.bias_N")
 
 
 def force_specimen(rig: ForceControlRig) -> Specimen:
@@ -187,9 +175,7 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
     amplifier, excite, force = settings.amplifier, settings.excite, settings.force
     file = rig.solenoid_file
     campaign = None if file is None else file.measurement
-    default_gaps = (
-        sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
-    )
+    default_gaps = sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
     return _make_specimen(
         rig,
         tuple(excite.gaps_m or default_gaps),
@@ -202,9 +188,7 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         ],
         min_current=0.0,
         supply_rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
-        sensor_force=Bound(
-            SENSOR_RANGE_RATIO * settings.force_sensor.high_N, "force_sensor.high_N"
-        ),
+        sensor_force=Bound(SENSOR_RANGE_RATIO * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
 
 
@@ -286,9 +270,7 @@ def _make_specimen(
         winding=winding,
         sweep_rate=current.value / DEFAULT_SWEEP_S if campaign is None else campaign.sweep_A_per_s,
         sample_s=DEFAULT_SWEEP_S / SAMPLES_PER_SWEEP if campaign is None else campaign.sample_s,
-        conditioning_cycles=CONDITIONING_CYCLES
-        if campaign is None
-        else campaign.conditioning_cycles,
+        conditioning_cycles=CONDITIONING_CYCLES if campaign is None else campaign.conditioning_cycles,
         pause_s=0.0 if campaign is None else campaign.pause_s,
     )
 
@@ -345,9 +327,7 @@ class Record:
         return np.full(count, float(np.max(np.abs(self.path))))
 
 
-def decaying_reversals(
-    centre: float, first_swing: float, decay: tuple[float, float]
-) -> list[float]:
+def decaying_reversals(centre: float, first_swing: float, decay: tuple[float, float]) -> list[float]:
     """Return the reversal points of a decaying sine about a current, A, and that current."""
     ratio, last_swing = decay
     count = math.ceil(math.log(last_swing) / math.log(ratio))
@@ -386,30 +366,19 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         approach = sweep_path(approach_reversals, step)
         history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
-    first_reversal, *reversals = (
-        lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS
-    )
+    first_reversal, *reversals = (lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS)
     major = [turn for share in MAJOR_LOOP_ENDS for turn in (share * peak, share * lower_end)]
     curves = [turn for reversal in reversals for turn in (reversal, first_reversal)]
     paths = {
         "major": sweep_path([0.0, *major], step),
         "reversal": sweep_path([0.0, first_reversal, *curves, 0.0], step),
         "above": sweep_path(
-            [
-                0.0,
-                peak,
-                lower_end,
-                *_minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_PEAK),
-                0.0,
-            ],
-            step,
+            [0.0, peak, lower_end, *_minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_PEAK), 0.0], step
         ),
         "below": _path_from_zero(peak, operating, step),
     }
     beginning = tuple(approach_reversals), approach
-    records = [
-        Record(name, *beginning, path, history, specimen.sample_s) for name, path in paths.items()
-    ]
+    records = [Record(name, *beginning, path, history, specimen.sample_s) for name, path in paths.items()]
     cycles = sweep_path([0.0, *[peak, 0.0] * FAST_CYCLES], 2.0 * peak / SAMPLES_PER_FAST_CYCLE)
     for speed in fast_cycle_rates(specimen):
         sample = 2.0 * peak / (SAMPLES_PER_FAST_CYCLE * speed)
@@ -435,9 +404,7 @@ def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
     minor_loops = _minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_ZERO)
     max_swing = min(operating, peak - operating)
     approach = sweep_path([0.0, *minor_loops, operating], step)
-    settling = sine_path(
-        [operating, *decaying_reversals(operating, max_swing, SETTLING_DECAY)], step
-    )
+    settling = sine_path([operating, *decaying_reversals(operating, max_swing, SETTLING_DECAY)], step)
     second_loops = sweep_path([operating, *minor_loops[-2:], *minor_loops[-2:], 0.0], step)
     return np.concatenate([approach, settling[1:], second_loops[1:]])
 
@@ -459,8 +426,7 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
         # The highest operating point heats most.
         hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
-            winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s)
-            >= MIN_START_WARMTH
+            winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s) >= MIN_START_WARMTH
             for path in hottest_records
         ):
             key = specimen.max_current.key if peak == highest else "excite.continuous_A"

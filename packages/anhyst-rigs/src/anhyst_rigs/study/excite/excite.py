@@ -28,12 +28,7 @@ from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.from_loops import complete_rig
-from anhyst_rigs.rig.measuring import (
-    HeldMagnet,
-    measure_path,
-    measure_stack_displacement,
-    sweep_path,
-)
+from anhyst_rigs.rig.measuring import HeldMagnet, measure_path, measure_stack_displacement, sweep_path
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.sensor_table import Sensors
 from anhyst_rigs.rig.stage.file import read_stage
@@ -286,18 +281,14 @@ def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excita
     )
 
 
-def measure_stack(
-    rig: PiezoRig, specimen: Specimen, progress: Progress | None = None
-) -> Excitation:
+def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None = None) -> Excitation:
     """Measure loops of a piezo stage in one continuous drive after long rest at 0 V, with creep."""
     log, thermal_peak, no_gap = _DriveLog(specimen), find_thermal_peak(specimen), math.nan
     seed = [rig.settings.seed, _PROBE_SEED]
     rise = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.append(np.concatenate([rise, rise[::-1]]), no_gap)
     probe_answer = measure_stack_displacement(rig, log.history().current, specimen.sample_s, seed)
-    probed = evaluate_probe(
-        specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak
-    )
+    probed = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
     records = design_records(specimen, probed.peak.value, probed.operating_current)
     times = []
     for record in records:
@@ -319,12 +310,7 @@ def measure_stack(
 
 
 def _probe_gap(
-    specimen: Specimen,
-    magnet: HeldMagnet,
-    log: _DriveLog,
-    gap: float,
-    number: int,
-    thermal_peak: Bound,
+    specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, number: int, thermal_peak: Bound
 ) -> ProbedGap:
     """Raise the current once until a quantity reaches its limit, and return to zero."""
     assert specimen.held_rig is not None
@@ -365,9 +351,7 @@ def evaluate_probe(
     return ProbedGap(gap, peak, max(forces), operating, bias == operating, needed)
 
 
-def _required_rate(
-    specimen: Specimen, current: FloatArray, force: FloatArray, operating: float
-) -> float:
+def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
     """Return the rate of the current for the fastest demanded change of the force, A/s."""
     is_near = np.abs(current - operating) <= SLOPE_WINDOW_RATIO * current[-1]
     if specimen.demanded_force_rate == 0.0 or np.count_nonzero(is_near) < 3:
@@ -377,12 +361,7 @@ def _required_rate(
 
 
 def _record_loop(
-    specimen: Specimen,
-    magnet: HeldMagnet,
-    sensors: Sensors,
-    log: _DriveLog,
-    gap: float,
-    record: Record,
+    specimen: Specimen, magnet: HeldMagnet, sensors: Sensors, log: _DriveLog, gap: float, record: Record
 ) -> Loop:
     """Bring the iron into the initial state of a record, and measure it."""
     log.cool_for(record.full_path(specimen.sample_s), gap)
@@ -471,10 +450,7 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
 
 
 def excite(
-    rig: PathLike,
-    out: PathLike,
-    progress: Progress | None = None,
-    measure: MeasureFunction | None = None,
+    rig: PathLike, out: PathLike, progress: Progress | None = None, measure: MeasureFunction | None = None
 ) -> Excitation:
     """Measure the loops of a rig, and write them with a sidecar that states their history.
 
@@ -482,9 +458,7 @@ def excite(
     """
     file = Path(out)
     if file.suffix.lower() != ".csv":
-        raise InputError(
-            f"{file}: loops are written as .csv; change the extension", code="wrong-ending"
-        )
+        raise InputError(f"{file}: loops are written as .csv; change the extension", code="wrong-ending")
     source = read_specimen(rig)
     if measure is not None and not source.specimen.gaps:
         raise InputError(
@@ -497,9 +471,7 @@ def excite(
     for path in (file, sidecar):
         check_writable(path, input_files=source.input_files)
     if sidecar.exists() and not is_sidecar(sidecar):
-        raise InputError(
-            f"{sidecar}: is not a sidecar of loops; write to another file", code="not-a-sidecar"
-        )
+        raise InputError(f"{sidecar}: is not a sidecar of loops; write to another file", code="not-a-sidecar")
     try:
         measured = (measure or source.measure)(source.specimen, progress)
     except InputError as error:

@@ -99,27 +99,21 @@ class DrivenBoard(Protocol):
         """Write settings."""
 
 
-def measure_on_board(
-    specimen: Specimen, bench: DrivenBoard, progress: Progress | None = None
-) -> Excitation:
+def measure_on_board(specimen: Specimen, bench: DrivenBoard, progress: Progress | None = None) -> Excitation:
     """Measure loops within the limits, at the gap at which the armature is held.
 
     Finally the controller is stopped, with its previous settings, and idle if it was before.
     """
     drive = BoardDrive(specimen, bench)
     # Boards read too slowly for fast cycles.
-    board_specimen = replace(
-        specimen, gaps=(drive.gap,), max_current=drive.max_current, fast_rates=()
-    )
+    board_specimen = replace(specimen, gaps=(drive.gap,), max_current=drive.max_current, fast_rates=())
     thermal_peak = find_thermal_peak(board_specimen)
     loops: list[Loop] = []
     try:
         drive.begin(current_step(board_specimen) / board_specimen.sample_s)
         probed_gap = _probe_gap(board_specimen, drive, thermal_peak)
         check_operating_force(board_specimen, [probed_gap])
-        records = design_records(
-            board_specimen, probed_gap.peak.value, probed_gap.operating_current
-        )
+        records = design_records(board_specimen, probed_gap.peak.value, probed_gap.operating_current)
         for count, record in enumerate(records):
             loops.append(_record_loop(drive, record))
             if progress is not None:
@@ -145,9 +139,7 @@ class BoardDrive:
         missing_names = [name for name in _REQUIRED_SIGNALS if name not in names]
         if bench.demand_range.unit != "N" or missing_names:
             reason = (
-                f"has no signal {', '.join(missing_names)}"
-                if missing_names
-                else "does not control a force"
+                f"has no signal {', '.join(missing_names)}" if missing_names else "does not control a force"
             )
             raise InputError(
                 f"measure: the controller {reason}; measure with a force controller",
@@ -163,10 +155,7 @@ class BoardDrive:
         self._initial_values = {parameter.name: parameter.value for parameter in bench.parameters()}
         self.gap = self._read_held_gap()
         (ratio,) = (parameter for parameter in bench.parameters() if parameter.name == "ratio")
-        limits = [
-            specimen.max_current,
-            Bound(ratio.high * bench.demand_range.high, "the controller's ratio"),
-        ]
+        limits = [specimen.max_current, Bound(ratio.high * bench.demand_range.high, "the controller's ratio")]
         self.max_current = min(limits, key=lambda parameter: parameter.value)
         self._ratio = self.max_current.value / bench.demand_range.high
 
@@ -230,8 +219,7 @@ class BoardDrive:
         driven = np.concatenate(parts)
         driven = driven[self._is_driving(driven, force)]
         blocks = [
-            driven[at : at + self._rows_per_sample]
-            for at in range(0, len(driven), self._rows_per_sample)
+            driven[at : at + self._rows_per_sample] for at in range(0, len(driven), self._rows_per_sample)
         ]
         dwell = self._read_running_rows(max(4, round(_DWELL_S * self._bench.rate)))
         parts = [
@@ -254,9 +242,7 @@ class BoardDrive:
         winding, sample = self._specimen.winding, self._specimen.sample_s
         if winding is None:
             return
-        end = self._elapsed_s() + winding.rest_time(
-            self._warmth, winding.max_start_warmth(path, sample)
-        )
+        end = self._elapsed_s() + winding.rest_time(self._warmth, winding.max_start_warmth(path, sample))
         while self._elapsed_s() < end:
             self._read_running_rows(self._chunk_ticks)
 
@@ -273,9 +259,7 @@ class BoardDrive:
         rows = self._bench.advance(self._chunk_ticks)
         while not len(rows):
             if self._bench.loss_reason:
-                raise InputError(
-                    f"measure: {self._bench.loss_reason}", code="port-gone", key="measure"
-                )
+                raise InputError(f"measure: {self._bench.loss_reason}", code="port-gone", key="measure")
             rows = self._bench.advance(self._chunk_ticks)
         time = float(rows[-1, 0]) / self._bench.rate
         current = float(rows[:, self._column_indices["current"]].mean())
@@ -284,9 +268,7 @@ class BoardDrive:
             self._warmth = np.nan
         elif self._samples:
             interval = time - self._elapsed_s()
-            self._warmth = float(
-                winding.warmth_along(np.array([current]), interval, self._warmth)[-1]
-            )
+            self._warmth = float(winding.warmth_along(np.array([current]), interval, self._warmth)[-1])
         self._samples.append((time, current, self._warmth))
         return rows
 

@@ -54,10 +54,7 @@ from anhyst_rigs.study.tracking.motion import (
     round_to_grid,
 )
 
-_DERIVATIVE_STEPS: Mapping[ParameterName, float] = {
-    "payload": 0.01,
-    **dict.fromkeys(CENTRE_PARAMETERS, 1e-3),
-}
+_DERIVATIVE_STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE_PARAMETERS, 1e-3)}
 """Step of each body parameter for finite-difference derivatives."""
 COMPARISON_START_S = 0.01
 """Time of the first comparison, s. Before it the weight is taken up in one step, and the currents
@@ -66,14 +63,7 @@ do not follow their commands."""
 
 SPEED_WINDOW_TICKS = 20
 """Ticks between two positions whose difference gives the speed at the start of a recording."""
-CALIBRATABLE_METHODS: tuple[MethodName, ...] = (
-    "single-valued",
-    "play",
-    "at-rest",
-    "full",
-    "flux",
-    "fused",
-)
+CALIBRATABLE_METHODS: tuple[MethodName, ...] = ("single-valued", "play", "at-rest", "full", "flux", "fused")
 """Methods that a motion can correct."""
 _UNUSED_PARAMETERS: Mapping[MethodName, tuple[str, ...]] = {
     "single-valued": ("width",),
@@ -94,8 +84,7 @@ class StageMotion(Motion):
     def filter_wrench(self, wrench: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
         """Filter a wrench, moments over the radius of gyration, and return it as one row, N."""
         filtered = [
-            self.filter_force(component, delay_ticks)
-            for component in (wrench / self.gyration_radii).T
+            self.filter_force(component, delay_ticks) for component in (wrench / self.gyration_radii).T
         ]
         return np.column_stack(filtered).ravel()
 
@@ -125,9 +114,7 @@ class StageMotion(Motion):
     @cached_property
     def weight_force(self) -> FloatArray:
         """Weight of the body, filtered, N."""
-        return self.filter_wrench(
-            np.tile(weight_wrench(self.rig.settings), (self.tick_numbers.size, 1))
-        )
+        return self.filter_wrench(np.tile(weight_wrench(self.rig.settings), (self.tick_numbers.size, 1)))
 
     @cached_property
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
@@ -137,8 +124,7 @@ class StageMotion(Motion):
             changed = assumed_rig(self.rig, {name: step}).settings
             inertial_force = self._acceleration @ (mass_matrix(changed) - mass_matrix(file))
             forces[name] = (
-                self.filter_wrench(weight_wrench(changed) - weight_wrench(file) - inertial_force)
-                / step
+                self.filter_wrench(weight_wrench(changed) - weight_wrench(file) - inertial_force) / step
             )
         along = scan_direction(file)
         travel = (self._pose - self._pose[0]) @ along
@@ -157,9 +143,7 @@ class StageMotion(Motion):
     def force_noise(self) -> float:
         """Standard deviation of the measured force from the noise of the heads, N."""
         file = self.rig.settings
-        head_gain = (
-            mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.gyration_radii[:, None]
-        )
+        head_gain = mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.gyration_radii[:, None]
         rms_gain = float(np.linalg.norm(head_gain)) / math.sqrt(self.comparisons_per_tick)
         return rms_gain * file.position_sensor.noise_m * self.noise_gain
 
@@ -172,12 +156,8 @@ class StageMotion(Motion):
             self.demanded_force.reshape(-1, self.comparisons_per_tick)[::interval_ticks], axis=1
         )
         ticks = interval_ticks * np.flatnonzero(demand_N > min_demand_N)
-        ticks = ticks[
-            ticks >= max(self.first_compared_tick, round(COMPARISON_START_S / self.rig.dt))
-        ]
-        return (
-            self.comparisons_per_tick * ticks[:, None] + np.arange(self.comparisons_per_tick)
-        ).ravel()
+        ticks = ticks[ticks >= max(self.first_compared_tick, round(COMPARISON_START_S / self.rig.dt))]
+        return (self.comparisons_per_tick * ticks[:, None] + np.arange(self.comparisons_per_tick)).ravel()
 
 
 class StageLaw(MotionLaw):
@@ -186,9 +166,7 @@ class StageLaw(MotionLaw):
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method_compensator(rig, magnet, method, width))
-        self._current_per_root_force = cache(
-            lambda: current_per_root_force(self.compensator(0.0), rig)
-        )
+        self._current_per_root_force = cache(lambda: current_per_root_force(self.compensator(0.0), rig))
         self._cached_motion: StageMotion | None = None
         # forces of single magnets along that motion, N
         self._cached_forces: dict[tuple[object, ...], FloatArray] = {}
@@ -209,10 +187,7 @@ class StageLaw(MotionLaw):
         self.comparison_sigma_ratio = 0.0015 * (6.0 / coordinate_count) ** 0.25
         self.max_sigma_ratio = 0.84 + 0.01 * coordinate_count
         self.max_residual_ratio = 0.0075 if method == "play" else 0.0037
-        body_columns = [
-            *demand_columns(rig.settings.body.free),
-            *pose_columns(rig.settings.body.free),
-        ]
+        body_columns = [*demand_columns(rig.settings.body.free), *pose_columns(rig.settings.body.free)]
         magnet_signal_columns = magnet_columns(
             [("gap_read", "m"), *CURRENT_SIGNALS[:1]], 1, len(rig.settings.body_magnets)
         )
@@ -222,9 +197,7 @@ class StageLaw(MotionLaw):
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
         """Return the methods that the recordings cannot calibrate."""
-        has_probes = all(
-            name in motion.columns for motion in motions for name in self.optional_columns
-        )
+        has_probes = all(name in motion.columns for motion in motions for name in self.optional_columns)
         return () if self.optional_columns and has_probes else FLUX_PROBE_METHODS
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
@@ -232,21 +205,15 @@ class StageLaw(MotionLaw):
         file, pose_names = self.rig.settings, pose_columns(self.rig.settings.body.free)
         position_names = [name for name in pose_names if name.endswith("_m")] or pose_names
         position = np.column_stack([columns[name] for name in position_names])
-        speed = np.linalg.norm(
-            position[SPEED_WINDOW_TICKS:] - position[:-SPEED_WINDOW_TICKS], axis=1
-        ) / (SPEED_WINDOW_TICKS * self.rig.dt)
+        speed = np.linalg.norm(position[SPEED_WINDOW_TICKS:] - position[:-SPEED_WINDOW_TICKS], axis=1) / (
+            SPEED_WINDOW_TICKS * self.rig.dt
+        )
         noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
-        if (
-            abs(columns["demand_N"][0] + weight_along_scan(file))
-            > MIN_DEMAND_RATIO * self.force_max
-        ):
+        if abs(columns["demand_N"][0] + weight_along_scan(file)) > MIN_DEMAND_RATIO * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
         # a body that carries its weight falls until currents flow
         fall_speed = (
-            abs(file.body.gravity_m_per_s2)
-            * SPEED_WINDOW_TICKS
-            * self.rig.dt
-            * weight_wrench(file).any()
+            abs(file.body.gravity_m_per_s2) * SPEED_WINDOW_TICKS * self.rig.dt * weight_wrench(file).any()
         )
         is_moving = speed[0] > 0.02 * float(speed.max()) + noise_speed + fall_speed
         return ColumnFault("begins in motion", position_names[0]) if is_moving else None
@@ -255,16 +222,13 @@ class StageLaw(MotionLaw):
         """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
         assert isinstance(motion, StageMotion)
         correlation = float(
-            motion.measured_force[motion.compared_indices]
-            @ motion.demanded_force[motion.compared_indices]
+            motion.measured_force[motion.compared_indices] @ motion.demanded_force[motion.compared_indices]
         )
         demand_column = demand_columns(self.rig.settings.body.free)[0]
         text = f"the body moves against {demand_column}; invert the sign of every demanded force and moment"
         return ColumnFault(text, demand_column) if correlation < 0.0 else None
 
-    def make_motion(
-        self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
-    ) -> Motion:
+    def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
         """Make a motion from recorded columns."""
         return StageMotion(self.rig, columns, first_compared_tick)
 
@@ -286,9 +250,7 @@ class StageLaw(MotionLaw):
         """Return the predicted wrench along a motion for some parameter values, filtered, N."""
         assert isinstance(motion, StageMotion)
         body_forces = [values[name] * force for name, force in motion.force_per_unit.items()]
-        magnet_forces = [
-            self._magnet_force(motion, number, values) for number in self._magnet_numbers
-        ]
+        magnet_forces = [self._magnet_force(motion, number, values) for number in self._magnet_numbers]
         return np.asarray(sum([*body_forces, *magnet_forces], motion.weight_force))
 
     def _magnet_force(
@@ -311,15 +273,11 @@ class StageLaw(MotionLaw):
                 force, delay_ticks = self._force_of_flux(scale * flux, gap), -lag_ticks
             else:
                 current = scale * motion.columns[column_name("command", "A", number)]
-                gap_at_force = np.interp(
-                    motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap
-                )
+                gap_at_force = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
                 force = self._force_of_current(current, gap_at_force, width, lag)
                 delay_ticks = motion.delay_ticks
             pull_row = magnet_rows(file)[number - 1] / motion.gyration_radii
-            self._cached_forces[key] = np.outer(
-                motion.filter_force(force, delay_ticks), pull_row
-            ).ravel()
+            self._cached_forces[key] = np.outer(motion.filter_force(force, delay_ticks), pull_row).ravel()
         return self._cached_forces[key]
 
     def _force_of_current(
@@ -341,12 +299,8 @@ class StageLaw(MotionLaw):
         """Return the force of a measured flux density, N, which is proportional to its square."""
         parameters = self.compensator(0.0).parameters
         assert isinstance(parameters, FluxFeedback | FusedInverse)
-        flux_per_root_force = parameters.loop.flux_table[:, -1] / math.sqrt(
-            parameters.scales.demand
-        )
-        gaps = np.linspace(
-            parameters.scales.gap_low, parameters.scales.gap_high, flux_per_root_force.size
-        )
+        flux_per_root_force = parameters.loop.flux_table[:, -1] / math.sqrt(parameters.scales.demand)
+        gaps = np.linspace(parameters.scales.gap_low, parameters.scales.gap_high, flux_per_root_force.size)
         return np.asarray((flux / np.interp(gap, gaps, flux_per_root_force)) ** 2)
 
 
@@ -406,9 +360,7 @@ class BearingMotion(Motion):
         is_levitated = state == HOVER_CODE
         # before levitation the reference is that of the lift
         levitated_reference = np.where(
-            is_levitated,
-            reference,
-            file.gap_m if not is_levitated.any() else reference[is_levitated][0],
+            is_levitated, reference, file.gap_m if not is_levitated.any() else reference[is_levitated][0]
         )
         window = round(REFERENCE_WINDOW_S / self.rig.dt)
         window_shift = (window - 1) // 2  # the window ends at the tick
@@ -477,9 +429,7 @@ class BearingLaw(MotionLaw):
             )
         return super().prior_sigma(name)
 
-    def make_motion(
-        self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
-    ) -> Motion:
+    def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
         """Make a motion from recorded columns."""
         return BearingMotion(self.rig, columns, first_compared_tick)
 
@@ -494,7 +444,5 @@ class BearingLaw(MotionLaw):
             current = (1.0 + values[f"scale_{number}"]) * current
             compensator = self.compensator(round_to_grid("width", width)).reset_copy()
             magnet_force = compensator.follow(current, own_gap)
-            net = net + (-1.0) ** (number - 1) * motion.filter_force(
-                magnet_force, motion.delay_ticks
-            )
+            net = net + (-1.0) ** (number - 1) * motion.filter_force(magnet_force, motion.delay_ticks)
         return net

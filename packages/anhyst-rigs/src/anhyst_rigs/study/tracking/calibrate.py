@@ -191,10 +191,7 @@ class HasCalibration(Protocol):
         """Read a rig file."""
 
     def motion_laws(
-        self,
-        rig: BodyRig,
-        controller: ControllerFile | PathLike | None,
-        magnet: IdentifiedMagnet | None,
+        self, rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
     ) -> tuple[LawFactory, IdentifiedMagnet]:
         """Return the factory of motion laws, and the identified magnet."""
 
@@ -252,13 +249,9 @@ def calibrate(
     kind.refuse_options("calibrate", {"--controller": controller})
     make_law, identified_magnet = calibrates.motion_laws(body_rig, controller, magnet)
     motions = [_make_motion(make_law("full"), source) for source in sources]
-    if not sources or len({motion.columns["command_A"].tobytes() for motion in motions}) < len(
-        sources
-    ):
+    if not sources or len({motion.columns["command_A"].tobytes() for motion in motions}) < len(sources):
         raise InputError(
-            "RUNS: give at least one recording, and each only once",
-            code="recordings-not-once",
-            key="RUNS",
+            "RUNS: give at least one recording, and each only once", code="recordings-not-once", key="RUNS"
         )
     settings, full_law = body_rig.settings, make_law("full")
     excluded = set(full_law.uncalibratable_methods(motions))

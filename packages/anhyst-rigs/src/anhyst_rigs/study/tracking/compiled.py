@@ -33,12 +33,7 @@ from anhyst.verification.protocol import make_stage_record
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import column_name, magnet_columns
-from anhyst_rigs.rig.stage.drives import (
-    axis_yields,
-    min_single_force,
-    monitoring_settings,
-    opposing_magnets,
-)
+from anhyst_rigs.rig.stage.drives import axis_yields, min_single_force, monitoring_settings, opposing_magnets
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import magnet_rows, mass_matrix, weight_wrench
@@ -75,8 +70,7 @@ def compile_stage(
         progress(0, 3)
     number_format: NumberFormat = "fixed" if request.io == "q31" else "f32"
     setup = replace(
-        make_stage(compiled_rig(rig), identify_stage_magnet(rig), request.kind),
-        number_format=number_format,
+        make_stage(compiled_rig(rig), identify_stage_magnet(rig), request.kind), number_format=number_format
     )
     if progress is not None:
         progress(2, 3)
@@ -114,17 +108,13 @@ def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
         )
     control, rig_rate = rig.settings.tracking, rig.settings.timing.rate_Hz
     if io == "q31" and control.calibration is not None:
-        text = (
-            "control.calibration: fixed point does not support corrections; compile with --io f32"
-        )
+        text = "control.calibration: fixed point does not support corrections; compile with --io f32"
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibration")
     if rate is not None and rate != rig_rate:
         text = f"timing.rate_Hz: is {rig_rate:g} Hz here and {rate:g} Hz in --rate; make them equal"
         raise InputError(f"{rig.path}: {text}", code="option-differs", key="timing.rate_Hz")
     if rig.settings.has_ground_heads:
-        text = (
-            "sensor.stands: a compiled controller does not support heads on the ground; remove it"
-        )
+        text = "sensor.stands: a compiled controller does not support heads on the ground; remove it"
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="sensor.stands")
     if control.calibrate:
         text = "control.calibrate: a compiled controller cannot calibrate itself; name the file of"
@@ -137,11 +127,7 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
     settings = controller_settings(setup) | monitoring_settings(rig)
     body = setup.assumed_rig.settings
-    plant_rows = {
-        "pull": magnet_rows(file),
-        "mass": mass_matrix(body),
-        "weight": weight_wrench(body),
-    }
+    plant_rows = {"pull": magnet_rows(file), "mass": mass_matrix(body), "weight": weight_wrench(body)}
     plant_rows["yields"] = np.array([axis_yields(file)])
     return StageController(
         name=name,
@@ -158,9 +144,7 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
         force_max=file.tracking.force_max_N,
         magnets=setup.compensators,
         correction=setup.correction_rows,
-        fixed_controller=make_fixed_stage_controller(setup)
-        if setup.number_format == "fixed"
-        else None,
+        fixed_controller=make_fixed_stage_controller(setup) if setup.number_format == "fixed" else None,
     )
 
 
@@ -191,9 +175,7 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     return dict(zip(map(record_column_name, form.record), signals, strict=True))
 
 
-def _encode_inputs(
-    setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int
-) -> NDArray[Any]:
+def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int) -> NDArray[Any]:
     """Return the inputs of a controller in its own number format.
 
     Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps and currents.
@@ -214,12 +196,8 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     motion = scan_motion(file.scan, file.scan.test_m_per_s2)
     rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))
     time = tick_times(rig, rows + 1)
-    wrench = feedforward_wrench(
-        setup.assumed_rig, feedforward_force(setup, motion, Feedforward())[:rows]
-    )
-    scenario = scan_scenario(
-        rig, motion.derivatives_at(time)[0], frame_stray(rig, motion, time), wrench
-    )
+    wrench = feedforward_wrench(setup.assumed_rig, feedforward_force(setup, motion, Feedforward())[:rows])
+    scenario = scan_scenario(rig, motion.derivatives_at(time)[0], frame_stray(rig, motion, time), wrench)
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     if loss := find_stage_loss(rig, run, rows):
         text = f"{rig.path}: the loop is lost in the simulated flight: {loss.reason}; check it"

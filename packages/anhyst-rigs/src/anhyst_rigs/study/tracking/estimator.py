@@ -139,9 +139,7 @@ class ParameterEstimator:
             return False
         self.noise_N = motion.force_noise
         comparisons_per_s = motion.comparisons_per_tick * COMPARISON_RATE_HZ
-        retention = math.exp(
-            -motion.compared_indices.size / (comparisons_per_s * self.forgetting_time_s)
-        )
+        retention = math.exp(-motion.compared_indices.size / (comparisons_per_s * self.forgetting_time_s))
         history = math.sqrt(retention) * self._information
         if self.identified:
             inconsistent_rows = self._gate(motion, history)
@@ -187,9 +185,7 @@ class ParameterEstimator:
             values = self._solve(information, excited)
         sigma = self._posterior_sigma(information, excited, 0.0)
         identified = [
-            name
-            for name in excited
-            if sigma[name] <= self.law.max_sigma_ratio * self.prior_sigma[name]
+            name for name in excited if sigma[name] <= self.law.max_sigma_ratio * self.prior_sigma[name]
         ]
         values = self._solve(information, identified)
         residual_N = self._residual_rms(motion, values)
@@ -198,9 +194,7 @@ class ParameterEstimator:
     def _has_scale_at_bound(self, values: Mapping[ParameterName, float]) -> bool:
         """Whether the scale of a current is at its bound, as with a plant or sensor fault."""
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
-        return any(
-            abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales
-        )
+        return any(abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales)
 
     def _reject(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
         """Discard a motion, and test whether a different mass explains it."""
@@ -224,9 +218,7 @@ class ParameterEstimator:
 
     def _residual_rms(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
         """Return the rms force of a motion that some parameter values do not explain, N."""
-        return rms(
-            (motion.measured_force - self.law.net_force(motion, values))[motion.compared_indices]
-        )
+        return rms((motion.measured_force - self.law.net_force(motion, values))[motion.compared_indices])
 
     def _prediction_sigma(self, history: FloatArray, motion_rows: FloatArray) -> float:
         """Return the rms standard deviation of the force predicted for a motion, N."""
@@ -257,9 +249,7 @@ class ParameterEstimator:
         Parameters are scaled by their priors, and further information rows are added.
         """
         relative_sigma = self.relative_sigma(*rows)
-        names = [
-            name for name, value in relative_sigma.items() if value <= self.law.max_sigma_ratio
-        ]
+        names = [name for name, value in relative_sigma.items() if value <= self.law.max_sigma_ratio]
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
         # Only the prior row of the sum of all scales is added: motion cannot separate it from a
         # payload.
@@ -279,13 +269,9 @@ class ParameterEstimator:
     def corrected_stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage with the applied corrections; its plant may have drifted."""
         assert isinstance(self.law, StageLaw)
-        return self.law.corrected_stage(
-            self._calibrated_method(self.applied_values, fits=True), drift
-        )
+        return self.law.corrected_stage(self._calibrated_method(self.applied_values, fits=True), drift)
 
-    def run_and_update(
-        self, drift: Drift, set_point: SetPoint, gains: Feedforward, seed: int
-    ) -> Recording:
+    def run_and_update(self, drift: Drift, set_point: SetPoint, gains: Feedforward, seed: int) -> Recording:
         """Run a set-point with the applied corrections, and update the estimate from the result."""
         run = track(self.corrected_stage(drift), set_point, gains, seed)
         if run.loss is None:
@@ -308,9 +294,7 @@ class ParameterEstimator:
         force_N, residual_N = self._sums.force_rms, self._sums.residual_rms
         return force_N > 0.0 and self._is_explained(residual_N, force_N)
 
-    def _calibrated_method(
-        self, values: Mapping[ParameterName, float], fits: bool
-    ) -> CalibratedMethod:
+    def _calibrated_method(self, values: Mapping[ParameterName, float], fits: bool) -> CalibratedMethod:
         """Return values, uncertainty and residual in the form of the calibration file."""
         residual_N = self._sums.residual_rms
         sigma = self._posterior_sigma(self._information, self.identified, residual_N)
@@ -373,9 +357,7 @@ class ParameterEstimator:
         """Return the columns of some parameters in the information rows."""
         return [self._names.index(name) for name in names]
 
-    def _solve(
-        self, rows: FloatArray, names: Sequence[ParameterName]
-    ) -> dict[ParameterName, float]:
+    def _solve(self, rows: FloatArray, names: Sequence[ParameterName]) -> dict[ParameterName, float]:
         """Solve for some parameters, with their prior and within their bounds; others are 0."""
         values = dict.fromkeys(self.law.names, 0.0)
         if not names:
@@ -402,9 +384,7 @@ class ParameterEstimator:
         sigma = prior_sigma * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
         return dict(zip(names, sigma.tolist(), strict=True))
 
-    def _linearise(
-        self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
-    ) -> FloatArray:
+    def _linearise(self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool) -> FloatArray:
         """Return the information rows ``[J | z]`` of a motion, linearised at some values."""
         jacobian, predicted_N = self._predict(motion, values, exact=exact)
         point = np.array([values[name] for name in self._names])
@@ -437,9 +417,7 @@ class ParameterEstimator:
                 jacobian[:, column] = (predict({**original_width, **changed}) - base_N) / step
         if exact:
             return jacobian, predict({})
-        width_force_N = jacobian[:, self._column_indices(widths)] @ [
-            values[name] for name in widths
-        ]
+        width_force_N = jacobian[:, self._column_indices(widths)] @ [values[name] for name in widths]
         return jacobian, base_N + width_force_N
 
 

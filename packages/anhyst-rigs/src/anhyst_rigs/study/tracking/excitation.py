@@ -30,13 +30,7 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import mass_matrix, scan_direction, weight_wrench
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, run_scenario, track
-from anhyst_rigs.rig.stage.setpoint import (
-    STRAY_DELAY_S,
-    SetPoint,
-    frame_stray_from,
-    scan_motion,
-    tick_times,
-)
+from anhyst_rigs.rig.stage.setpoint import STRAY_DELAY_S, SetPoint, frame_stray_from, scan_motion, tick_times
 from anhyst_rigs.study.tracking.bodies import COMPARISON_START_S, StageLaw
 from anhyst_rigs.study.tracking.estimator import ParameterEstimator
 from anhyst_rigs.study.tracking.motion import refuse_slow_amplifier
@@ -64,9 +58,7 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
             [*ACCELERATION_RATIOS, *-ACCELERATION_RATIOS], mass_row
         ) - weight_wrench(file)
         forces = np.abs([layout.share(wrench)[0] for wrench in wrenches.tolist()]).max(axis=1)
-        is_feasible = (
-            forces.reshape(2, -1).max(axis=0) <= MAX_FORCE_RATIO * file.tracking.force_max_N
-        )
+        is_feasible = forces.reshape(2, -1).max(axis=0) <= MAX_FORCE_RATIO * file.tracking.force_max_N
         if not is_feasible.any() or (axis not in ("x", "y") and not scan_part):
             continue
         ratio = float(ACCELERATION_RATIOS[is_feasible][0])
@@ -74,16 +66,10 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
         # an odd number, so that the second repetition is reversed
         accelerations += accelerations[: 1 - len(accelerations) % 2]
         phases, last_acceleration = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
-        speeds = np.geomspace(
-            max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3
-        ).tolist()
+        speeds = np.geomspace(max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3).tolist()
         legs[axis] = [
             SetPoint(
-                (*accelerations, *accelerations, last_acceleration),
-                speed,
-                0.0,
-                *phases,
-                has_final_rest=True,
+                (*accelerations, *accelerations, last_acceleration), speed, 0.0, *phases, has_final_rest=True
             )
             for speed in speeds
         ]
@@ -115,15 +101,11 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
-        candidates.append(
-            [None, *((axis, *candidate) for candidate in zip(motions, rows, strict=True))]
-        )
+        candidates.append([None, *((axis, *candidate) for candidate in zip(motions, rows, strict=True))])
 
     def rank(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
         ratios = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
-        return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(
-            leg.duration for _, leg, _ in legs
-        )
+        return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(leg.duration for _, leg, _ in legs)
 
     selected = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
     return {axis: leg for axis, leg, _ in selected}
@@ -188,20 +170,12 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
-        why = (
-            "[spread] states no errors, or the loop is lost"
-            if run is None
-            else f"lost {run.loss_text}"
-        )
-        raise NegativeResult(
-            f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown"
-        )
+        why = "[spread] states no errors, or the loop is lost" if run is None else f"lost {run.loss_text}"
+        raise NegativeResult(f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown")
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
-        ratios = dict.fromkeys(
-            (name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0
-        )
+        ratios = dict.fromkeys((name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0)
         ratios |= estimator.relative_sigma(rows)
         hidden = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
         return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden)
@@ -210,9 +184,7 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     return CalibratingMove(legs, run, information(run), information(training_run))
 
 
-def excite_to_calibrate(
-    rig: PathLike, out: PathLike, *, plot: PathLike | None = None
-) -> CalibratingMove:
+def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None = None) -> CalibratingMove:
     """Simulate and record the shortest move that identifies the calibration errors of a stage.
 
     Parameters

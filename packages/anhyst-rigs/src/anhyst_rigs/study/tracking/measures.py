@@ -20,19 +20,8 @@ from anhyst.support.states import Command, Phase, State
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.loop import (
-    FIRST_FAILURE_BIT,
-    HEAD_FAULT_BITS,
-    SHORT_CIRCUIT_BIT,
-    SimulatedLoop,
-)
-from anhyst_rigs.rig.recording import (
-    Recording,
-    column_name,
-    moving_statistics,
-    peak_deviation,
-    settling_tick,
-)
+from anhyst_rigs.rig.loop import FIRST_FAILURE_BIT, HEAD_FAULT_BITS, SHORT_CIRCUIT_BIT, SimulatedLoop
+from anhyst_rigs.rig.recording import Recording, column_name, moving_statistics, peak_deviation, settling_tick
 from anhyst_rigs.rig.stage.drives import spare_magnets, usual_allocation, wrench_layout
 from anhyst_rigs.rig.stage.geometry import (
     axis_unit,
@@ -246,8 +235,7 @@ class LossResult:
 
         def format_largest(error: Mapping[str, float]) -> str:
             sizes = [
-                1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0)
-                for u in ("_m", "_rad")
+                1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0) for u in ("_m", "_rad")
             ]
             return ", ".join(f"{size:.3g}" for size in sizes) if error else ""
 
@@ -312,15 +300,9 @@ class LossFlights:
         fault_word = 1 << magnet + FIRST_FAILURE_BIT | (
             SHORT_CIRCUIT_BIT if self.case.circuit == "short" else 0
         )
-        loss = self._run_failure(
-            file.body_magnets[magnet].name, tick, fault_word, magnet, test_plan
-        )
-        current_A = nominal_run[column_name("current", "A", magnet + 1)][
-            round(loss.at_s / self._rig.dt)
-        ]
-        return replace(
-            loss, current_A=float(current_A), spare=bool(spare_magnets(file) >> magnet & 1)
-        )
+        loss = self._run_failure(file.body_magnets[magnet].name, tick, fault_word, magnet, test_plan)
+        current_A = nominal_run[column_name("current", "A", magnet + 1)][round(loss.at_s / self._rig.dt)]
+        return replace(loss, current_A=float(current_A), spare=bool(spare_magnets(file) >> magnet & 1))
 
     def _lose_head(self, number: int, fault: str, test_plan: _Plan) -> LossResult:
         tick = int(np.argmax(np.abs(test_plan.acceleration)))
@@ -364,9 +346,7 @@ class LossFlights:
             noticed_s=(notice_tick - tick) * dt if noticed.size else None,
             outcome=outcome,
             error={name: peak_deviation(run[name][tick:]) for name in names},
-            error_end={
-                name: peak_deviation(run[name][-round(FINAL_WINDOW_S / dt) :]) for name in names
-            },
+            error_end={name: peak_deviation(run[name][-round(FINAL_WINDOW_S / dt) :]) for name in names},
             down_m_per_s=down,
             touch_m_per_s=touch,
             let_go=self._contact_speeds(self._fly(plan, faults | {notice_tick: all_magnets})),
@@ -381,9 +361,7 @@ class LossFlights:
         plan = _Plan(np.zeros(zeros.size + 1), np.zeros(zeros.size + 1), zeros)
         commands = {0: Command.IDLE, lift_tick: Command.LIFT, land_tick: Command.LAND}
         run = self._fly(plan, {}, commands)
-        levitated_ticks = (
-            np.flatnonzero(run["state"][lift_tick:land_tick] % 16 == Phase.HOVER) + lift_tick
-        )
+        levitated_ticks = np.flatnonzero(run["state"][lift_tick:land_tick] % 16 == Phase.HOVER) + lift_tick
         fall_speeds = self._contact_speeds(run.slice_ticks(0, lift_tick))
         landing_speeds = self._contact_speeds(run.slice_ticks(lift_tick, len(run)))
         return LossResult(
@@ -394,9 +372,7 @@ class LossFlights:
             if levitated_ticks.size and _controller_state(run)[-1] == State.READY
             else "stays",
             error={
-                name: peak_deviation(run[name][levitated_ticks])
-                for name in names
-                if levitated_ticks.size
+                name: peak_deviation(run[name][levitated_ticks]) for name in names if levitated_ticks.size
             },
             error_end={
                 name: peak_deviation(run[name][land_tick - round(FINAL_WINDOW_S / dt) : land_tick])
@@ -466,13 +442,7 @@ class LossFlights:
                 ]
             ),
             np.concatenate(
-                [
-                    test_plan.acceleration[:tick],
-                    eased_acceleration,
-                    course.acceleration,
-                    [0.0],
-                    hold,
-                ]
+                [test_plan.acceleration[:tick], eased_acceleration, course.acceleration, [0.0], hold]
             ),
             np.concatenate([test_plan.feedforward[:tick], feedforward, hold]),
         )
@@ -509,9 +479,7 @@ class LossFlights:
         file, axes = self._rig.settings, self._rig.settings.body.free
         poses = np.column_stack([run[name] for name in axis_columns("pose", axes)])
         speeds = np.diff(poses, axis=0) / self._rig.dt
-        is_contact = (
-            np.diff((np.abs(poses) > np.array(stop_distances(file))).astype(int), axis=0) > 0
-        )
+        is_contact = np.diff((np.abs(poses) > np.array(stop_distances(file))).astype(int), axis=0) > 0
         at_magnets = np.abs(speeds @ magnet_rows(file).T).max(axis=1)
         down = np.zeros(len(speeds))
         if "z" in axes:

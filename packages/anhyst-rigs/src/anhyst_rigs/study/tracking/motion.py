@@ -135,9 +135,7 @@ class MotionLaw(ABC):
     method: MethodName
     names: Sequence[ParameterName]  # all parameters, in the order of the calibration file
     estimable_names: Sequence[ParameterName]  # parameters that a motion may change
-    comparison_sigma_ratio: (
-        float  # standard deviation of a comparison, fraction of the largest force
-    )
+    comparison_sigma_ratio: float  # standard deviation of a comparison, fraction of the largest force
     max_sigma_ratio: float  # largest posterior over prior sigma of an identified parameter
     max_residual_ratio: float  # largest rms residual of a suitable model, fraction of the rms force
     force_max: float  # largest demanded force, N
@@ -179,9 +177,7 @@ class MotionLaw(ABC):
         }[parameter_kind(name)]
 
     @abstractmethod
-    def make_motion(
-        self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
-    ) -> Motion:
+    def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
         """Make a motion from recorded columns."""
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
@@ -196,8 +192,4 @@ class MotionLaw(ABC):
 
 def round_to_grid(name: ParameterName, value: float) -> float:
     """Round a loop width to the grid of fitted models; return other parameters unchanged."""
-    return (
-        round(value / WIDTH_GRID_STEP) * WIDTH_GRID_STEP
-        if parameter_kind(name) == "width"
-        else value
-    )
+    return round(value / WIDTH_GRID_STEP) * WIDTH_GRID_STEP if parameter_kind(name) == "width" else value

@@ -44,15 +44,7 @@ rest, one cycle is skipped."""
 MAX_ERROR_GROWTH = 1.5
 """Largest growth of the error over its smallest value in two cycles in a row. Beyond it the earlier
 corrections are restored."""
-_BEARING_COLUMNS = (
-    "reference_m",
-    "gap_read_m",
-    "command_A",
-    "load_N",
-    "demand_N",
-    "state",
-    "phase",
-)
+_BEARING_COLUMNS = ("reference_m", "gap_read_m", "command_A", "load_N", "demand_N", "state", "phase")
 MIN_COMPARISONS = 50
 """Smallest number of comparisons in a window that is used for an update."""
 MIN_SWAP_CHANGE = 0.1
@@ -157,9 +149,7 @@ class BenchCalibrator:
             "on": self.is_on,
             "refused": str(self._refusal or ""),
             "trouble": self._stop_reason,
-            "said": {
-                method: estimator.calibration.summary for method, estimator in estimators.items()
-            },
+            "said": {method: estimator.calibration.summary for method, estimator in estimators.items()},
             "before": dict(self._uncorrected_error),
         }
 
@@ -243,22 +233,17 @@ class StageCalibrator(BenchCalibrator):
         super().process_rows(rows[:, [0, *self._column_indices]], run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        while (
-            len(self._buffer) > 1 and sum(map(len, self._buffer)) > MAX_BUFFER_S * self._bench.rate
-        ):
+        while len(self._buffer) > 1 and sum(map(len, self._buffer)) > MAX_BUFFER_S * self._bench.rate:
             self._buffer.popleft()
         pickup_tick = max(self._bench.plant_tick, self._bench.lift_tick)
         first_tick = int(rows[0, 0])
         if 0 <= pickup_tick - first_tick < len(rows):
             was_lifted_again = pickup_tick != self._bench.plant_tick
-            earlier_rows = (
-                self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
-            )
+            earlier_rows = self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
             self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first_tick :]])
             if was_lifted_again:  # the iron now carries the weight on another branch
                 self._estimators = {
-                    name: estimator.copy_without_data()
-                    for name, estimator in self._estimators.items()
+                    name: estimator.copy_without_data() for name, estimator in self._estimators.items()
                 }
         elif pickup_tick <= first_tick < pickup_tick + PICKUP_TIME_S * self._bench.rate:
             self._pickup_rows = np.concatenate([self._pickup_rows, rows])
@@ -269,23 +254,18 @@ class StageCalibrator(BenchCalibrator):
     def _rows_before_lift(self, tick: int) -> FloatArray:
         """Return rows before a lift that determine the hysteresis state: first lift to descent."""
         history_begin = max(
-            (cycle.history_start for cycle in tuple(self._bench.cycles) if cycle.first_tick < tick),
-            default=0,
+            (cycle.history_start for cycle in tuple(self._bench.cycles) if cycle.first_tick < tick), default=0
         )
         rows = np.concatenate(self._buffer)
         rows = rows[(rows[:, 0] >= history_begin) & (rows[:, 0] < tick)]
         has_current = rows[:, self._command_indices].any(axis=1)
         is_earlier = self._pickup_rows[:, 0] < (rows[0, 0] if len(rows) else tick)
         # the first row of a rest without current is sufficient
-        return np.concatenate(
-            [self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]]
-        )
+        return np.concatenate([self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]])
 
     def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
         """Update the estimate from a complete cycle, and put corrections into force."""
-        table = np.concatenate(
-            [rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start]
-        )
+        table = np.concatenate([rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start])
         first, end = int(table[0, 0]), cycle.last_tick
         error, laps = table[: end + 1 - first, -2:].T
         begin_row = cycle.first_tick - first
@@ -294,9 +274,7 @@ class StageCalibrator(BenchCalibrator):
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
         windows = slit_statistics(error[begin_row:], cycle.motion, slit, dt)
         peak_error = peak_deviation(error[begin_row:])
-        average = max(
-            (peak_deviation(mean) for mean, _ in windows if mean.size), default=peak_error
-        )
+        average = max((peak_deviation(mean) for mean, _ in windows if mean.size), default=peak_error)
         estimators, is_learning, setup = self._estimators, self.is_on, None
         estimator = estimators.get(cycle.method)
         history = self._histories.setdefault(cycle.method, _CorrectionHistory())
@@ -327,9 +305,7 @@ class StageCalibrator(BenchCalibrator):
                 self._bench.correct(setup)
                 history.add(setup, estimator.applied_values)
             self._record_cycle(
-                CycleResult(
-                    end, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}
-                ),
+                CycleResult(end, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}),
                 estimator,
             )
 
@@ -339,8 +315,7 @@ class StageCalibrator(BenchCalibrator):
         """Whether a later cycle has ended; an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
-            other.number > cycle.number and other.last_tick <= tick
-            for other in tuple(self._bench.cycles)
+            other.number > cycle.number and other.last_tick <= tick for other in tuple(self._bench.cycles)
         )
 
     def _restore_best(
@@ -351,9 +326,7 @@ class StageCalibrator(BenchCalibrator):
         average: float,
     ) -> StageSetup:
         """Stop the calibration, and return the stage with the corrections of the smallest error."""
-        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(
-            best_corrections
-        )
+        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best_corrections)
         self._stop(
             f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
             f"{1e9 * average:.3g} nm; the corrections with the smallest error are restored"
@@ -371,9 +344,7 @@ class StageCalibrator(BenchCalibrator):
         method = cycle.method
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
-        estimator = estimators.setdefault(
-            method, ParameterEstimator(self._laws[method], FORGETTING_TIME_S)
-        )
+        estimator = estimators.setdefault(method, ParameterEstimator(self._laws[method], FORGETTING_TIME_S))
         before = dict(estimator.applied_values)
         try:
             estimator.update(self._laws[method].make_motion(columns, begin_row))
@@ -470,9 +441,7 @@ class BearingCalibrator(BenchCalibrator):
         if self._refusal is not None:
             return
         setup = self._setup
-        law = self._law = self._law or BearingLaw(
-            setup.rig, setup.controller, self._magnet, self._method
-        )
+        law = self._law = self._law or BearingLaw(setup.rig, setup.controller, self._magnet, self._method)
         rows = np.concatenate([self._history_rows, table])
         columns = {name: rows[:, place] for name, place in self._column_indices.items()}
         begin_row = len(self._history_rows) + round(TAIL_S * self._bench.rate)
@@ -480,9 +449,9 @@ class BearingCalibrator(BenchCalibrator):
         indices = motion.compared_indices
         if indices.size < MIN_COMPARISONS:
             return
-        force_error = (
-            motion.measured_force - motion.filter_force(columns["demand_N"], motion.delay_ticks)
-        )[indices]
+        force_error = (motion.measured_force - motion.filter_force(columns["demand_N"], motion.delay_ticks))[
+            indices
+        ]
         zeros = dict.fromkeys(law.names, 0.0)
         uncorrected_rms_N = rms((motion.measured_force - law.net_force(motion, zeros))[indices])
         end, estimators, is_learning = int(table[-1, 0]), self._estimators, self.is_on
@@ -508,14 +477,7 @@ class BearingCalibrator(BenchCalibrator):
             elif update is not None:
                 self._swap_block(*update)
             cycle = CycleResult(
-                end,
-                0,
-                self._method,
-                rms(force_error),
-                peak_deviation(force_error),
-                is_learning,
-                0,
-                {},
+                end, 0, self._method, rms(force_error), peak_deviation(force_error), is_learning, 0, {}
             )
             self._record_cycle(cycle, self._estimators.get(self._method))
 
@@ -531,8 +493,7 @@ class BearingCalibrator(BenchCalibrator):
             estimator.follow_estimate(WINDOW_S)
             corrections = dict(estimator.applied_values)
             if all(
-                abs(value - self._corrections.get(name, 0.0))
-                <= MIN_SWAP_CHANGE * estimator.prior_sigma[name]
+                abs(value - self._corrections.get(name, 0.0)) <= MIN_SWAP_CHANGE * estimator.prior_sigma[name]
                 for name, value in corrections.items()
             ):
                 return None

@@ -30,13 +30,7 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import error_columns
-from anhyst_rigs.rig.stage.loop import (
-    CONSTANT_METHODS,
-    Feedforward,
-    StageSetup,
-    pid_coefficients,
-    track,
-)
+from anhyst_rigs.rig.stage.loop import CONSTANT_METHODS, Feedforward, StageSetup, pid_coefficients, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.study.bearing.inputs import check_calibration_covers
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
@@ -270,17 +264,12 @@ class TrackingStudy(StudyResult):
     def verdict(self) -> Judgement:
         """Whether compensation is beneficial on this stage, against the strongest baselines."""
         if self.lost_in:
-            return Judgement(
-                "unknown", f"the loop of '{COMPENSATOR}' was lost: {'; '.join(self.lost_in)}"
-            )
+            return Judgement("unknown", f"the loop of '{COMPENSATOR}' was lost: {'; '.join(self.lost_in)}")
         baselines = [name for name in self.completed if METHODS[name].role == "baseline"]
         if not baselines:
             return Judgement("unknown", "every baseline lost the loop")
         return judge_against_baselines(
-            COMPENSATOR,
-            self._compare_with_best(baselines),
-            "measures",
-            BENEFICIAL_CONDITIONS["stage"],
+            COMPENSATOR, self._compare_with_best(baselines), "measures", BENEFICIAL_CONDITIONS["stage"]
         )
 
     @property
@@ -292,9 +281,7 @@ class TrackingStudy(StudyResult):
         if self.lost_in:
             return {}
         names: list[MethodName] = [self.memoryless]
-        names += [
-            name for name in self.variants if name not in (COMPENSATOR, *names, *CONSTANT_METHODS)
-        ]
+        names += [name for name in self.variants if name not in (COMPENSATOR, *names, *CONSTANT_METHODS)]
         return {
             name: judge_comparisons(COMPENSATOR, self._compare_with_best([name]), "measures")
             for name in names
@@ -307,9 +294,7 @@ class TrackingStudy(StudyResult):
         methods: list[MethodName] = [*CONSTANT_METHODS, "single-valued"]
         candidates = [name for name in methods if name in self.variants]
         completed = [name for name in candidates if name in self.completed]
-        return min(
-            completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean
-        )
+        return min(completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
         """Compare each figure with the smallest one of some variants."""
@@ -347,9 +332,7 @@ class TrackingStudy(StudyResult):
     def draw(self, ax: Axes) -> None:
         """Draw the error of every variant over the test set-point, for one noise seed."""
         for name, variant in self.variants.items():
-            ax.plot(
-                variant.recording["t_s"], 1e9 * variant.recording["error_m"], lw=0.8, label=name
-            )
+            ax.plot(variant.recording["t_s"], 1e9 * variant.recording["error_m"], lw=0.8, label=name)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("error [nm]")
 
@@ -390,9 +373,7 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
     else:
         runs = [estimator.run_and_update(setup.drift, motion, gains, seed) for seed in seeds]
         setup = estimator.corrected_stage(setup.drift)
-    small_motion = scan_motion(
-        table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2]
-    )
+    small_motion = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2])
     test_gains = find_gains(setup, motion)
     trials = run_learning_control(setup, gains)
     stationary = stationary_axes(setup.rig.settings)
@@ -405,12 +386,8 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
             for band in SETTLING_BANDS_M
         ),
         recording=runs[0],
-        small_force_measures=measure(
-            track(setup, small_motion, gains, 1), small_motion, table.slit_s
-        ),
-        repeated_setpoint_measures=measure(
-            track(setup, motion, test_gains, 1), motion, table.slit_s
-        ),
+        small_force_measures=measure(track(setup, small_motion, gains, 1), small_motion, table.slit_s),
+        repeated_setpoint_measures=measure(track(setup, motion, test_gains, 1), motion, table.slit_s),
         standstill_errors=measure_standstill(setup, gains),
         learning_peaks_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
         cross_talk={key: tuple(errors[key] for errors in axis_errors) for key in axis_errors[0]},
@@ -425,18 +402,14 @@ def tune_and_calibrate(
     training = scan_motion(setup.rig.settings.scan, setup.rig.settings.scan.train_m_per_s2)
     gains = find_gains(setup, training)
     estimator = calibrate_running_stage(setup, magnet, gains, TRAINING_SEED)
-    return gains if estimator is None else find_gains(
-        estimator.corrected_stage(), training
-    ), estimator
+    return gains if estimator is None else find_gains(estimator.corrected_stage(), training), estimator
 
 
 def measure_standstill(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, float]:
     """Return the errors at rest, rms, by column, m or rad."""
     file, table = setup.rig.settings, setup.rig.settings.scan
     columns = ["error_m", *error_columns(file.body.free)]
-    set_point = replace(
-        scan_motion(table, table.test_m_per_s2[:2]), cruise=_STANDSTILL_S, speed=0.0
-    )
+    set_point = replace(scan_motion(table, table.test_m_per_s2[:2]), cruise=_STANDSTILL_S, speed=0.0)
     run = track(setup, set_point, gains, seed)
     if run.loss is not None:
         return dict.fromkeys(columns, math.inf)
@@ -471,9 +444,7 @@ def make_variants(
 def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     """Reject a loop that is lost at a tenth of the accelerations with mass feedforward only."""
     table = setup.rig.settings.scan
-    small_motion = scan_motion(
-        table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2[:2]]
-    )
+    small_motion = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2[:2]])
     run = track(setup, small_motion, Feedforward(), seed=1)
     if run.loss is None:
         return
@@ -506,13 +477,9 @@ def explore_stage(
     identified_magnet = magnet or identify_stage_magnet(rig)
     setups, left_out = make_variants(rig, identified_magnet, names)
     refuse_unstable(setups[COMPENSATOR], out)
-    results = map_ordered(
-        partial(evaluate_variant, identified_magnet), list(setups.values()), progress
-    )
+    results = map_ordered(partial(evaluate_variant, identified_magnet), list(setups.values()), progress)
     found = TrackingStudy(rig, dict(zip(setups, results, strict=True)), left_out)
     if rig.settings.loss_case is None or found.lost_in:
         return found
-    flights = LossFlights(
-        setups[COMPENSATOR], found.variants[COMPENSATOR].gains, rig.settings.loss_case
-    )
+    flights = LossFlights(setups[COMPENSATOR], found.variants[COMPENSATOR].gains, rig.settings.loss_case)
     return replace(found, losses=flights.run_all())

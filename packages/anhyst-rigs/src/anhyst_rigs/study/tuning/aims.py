@@ -44,9 +44,7 @@ class GainFigures:
     def merge_worst(self, other: Self) -> Self:
         """Return the larger value of each figure."""
         other_values = other.by_name()
-        return type(self)(
-            **{name: max(value, other_values[name]) for name, value in self.by_name().items()}
-        )
+        return type(self)(**{name: max(value, other_values[name]) for name, value in self.by_name().items()})
 
     @property
     def cost(self) -> float:
@@ -178,9 +176,7 @@ class Aims:
         An infinite cost figure (no settling, or no moving average) is missed by 1, even without a
         limit.
         """
-        excess = {
-            name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()
-        }
+        excess = {name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()}
         if not math.isfinite(figures.cost):
             excess.setdefault(figures.cost_name, 1.0)
         return {name: value for name, value in excess.items() if value > 0.0}

@@ -80,9 +80,7 @@ class BearingLoop:
         """Return this loop with a shorter hold after each step."""
         rig = self.setup.rig
         hold_s = min(rig.settings.step.hold_s, MAX_SEARCH_HOLD_S)
-        return replace(
-            self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold_s}))
-        )
+        return replace(self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold_s})))
 
     def make_controller(self) -> None:
         """Make the controller; raises InputError if fixed point cannot represent its gains."""
@@ -101,8 +99,7 @@ class BearingLoop:
         if lost_at_s is not None:
             return None
         step_rows = [
-            merge_directions(steps, height)
-            for height in dict.fromkeys(step.height for step in steps)
+            merge_directions(steps, height) for height in dict.fromkeys(step.height for step in steps)
         ]
         figures = _worst_figures([row for row in step_rows if row is not None])
         if aims.cost(figures) > ceiling:
@@ -228,9 +225,7 @@ class BearingLoop:
 def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
     """Return the largest value of each figure, with a given peak of the sensitivity."""
     names = set(rows[0]) & set(BearingFigures().by_name())
-    return BearingFigures(
-        peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
-    )
+    return BearingFigures(peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names})
 
 
 def interpolate_peak(measured: Sensitivity) -> float:
@@ -241,11 +236,7 @@ def interpolate_peak(measured: Sensitivity) -> float:
         return measured.peak
     left, middle, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
     curvature = left - 2.0 * middle + right
-    return (
-        math.exp(middle - (right - left) ** 2 / (8.0 * curvature))
-        if curvature < 0.0
-        else measured.peak
-    )
+    return math.exp(middle - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else measured.peak
 
 
 def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:
@@ -293,8 +284,7 @@ def _saturation_limits(
     )
     limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier
     texts = {
-        "force": f"the demand is at its limits of {limits.force_low_N:g} and "
-        f"{limits.force_high_N:g} N",
+        "force": f"the demand is at its limits of {limits.force_low_N:g} and {limits.force_high_N:g} N",
         "voltage": f"the amplifier is at its supply of {amplifier.supply_V:g} V",
         "current": f"the current is at its limits of {limits.current_low_A:g} and "
         f"{limits.current_high_A:g} A",
@@ -307,17 +297,12 @@ def _saturation_limits(
         )
         if seconds > 0.0:
             found_limits.append(
-                Limit(
-                    quantity,
-                    f"{text} for up to {1e3 * seconds:.2g} ms of a step, at {condition.text}",
-                )
+                Limit(quantity, f"{text} for up to {1e3 * seconds:.2g} ms of a step, at {condition.text}")
             )
     return found_limits
 
 
-def _saturation_times(
-    setup: BearingSetup, seed: int, condition: BearingCondition
-) -> Mapping[str, float]:
+def _saturation_times(setup: BearingSetup, seed: int, condition: BearingCondition) -> Mapping[str, float]:
     """Return the longest time within a step that force, voltage and current are at their limits, s."""
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.step.heights_m
@@ -332,8 +317,7 @@ def _saturation_times(
         is_saturated = {
             "force": (demand >= limits.force_high_N - force_tolerance_N)
             | (demand <= limits.force_low_N + force_tolerance_N),
-            "voltage": np.abs(step_recording["voltage_V"])
-            >= _LIMIT_FRACTION * rig.settings.amplifier.supply,
+            "voltage": np.abs(step_recording["voltage_V"]) >= _LIMIT_FRACTION * rig.settings.amplifier.supply,
             "current": (current >= _LIMIT_FRACTION * current_high_A)
             | (current <= current_low_A + (1.0 - _LIMIT_FRACTION) * current_high_A),
         }
@@ -342,9 +326,7 @@ def _saturation_times(
     return longest_s
 
 
-def _find_helpful_changes(
-    loop: BearingLoop, aims: Aims, seed: int, jobs: int | None
-) -> list[Limit]:
+def _find_helpful_changes(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
     """Tune linear loops again with one change at a time, and report the changes that help."""
     screen = make_screen(loop.setup, loop.conditions)
     loops = screen.loops
@@ -356,24 +338,13 @@ def _find_helpful_changes(
     ]
     changes: dict[str, tuple[str, Screen, Aims]] = {
         "overshoot_percent": (f"an overshoot of {overshoot:g} %", screen, relaxed_aims),
-        "force": (
-            "50 % more force for the largest step",
-            screen.with_scaled_force(1.5),
-            aims,
-        ),
-        "delay": (
-            "half the delay from sample to current",
-            screen.with_loops(loops_with_half_delay),
-            aims,
-        ),
+        "force": ("50 % more force for the largest step", screen.with_scaled_force(1.5), aims),
+        "delay": ("half the delay from sample to current", screen.with_loops(loops_with_half_delay), aims),
         "pinning": ("an iron without pinning", screen.select_loops(range(0, len(loops), 2)), aims),
     }
     loops_with_fast_amplifier = [
         replace(
-            loop,
-            amplifier=AnalogueAmplifier(
-                2.0 * loop.amplifier.gain, 2.0 * loop.amplifier.integral_gain
-            ),
+            loop, amplifier=AnalogueAmplifier(2.0 * loop.amplifier.gain, 2.0 * loop.amplifier.integral_gain)
         )
         for loop in loops
         if isinstance(loop.amplifier, AnalogueAmplifier)

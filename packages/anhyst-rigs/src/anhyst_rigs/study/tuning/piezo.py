@@ -66,10 +66,7 @@ class PiezoCondition:
 
 NOMINAL = PiezoCondition("the triangle")
 RANDOM_PLANTS = PiezoCondition(f"{CHECK_PLANTS} random plants of [spread]")
-SEARCH_CONDITIONS = (
-    NOMINAL,
-    *(PiezoCondition(f"random plant {n + 1}", n) for n in range(SEARCH_PLANTS)),
-)
+SEARCH_CONDITIONS = (NOMINAL, *(PiezoCondition(f"random plant {n + 1}", n) for n in range(SEARCH_PLANTS)))
 CHECK_CONDITIONS = tuple(
     PiezoCondition("a further random plant", _FIRST_CHECK_PLANT + n) for n in range(CHECK_PLANTS)
 )
@@ -87,9 +84,7 @@ class PiezoSpace(SearchBox):
         resonance_Hz, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
         rate = self.file.timing.rate_Hz
         return {
-            "bandwidth_Hz": Axis(
-                min(resonance_Hz, rate) / 500.0, min(resonance_Hz, rate / 10.0), True
-            ),
+            "bandwidth_Hz": Axis(min(resonance_Hz, rate) / 500.0, min(resonance_Hz, rate / 10.0), True),
             "notch_Hz": Axis(0.7 * resonance_Hz, min(1.4 * resonance_Hz, 0.49 * rate), True),
             "notch_damping": Axis(0.3 * damping, max(30.0 * damping, 1.0), True),
             "notch_width": Axis(0.1, 3.0, True),
@@ -193,9 +188,7 @@ def _evaluate_plant(
     # The residual of a triangle consists of harmonics that decrease with the square of their order.
     first_Hz = file.displacement_case.frequency_Hz
     harmonics = np.where(sweep_Hz >= first_Hz, (first_Hz / sweep_Hz) ** 2, 0.0)
-    residual = np.sqrt(
-        np.trapezoid((sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_Hz, axis=1)
-    )
+    residual = np.sqrt(np.trapezoid((sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_Hz, axis=1))
     peak_frequency = frequency[np.arange(coefficients.shape[0]), np.argmax(sensitivity, axis=1)]
     return np.where(is_stable, sensitivity.max(axis=1), np.inf), peak_frequency, residual
 
@@ -222,9 +215,7 @@ class PiezoLoop:
         """Return this loop with the gains of a point of the box."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
-        return replace(
-            self, rig=replace(self.rig, settings=self.rig.settings.with_changes(changes))
-        )
+        return replace(self, rig=replace(self.rig, settings=self.rig.settings.with_changes(changes)))
 
     def for_search(self) -> PiezoLoop:
         """Return this loop: the triangle is equally long in search and check."""
@@ -252,9 +243,7 @@ class PiezoLoop:
             return figures  # the motion can only add cost
         file, noise_seed = condition.plant(self.rig.settings)
         plant = replace(self.rig, settings=file)
-        run = follow_reference(
-            self.rig, make_reference(self.rig), self.inverse, plant, noise_seed + seed
-        )
+        run = follow_reference(self.rig, make_reference(self.rig), self.inverse, plant, noise_seed + seed)
         if run.loss is not None:
             return None
         error = run["error_m"][first_evaluated_tick(self.rig) :]
@@ -269,19 +258,13 @@ class PiezoLoop:
         aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
             file_gains,
-            *(
-                partial(find_best_point, linear, self.space, seed, peak_aims)
-                for peak_aims in aims_list
-            ),
+            *(partial(find_best_point, linear, self.space, seed, peak_aims) for peak_aims in aims_list),
         ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
         """Evaluate gains with all noise seeds, and with plants that the search did not use."""
         seeds = range(1, self.rig.settings.noise_seeds + 1)
-        tasks = [
-            *((NOMINAL, seed) for seed in seeds),
-            *((condition, 0) for condition in CHECK_CONDITIONS),
-        ]
+        tasks = [*((NOMINAL, seed) for seed in seeds), *((condition, 0) for condition in CHECK_CONDITIONS)]
         results = map_ordered(self._run_check, tasks, jobs=jobs)
         figures = [result or PiezoFigures.for_lost_body() for result in results]
         nominal_results, random_results = figures[: len(seeds)], figures[len(seeds) :]
@@ -294,10 +277,7 @@ class PiezoLoop:
         median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
         error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
-            figures={
-                NOMINAL: PiezoFigures(**means),
-                RANDOM_PLANTS: merge_worst_figures(random_results),
-            },
+            figures={NOMINAL: PiezoFigures(**means), RANDOM_PLANTS: merge_worst_figures(random_results)},
             peak_frequencies={
                 NOMINAL: self.sensitivity_peak([NOMINAL])[1],
                 RANDOM_PLANTS: self.sensitivity_peak(CHECK_CONDITIONS)[1],

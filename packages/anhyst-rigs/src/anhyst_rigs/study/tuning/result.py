@@ -94,12 +94,8 @@ class Tuning(Result):
         """Return the figures of every variant and its missed aims, as text."""
         facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, tuned in self.tuned.items():
-            figure_texts = [
-                format_figure(title, value) for title, value in tuned.figures.by_name().items()
-            ]
-            aims_text = (
-                f"misses {', '.join(tuned.missed_aims)}" if tuned.missed_aims else "meets its aims"
-            )
+            figure_texts = [format_figure(title, value) for title, value in tuned.figures.by_name().items()]
+            aims_text = f"misses {', '.join(tuned.missed_aims)}" if tuned.missed_aims else "meets its aims"
             facts[name] = ", ".join([*figure_texts, aims_text])
         return facts
 
@@ -124,18 +120,8 @@ class Tuning(Result):
 
 _PHRASES = {
     "settling_time_s": ("settles in", "in", "settling time", BENEFICIAL_CONDITIONS["feedback"]),
-    "average_m": (
-        "has a moving average of",
-        "one of",
-        "moving average",
-        BENEFICIAL_CONDITIONS["stage"],
-    ),
-    "error_rms_m": (
-        "has an rms error of",
-        "one of",
-        "rms error",
-        BENEFICIAL_CONDITIONS["piezo"],
-    ),
+    "average_m": ("has a moving average of", "one of", "moving average", BENEFICIAL_CONDITIONS["stage"]),
+    "error_rms_m": ("has an rms error of", "one of", "rms error", BENEFICIAL_CONDITIONS["piezo"]),
 }
 """For each minimised figure: verbs for the model and for the baseline, the name, and the advice."""
 
@@ -158,9 +144,7 @@ def verdict_text(tuning: Tuning) -> str:
             f"no verdict: only {names} was tuned; --all-variants tunes the baselines for the same "
             "aims, and 'anhyst simulate' compares at the same gains"
         )
-    text = _compare_with_baseline(
-        _sort_best_first(model_variants)[0], _sort_best_first(baselines)[0]
-    )
+    text = _compare_with_baseline(_sort_best_first(model_variants)[0], _sort_best_first(baselines)[0])
     if (flux := tuning.tuned.get("flux")) is not None:
         text += f"; measured flux: {'misses the aims' if flux.missed_aims else _format_cost(flux)}"
     return text
@@ -236,9 +220,7 @@ def make_file_note(tuned: TunedVariant, tuning: Tuning) -> str:
     if result.check is None:
         reached_text = "Reached with one noise seed (the search was interrupted):"
     else:
-        reached_text = (
-            f"Reached, mean of {result.check.seed_count} noise seeds, worst of all conditions:"
-        )
+        reached_text = f"Reached, mean of {result.check.seed_count} noise seeds, worst of all conditions:"
     missed_lines = ["It MISSES its aims."] if tuned.missed_aims else []
     lines = [
         f"Made by anhyst {running_version()} tune for variant '{tuned.variant}' on the rig "
@@ -290,9 +272,7 @@ def _table_row(tuned: TunedVariant) -> list[str]:
 
     missed_titles = ", ".join(GAIN_METRICS[name].title for name in tuned.missed_aims)
     limit_names = list(dict.fromkeys(limit.what for limit in tuned.limits))
-    limit_titles = [
-        GAIN_METRICS[name].title if name in GAIN_METRICS else name for name in limit_names
-    ]
+    limit_titles = [GAIN_METRICS[name].title if name in GAIN_METRICS else name for name in limit_names]
     return [
         tuned.variant,
         *(with_interval(name, value) for name, value in tuned.figures.by_name().items()),
@@ -304,9 +284,7 @@ def _table_row(tuned: TunedVariant) -> list[str]:
 def column_heads(tuning: Tuning) -> list[str]:
     """Return the column heads of :func:`table_rows`."""
     titles = [GAIN_METRICS[name] for name in tuning.first_tuned.figures.by_name()]
-    figures = [
-        f"{metric.title}, {metric.unit}" if metric.unit else metric.title for metric in titles
-    ]
+    figures = [f"{metric.title}, {metric.unit}" if metric.unit else metric.title for metric in titles]
     return ["variant", *figures, "aims", "what limits"]
 
 
@@ -364,18 +342,12 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
         "met": not tuned.missed_aims,
         "misses": list(tuned.missed_aims),
         "figures": tuned.figures.by_name(),
-        "before": result.initial_outcome.worst.by_name()
-        if result.initial_outcome.is_complete
-        else None,
+        "before": result.initial_outcome.worst.by_name() if result.initial_outcome.is_complete else None,
         "gains": result.loop.gains(),
         "searched": dict(result.parameters),
         "limits": [asdict(item) for item in tuned.limits],
         "conditions": [
-            {
-                **condition.as_dict(),
-                **figures.by_name(),
-                "peak_Hz": check.peak_frequencies[condition],
-            }
+            {**condition.as_dict(), **figures.by_name(), "peak_Hz": check.peak_frequencies[condition]}
             for condition, figures in condition_figures
             if check is not None
         ],

@@ -40,14 +40,10 @@ from anhyst_rigs.study.tuning.trial import (
 class CmaStrategy:
     """CMA evolution strategy in the unit box, with an ask-and-tell interface."""
 
-    def __init__(
-        self, mean: FloatArray, sigma: float, seed: list[int], population_size: int
-    ) -> None:
+    def __init__(self, mean: FloatArray, sigma: float, seed: list[int], population_size: int) -> None:
         box = np.tile([0.0, 1.0], (mean.size, 1))
         cma_seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._optimiser = CMA(
-            mean, sigma, bounds=box, seed=cma_seed, population_size=population_size
-        )
+        self._optimiser = CMA(mean, sigma, bounds=box, seed=cma_seed, population_size=population_size)
         self._points: list[FloatArray] = []
 
     def ask(self) -> FloatArray:
@@ -100,9 +96,7 @@ class ScreenResult:
 class Screen:
     """Linear loops at several conditions, for a fast evaluation of gains."""
 
-    def __init__(
-        self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon_s: float
-    ) -> None:
+    def __init__(self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon_s: float) -> None:
         self.loops = tuple(loops)
         self.horizon_s = horizon_s
         self._reserves = tuple(reserves)
@@ -128,9 +122,7 @@ class Screen:
 
     def evaluate(self, per_tick: FloatArray) -> ScreenResult:
         """Evaluate n sets of gains, as rows of `anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
-        peak = np.max(
-            [self._peak_sensitivity(index, per_tick) for index in range(len(self.loops))], axis=0
-        )
+        peak = np.max([self._peak_sensitivity(index, per_tick) for index in range(len(self.loops))], axis=0)
         steps = [self._evaluate_step(index, per_tick) for index in range(len(self.loops))]
         return ScreenResult(
             overshoot_percent=np.max([result[0] for result in steps], axis=0),
@@ -149,9 +141,7 @@ class Screen:
         loop_gain = (feedback + compensation.k_s) / compensation.k_i * self._plants[index]
         return np.asarray(np.max(1.0 / np.abs(1.0 + loop_gain), axis=1))
 
-    def _evaluate_step(
-        self, index: int, per_tick: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _evaluate_step(self, index: int, per_tick: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return overshoot (%), settling time (s) and force ratio of a step of the reference."""
         loop = self.loops[index]
         matrix, input_vector = closed_loop_matrices(loop, per_tick)
@@ -180,11 +170,7 @@ class Screen:
         settling_time_s = np.where(
             is_outside.any(axis=0), (last_outside + 1) * _OUTPUT_INTERVAL_TICKS / self._rate, 0.0
         )
-        return (
-            overshoot,
-            np.where(is_outside[-1], np.inf, settling_time_s),
-            force / self._reserves[index],
-        )
+        return (overshoot, np.where(is_outside[-1], np.inf, settling_time_s), force / self._reserves[index])
 
 
 def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -255,9 +241,7 @@ The effective slope for small steps is not known in advance."""
 
 
 def make_screen(
-    setup: BearingSetup,
-    conditions: Sequence[BearingCondition],
-    slope_fraction: float = SLOPE_FRACTIONS[1],
+    setup: BearingSetup, conditions: Sequence[BearingCondition], slope_fraction: float = SLOPE_FRACTIONS[1]
 ) -> Screen:
     """Linearise a setup at every condition, with the static slope and with a softened slope.
 
@@ -277,8 +261,7 @@ def make_screen(
         loops += [
             static_loop,
             replace(
-                static_loop,
-                bearing=replace(static_loop.bearing, k_i=softening * static_loop.bearing.k_i),
+                static_loop, bearing=replace(static_loop.bearing, k_i=softening * static_loop.bearing.k_i)
             ),
         ]
         reserve_N = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
@@ -385,9 +368,7 @@ class GainSearch:
         generations = max(self.budget // POPULATION_SIZE, 1)
         for round_ in range(_MAX_ROUNDS):
             if round_ > 0:
-                self._total_work += (
-                    _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
-                )
+                self._total_work += _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
             self._search(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
             checked_candidates = [candidate for _, candidate, _ in checked]
             for candidate in [
@@ -403,10 +384,7 @@ class GainSearch:
             if not misses:
                 return
             aims = aims.with_scaled_limits(
-                {
-                    name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0))
-                    for name, excess in misses.items()
-                }
+                {name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0)) for name, excess in misses.items()}
             )
 
     def _try_initial_guesses(self) -> None:
@@ -428,10 +406,7 @@ class GainSearch:
         paths = [
             _SearchPath(
                 CmaStrategy(
-                    start.point,
-                    _INITIAL_SIGMA / (1 + 2 * round_),
-                    [self.seed, 3, round_, i],
-                    POPULATION_SIZE,
+                    start.point, _INITIAL_SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], POPULATION_SIZE
                 )
             )
             for i, start in enumerate(starts)
@@ -446,15 +421,10 @@ class GainSearch:
         for _ in range(count):
             # The hardest conditions first, so that poor gains are abandoned early.
             best_figures = self._sorted_candidates(aims)[0].outcome.figures
-            order = sorted(
-                self.loop.conditions, key=lambda condition: -aims.cost(best_figures[condition])
-            )
+            order = sorted(self.loop.conditions, key=lambda condition: -aims.cost(best_figures[condition]))
             points = path.strategy.ask()
             costs = np.array(
-                [
-                    outcome.cost
-                    for outcome in self._evaluate_points(points, order, aims, path.ceiling)
-                ]
+                [outcome.cost for outcome in self._evaluate_points(points, order, aims, path.ceiling)]
             )
             path.strategy.tell(costs)
             path.minimum_cost = min(path.minimum_cost, float(costs.min()))
@@ -464,10 +434,7 @@ class GainSearch:
         """Return the best candidates that have a minimum distance from each other."""
         chosen: list[TriedGains] = []
         for candidate in self._sorted_candidates(aims):
-            if all(
-                np.max(np.abs(candidate.point - other.point)) > _MIN_START_DISTANCE
-                for other in chosen
-            ):
+            if all(np.max(np.abs(candidate.point - other.point)) > _MIN_START_DISTANCE for other in chosen):
                 chosen.append(candidate)
         return chosen[:count]
 

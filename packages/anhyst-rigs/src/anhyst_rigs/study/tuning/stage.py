@@ -25,11 +25,7 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.study.engine.table import mean_interval
 from anhyst_rigs.study.tracking.measures import measure
-from anhyst_rigs.study.tracking.simulate import (
-    SMALL_ACCELERATION_RATIO,
-    find_gains,
-    measure_standstill,
-)
+from anhyst_rigs.study.tracking.simulate import SMALL_ACCELERATION_RATIO, find_gains, measure_standstill
 from anhyst_rigs.study.tuning.aims import MISSED_AIM_COST, Aims, StageFigures
 from anhyst_rigs.study.tuning.search import find_best_point, find_minimum_cost
 from anhyst_rigs.study.tuning.trial import (
@@ -110,9 +106,7 @@ class LinearStage:
         loop, its frequency (Hz), and the moving average of the error under a disturbance force of
         flat spectrum, m/(N/sqrt(Hz)).
         """
-        frequency = np.geomspace(
-            _MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT
-        )
+        frequency = np.geomspace(_MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT)
         s, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
         body = 1.0 / (self.mass * s**2)
         hold = np.sinc(frequency / self.rate) * np.exp(-s * self.delay)
@@ -124,11 +118,7 @@ class LinearStage:
         omega = 2.0 * math.pi * omega
 
         def shape(x: Any) -> Any:
-            return (
-                (1.0 + omega / integral / x)
-                * (1.0 + x * lead / omega)
-                / (1.0 + x / (rolloff * omega))
-            )
+            return (1.0 + omega / integral / x) * (1.0 + x * lead / omega) / (1.0 + x / (rolloff * omega))
 
         gain = self.mass * omega**2 / np.abs(shape(1j * omega))
         loop = gain * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0)) * body * hold * current
@@ -220,11 +210,7 @@ class StageLoop:
         return self._run_condition(condition, self.feedforward, seed, figures)
 
     def _run_condition(
-        self,
-        condition: StageCondition,
-        feedforward: Feedforward,
-        seed: int,
-        figures: StageFigures,
+        self, condition: StageCondition, feedforward: Feedforward, seed: int, figures: StageFigures
     ) -> StageFigures | None:
         if condition == STANDSTILL:
             error_m = measure_standstill(self.setup, feedforward, seed)["error_m"]
@@ -242,9 +228,7 @@ class StageLoop:
             else accelerations,
         )
 
-    def _evaluate_run(
-        self, run: Recording, motion: SetPoint, figures: StageFigures
-    ) -> StageFigures | None:
+    def _evaluate_run(self, run: Recording, motion: SetPoint, figures: StageFigures) -> StageFigures | None:
         measures = measure(run, motion, self.setup.rig.settings.scan.slit_s)
         if measures.is_lost:
             return None
@@ -254,17 +238,14 @@ class StageLoop:
             average_m=measures.average_m,
             error_peak_m=measures.peak_m,
             settling_time_s=measures.settling_50_s,
-            current_rate_rms_A_per_s=max(
-                rms(np.diff(run[name])) / run.dt for name in current_names
-            ),
+            current_rate_rms_A_per_s=max(rms(np.diff(run[name])) / run.dt for name in current_names),
         )
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find the best linear loops for several peak limits."""
         aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
-            partial(find_best_point, self.linear_loop, self.space, seed, peak_aims)
-            for peak_aims in aims_list
+            partial(find_best_point, self.linear_loop, self.space, seed, peak_aims) for peak_aims in aims_list
         ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
@@ -285,21 +266,14 @@ class StageLoop:
         results = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
         seed_count = len(seeds)
         plant_results = results[seed_count + 2 :]
-        is_complete = all(
-            figures is not None for figures in [*results[:seed_count], *plant_results]
-        )
+        is_complete = all(figures is not None for figures in [*results[:seed_count], *plant_results])
         test_figures, widths = (
-            _mean_figures(results[:seed_count])
-            if is_complete
-            else (StageFigures.for_lost_body(), {})
+            _mean_figures(results[:seed_count]) if is_complete else (StageFigures.for_lost_body(), {})
         )
         other_figures = [
-            figures or StageFigures.for_lost_body()
-            for figures in results[seed_count : seed_count + 2]
+            figures or StageFigures.for_lost_body() for figures in results[seed_count : seed_count + 2]
         ]
-        figures = dict(
-            zip((TEST, SLOW_TRAINING, STANDSTILL), (test_figures, *other_figures), strict=True)
-        )
+        figures = dict(zip((TEST, SLOW_TRAINING, STANDSTILL), (test_figures, *other_figures), strict=True))
         plants_row, plants_note = _summarise_plants(plant_results)
         return CheckResult(
             figures=figures,
@@ -346,9 +320,7 @@ class StageLoop:
             text = f"the demand reaches {largest_demand_N:.3g} N of {force_max_N:.4g} N "
             text += "on the test set-point"
             limits.append(Limit("force", text))
-        if (
-            crossover := file.tracking.crossover_Hz
-        ) >= _CROSSOVER_LIMIT_FRACTION * self.max_crossover:
+        if (crossover := file.tracking.crossover_Hz) >= _CROSSOVER_LIMIT_FRACTION * self.max_crossover:
             text = f"the crossover of {crossover:.4g} Hz reaches its limit of {self.max_crossover:g} Hz"
             limits.append(Limit("crossover", text))
         return [*limits, *self._find_helpful_changes(aims, seed, jobs)]
@@ -396,7 +368,7 @@ class StageLoop:
             f"Crossover {crossover:.4g} Hz; integral up to "
             f"{crossover / parameters['integral_ratio']:.3g} Hz, lead from "
             f"{crossover / parameters['lead_ratio']:.3g} to "
-            f"{crossover * parameters['rolloff_ratio']:.4g} Hz.",
+            f"{crossover * parameters['rolloff_ratio']:.4g} Hz."
         ]
 
 

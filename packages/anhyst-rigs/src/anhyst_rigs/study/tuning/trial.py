@@ -82,9 +82,7 @@ class BearingSpace(SearchBox):
             "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
         }
 
-    def make_controller_table(
-        self, point: FloatArray, template: ControllerTable
-    ) -> ControllerTable:
+    def make_controller_table(self, point: FloatArray, template: ControllerTable) -> ControllerTable:
         """Return the controller at a point of the unit box, with the template's settings."""
         parameters = self.parameters(point)
         w = 2.0 * math.pi * parameters["bandwidth_Hz"]
@@ -97,8 +95,7 @@ class BearingSpace(SearchBox):
             K_dd_N_s2_per_m=round_gain(self.mass * parameters["virtual_mass"]),
         )
         filters = FilterTable(
-            cutoff_Hz=round_gain(parameters["cutoff_Hz"]),
-            cutoff_2_Hz=round_gain(parameters["cutoff_2_Hz"]),
+            cutoff_Hz=round_gain(parameters["cutoff_Hz"]), cutoff_2_Hz=round_gain(parameters["cutoff_2_Hz"])
         )
         return template.model_copy(
             update={
@@ -111,9 +108,7 @@ class BearingSpace(SearchBox):
 
     def gains_per_tick(self, points: FloatArray, template: ControllerTable) -> FloatArray:
         """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
-        return np.array(
-            [self.make_controller_table(point, template).pidd2().per_tick for point in points]
-        )
+        return np.array([self.make_controller_table(point, template).pidd2().per_tick for point in points])
 
 
 def round_gain(value: float) -> float:
@@ -177,9 +172,7 @@ class CheckResult:
             value = float(getattr(self.worst, name))
             if value < _BINDING_RATIO * limit:
                 continue
-            condition = max(
-                self.figures, key=lambda condition: float(getattr(self.figures[condition], name))
-            )
+            condition = max(self.figures, key=lambda condition: float(getattr(self.figures[condition], name)))
             location = f"at {condition.text}"
             if name == "peak_sensitivity":
                 location += f", around {self.peak_frequencies[condition]:.0f} Hz"
@@ -187,9 +180,7 @@ class CheckResult:
                 location += f", {self.locations[name]}"
             verb = "exceeds" if value > limit else "almost reaches"
             bound = GAIN_METRICS[name].format_limit(limit)
-            limits.append(
-                Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {location}")
-            )
+            limits.append(Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {location}"))
         return limits
 
 
@@ -225,9 +216,7 @@ class Tunable(Protocol):
     def check(self, jobs: int | None) -> CheckResult:
         """Try the gains with all noise seeds."""
 
-    def find_limits(
-        self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None
-    ) -> list[Limit]:
+    def find_limits(self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None) -> list[Limit]:
         """Return what limits the checked gains."""
 
     def gains(self) -> dict[str, float]:
@@ -262,10 +251,7 @@ def find_helpful_changes(
     """
     relaxed_peak = 1.5 * aims.peak_sensitivity
     relaxed_aims = aims.with_scaled_limits({"peak_sensitivity": 1.5})
-    changes = {
-        "peak_sensitivity": (f"a peak sensitivity of {relaxed_peak:g}", loop, relaxed_aims),
-        **changes,
-    }
+    changes = {"peak_sensitivity": (f"a peak sensitivity of {relaxed_peak:g}", loop, relaxed_aims), **changes}
     tasks = [
         (loop, aims),
         *((changed_loop, changed_aims) for _, changed_loop, changed_aims in changes.values()),
@@ -278,9 +264,7 @@ def find_helpful_changes(
         for change, cost in zip(changes, costs, strict=True)
         if cost < (1.0 - _MIN_COST_REDUCTION) * base_cost
     )
-    return [
-        Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful
-    ]
+    return [Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful]
 
 
 @dataclass(frozen=True)

@@ -42,13 +42,7 @@ from anhyst_rigs.study.tracking.simulate import (
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst_rigs.study.tuning.piezo import PiezoLoop
-from anhyst_rigs.study.tuning.result import (
-    RESULT_FILES,
-    TunedVariant,
-    Tuning,
-    make_file_note,
-    write_results,
-)
+from anhyst_rigs.study.tuning.result import RESULT_FILES, TunedVariant, Tuning, make_file_note, write_results
 from anhyst_rigs.study.tuning.search import GainSearch
 from anhyst_rigs.study.tuning.stage import MAX_PERIOD_TICKS, StageLoop
 from anhyst_rigs.study.tuning.trial import Tunable
@@ -135,9 +129,7 @@ class TuningSubject(ABC):
         """Return the names of all variants."""
 
     @abstractmethod
-    def make_loops(
-        self, names: Sequence[MethodName], jobs: int | None
-    ) -> Mapping[MethodName, Tunable]:
+    def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Identify the plant and make the loops of the variants; impossible variants are omitted."""
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
@@ -150,9 +142,7 @@ class TuningSubject(ABC):
         self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
     ) -> dict[MethodName, Path]:
         """Return the paths of the output files, after a check that they can be written."""
-        files = {
-            name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names
-        }
+        files = {name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
         if folder.is_dir():
             for name in (*files.values(), *RESULT_FILES):
                 check_writable(folder / name, input_files=reads)
@@ -160,9 +150,7 @@ class TuningSubject(ABC):
             raise InputError(f"{folder}: is a file; enter a folder", code="is-a-file")
         else:
             # If a file of this name could be made, so can the folder.
-            existing_parent = next(
-                parent for parent in folder.absolute().parents if parent.exists()
-            )
+            existing_parent = next(parent for parent in folder.absolute().parents if parent.exists())
             check_writable(existing_parent / folder.name)
         return {name: folder / file for name, file in files.items()}
 
@@ -173,9 +161,7 @@ class HasTuning(Protocol):
     def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
         """Return the rig file, and all files that it and a controller file name."""
 
-    def tuning(
-        self, rig: PathLike, controller: PathLike | None, crossover: float | None
-    ) -> TuningSubject:
+    def tuning(self, rig: PathLike, controller: PathLike | None, crossover: float | None) -> TuningSubject:
         """Read a rig file, and a controller file or highest crossover (Hz) if accepted."""
 
 
@@ -198,9 +184,7 @@ class BearingSubject(TuningSubject):
         """Return the names of all variants."""
         return compared_variants(self.rig, self.main_variant)
 
-    def make_loops(
-        self, names: Sequence[MethodName], jobs: int | None
-    ) -> Mapping[MethodName, Tunable]:
+    def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Identify the magnet and make the loops of the variants."""
         inputs = check_inputs(self.rig, self.controller)
         self.rig, knowledge = inputs.rig, inputs.identify_magnet()
@@ -248,9 +232,7 @@ class StageSubject(TuningSubject):
             if name not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
         ]
 
-    def make_loops(
-        self, names: Sequence[MethodName], jobs: int | None
-    ) -> Mapping[MethodName, Tunable]:
+    def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Identify the magnets and make the loops of the variants."""
         setups, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
@@ -275,18 +257,14 @@ class PiezoSubject(TuningSubject):
         """Return the names of all variants."""
         return tuple(PIEZO_METHODS)
 
-    def make_loops(
-        self, names: Sequence[MethodName], jobs: int | None
-    ) -> Mapping[MethodName, Tunable]:
+    def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Identify the stack and make the loops of the variants."""
         inverses = find_inverses(self.rig)
         return {name: PiezoLoop(self.rig, inverses[PIEZO_METHODS[name]]) for name in names}
 
 
 def _tune_all(
-    search: Callable[..., GainSearch],
-    loops: Mapping[MethodName, Tunable],
-    progress: Progress | None,
+    search: Callable[..., GainSearch], loops: Mapping[MethodName, Tunable], progress: Progress | None
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
     """Tune one variant after another; ctrl-C keeps the completed ones."""
     tuned: dict[MethodName, TunedVariant] = {}
@@ -297,9 +275,7 @@ def _tune_all(
             result = gain_search.run()
             check_result = result.check
             limits = (
-                result.loop.find_limits(
-                    gain_search.aims, check_result, gain_search.seed, gain_search.jobs
-                )
+                result.loop.find_limits(gain_search.aims, check_result, gain_search.seed, gain_search.jobs)
                 if check_result
                 else []
             )

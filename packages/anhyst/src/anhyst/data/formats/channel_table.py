@@ -67,9 +67,7 @@ def find_shared_clock(
     channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
     if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
         first_channel, second_channel = (
-            list(channel_by_length.values())[:2]
-            if len(channel_by_length) > 1
-            else (unclocked[0], clocks[1])
+            list(channel_by_length.values())[:2] if len(channel_by_length) > 1 else (unclocked[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
@@ -101,9 +99,7 @@ def find_shared_clock(
     names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
     note = f"{names}: interpolated linearly onto the times of {clock_names[finest]}"
     dropped = times[finest].size - clock.length
-    dropped_text = (
-        f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"
-    )
+    dropped_text = f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"
     return clock, (note + (dropped_text if dropped else ""),)
 
 
@@ -156,9 +152,7 @@ def resample_to_clock(
     return np.interp(clock.times, own_times, values)
 
 
-def hold_on_clock(
-    channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock
-) -> Values:
+def hold_on_clock(channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock) -> Values:
     """Return the last value of a channel at each time of a clock; blank without usable times."""
     if channel.clock is clock.channel or (channel.length == clock.length and clock.is_whole):
         return values[clock.start : clock.start + clock.length]
@@ -227,8 +221,7 @@ class ChannelTable:
         number_columns = [index for index in numbers if index >= time_columns]
         text_columns = [index for index in texts if index >= time_columns]
         channels = {
-            index: self.file.channels[index - time_columns]
-            for index in {*number_columns, *text_columns}
+            index: self.file.channels[index - time_columns] for index in {*number_columns, *text_columns}
         }
         # The time is that of the numeric columns, or of the first clock if none is requested.
         clocked_channels = [channels[index] for index in number_columns] or [
@@ -238,9 +231,7 @@ class ChannelTable:
         columns: dict[int, FloatArray] = {}
         for index in number_columns:
             channel, values = channels[index], self._read_numbers(index, channels[index])
-            columns[index] = resample_to_clock(
-                self.source_name, channel, values, clock, self.seconds
-            )
+            columns[index] = resample_to_clock(self.source_name, channel, values, clock, self.seconds)
         if time_columns and 0 in numbers:
             columns[0] = self._time_values(clock, [channels[index] for index in number_columns])
         texts_by_index = {}
@@ -253,9 +244,7 @@ class ChannelTable:
         if time_columns and 0 in texts:
             texts_by_index[0] = _as_texts(self._time_values(clock, []))
         all_notes = (*self.file.notes, *notes)
-        return RawColumns(
-            file_sha256(self.file.path), columns, texts_by_index, all_notes, self.file.breaks
-        )
+        return RawColumns(file_sha256(self.file.path), columns, texts_by_index, all_notes, self.file.breaks)
 
     def locate_row(self, row: int) -> str:
         """Return the place of a row as text."""
@@ -321,9 +310,7 @@ class ChannelTable:
         return np.array(clock.times)
 
 
-def opener(
-    *packages: str,
-) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
+def opener(*packages: str) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
     """Return a decorator that turns a function that finds the channels of a file into an opener.
 
     The opener requires ``packages``, reads the file in a separate process first, and requires a
@@ -386,14 +373,10 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
 
 
 @cache
-def _subprocess_refusal(
-    path: Path, opener: str, _changed: int, size: int
-) -> tuple[str, str, str] | None:
+def _subprocess_refusal(path: Path, opener: str, _changed: int, size: int) -> tuple[str, str, str] | None:
     """Return text, code and key of the error for which a file is refused; ``None`` if readable."""
     cpu_limit_s = MIN_CPU_TIME_S + size / 4e6
-    script = (
-        "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
-    )
+    script = "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
     command = [sys.executable, "-P", "-c", script, str(path), opener, str(cpu_limit_s)]
     try:
         process = subprocess.run(

@@ -57,9 +57,7 @@ ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
 """Function that reads channels, whole or a number of first samples: arrays of shape (samples,)."""
 
 
-def read_samples_in_keys(
-    _path: Path, channels: Sequence[Channel], count: int | None
-) -> list[Values]:
+def read_samples_in_keys(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     """Read channels whose keys are their samples."""
     return [channel.key[:count] for channel in channels]
 
@@ -77,10 +75,7 @@ class ChannelFile:
     def read(self, requested: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels completely, or only their first samples."""
         with report_damage(self.path):
-            arrays = [
-                to_plain_values(values)
-                for values in self.read_channels(self.path, requested, count)
-            ]
+            arrays = [to_plain_values(values) for values in self.read_channels(self.path, requested, count)]
         for channel, values in zip(requested, arrays, strict=True):
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):
@@ -167,17 +162,13 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         elif channel is not clock:
             clocked.append(replace(channel, clock=clock))
     # A clock without channels is an ordinary channel.
-    unused_clocks = [
-        clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)
-    ]
+    unused_clocks = [clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)]
     return (*unused_clocks, *clocked)
 
 
 def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
     """Return texts, some of which may be bytes, as an array of texts."""
-    texts = [
-        value.decode(encoding, "replace") if isinstance(value, bytes) else value for value in values
-    ]
+    texts = [value.decode(encoding, "replace") if isinstance(value, bytes) else value for value in values]
     return np.array(texts, dtype=str)
 
 
@@ -198,11 +189,7 @@ def to_plain_values(values: Values) -> Values:
     if values.dtype.kind == "M":
         values = values.astype("datetime64[ns]")
         first_date = values[:1]
-        return (
-            np.asarray((values - first_date) / np.timedelta64(1, "s"))
-            if first_date.size
-            else values
-        )
+        return np.asarray((values - first_date) / np.timedelta64(1, "s")) if first_date.size else values
     if values.dtype.kind == "m":
         return np.asarray(values / np.timedelta64(1, "s"))
     if values.dtype.kind == "S":
@@ -240,9 +227,7 @@ def require_package(path: Path, *names: str) -> None:
     for name in names:
         if importlib.util.find_spec(name) is None:
             raise InputError(
-                f"{path}: {name} is not installed: pip install 'anhyst[io]'",
-                code="not-installed",
-                key=name,
+                f"{path}: {name} is not installed: pip install 'anhyst[io]'", code="not-installed", key=name
             )
 
 
@@ -406,9 +391,7 @@ class MemoryTable:
             try:
                 columns[index] = np.array(self.columns[index], dtype=np.float64)
             except (TypeError, ValueError):
-                text = (
-                    f"{self.source_name}: column '{self.header[index]}' contains text, not numbers"
-                )
+                text = f"{self.source_name}: column '{self.header[index]}' contains text, not numbers"
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None

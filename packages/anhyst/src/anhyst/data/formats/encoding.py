@@ -18,11 +18,7 @@ HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
 _UNREADABLE_FORMATS = (
     (rb"PK", "is a zip archive", "unpack it, or export the table as CSV"),
     (rb"\x1f\x8b", "is a gzip archive", "unpack it"),
-    (
-        rb"\xd0\xcf\x11\xe0",
-        "is an Excel workbook of the old kind (.xls)",
-        "save it as .xlsx or CSV",
-    ),
+    (rb"\xd0\xcf\x11\xe0", "is an Excel workbook of the old kind (.xls)", "save it as .xlsx or CSV"),
     (rb"TDSh", "is the index of a TDMS file", "name the .tdms file next to it"),
     (rb"\|CF,", "is a binary imc FAMOS file", "export it from FAMOS as ASCII, MAT or MDF 4"),
     (rb"[\s\S]{0,64}WAVEDESC", "is a binary LeCroy trace", "save it as ASCII or MAT"),
@@ -40,10 +36,7 @@ def _detect_utf16(head: bytes) -> str | None:
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     even_zeros, odd_zeros = sample[::2].count(0), sample[1::2].count(0)
-    if (
-        even_zeros + odd_zeros > len(sample) // 4
-        and min(even_zeros, odd_zeros) <= len(sample) // 100
-    ):
+    if even_zeros + odd_zeros > len(sample) // 4 and min(even_zeros, odd_zeros) <= len(sample) // 100:
         return "utf-16-be" if even_zeros > odd_zeros else "utf-16-le"
     return None
 
@@ -82,8 +75,7 @@ def read_head(path: Path, max_bytes: int) -> tuple[bytes, int]:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
             raise InputError(
-                f"{path}: is a pipe or a device, and a table is read more than once; save it as a "
-                "file first",
+                f"{path}: is a pipe or a device, and a table is read more than once; save it as a file first",
                 code="not-a-file",
             )
         with path.open("rb") as file:
@@ -103,8 +95,7 @@ def read_head(path: Path, max_bytes: int) -> tuple[bytes, int]:
     if not head.strip():
         if size > len(head):
             raise InputError(
-                f"{path}: begins with {len(head)} blanks: no table; {HEADER_ADVICE}",
-                code="no-table",
+                f"{path}: begins with {len(head)} blanks: no table; {HEADER_ADVICE}", code="no-table"
             )
         raise InputError(f"{path}: is empty; {HEADER_ADVICE}", code="empty-file")
     return head, size
@@ -117,7 +108,6 @@ def recode_utf16(path: Path, head: bytes) -> bytes | None:
         return None
     if path.stat().st_size > MAX_BYTES:
         raise InputError(
-            f"{path}: is UTF-16 text of more than {MAX_BYTES >> 30} GiB; save it as UTF-8",
-            code="too-large",
+            f"{path}: is UTF-16 text of more than {MAX_BYTES >> 30} GiB; save it as UTF-8", code="too-large"
         )
     return path.read_bytes().decode(encoding, "replace").encode()

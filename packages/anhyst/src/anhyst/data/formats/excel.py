@@ -102,9 +102,7 @@ class _SizeGuard:
             elif is_texts:
                 text_end, *next_texts = block.split(b"</si>")
                 open_text_length += len(text_end)
-                self.longest_text = max(
-                    self.longest_text, open_text_length, *map(len, next_texts), 0
-                )
+                self.longest_text = max(self.longest_text, open_text_length, *map(len, next_texts), 0)
                 open_text_length = len(next_texts[-1]) if next_texts else open_text_length
         if cell_range.cell_count > _MAX_CELLS:
             raise InputError(
@@ -172,15 +170,9 @@ def open_excel(path: Path) -> ChannelFile:
         )
     sheets = [_Sheet.from_rows(path, *table) for table in tables]
     same_header_sheets = [sheet for sheet in sheets if sheet.header == sheets[0].header]
-    skipped_sheets = ", ".join(
-        f"'{sheet.name}'" for sheet in sheets if sheet not in same_header_sheets
-    )
+    skipped_sheets = ", ".join(f"'{sheet.name}'" for sheet in sheets if sheet not in same_header_sheets)
     notes = [note for sheet in same_header_sheets for note in sheet.notes]
-    notes += (
-        [f"sheet '{same_header_sheets[0].name}' is read, not {skipped_sheets}"]
-        if skipped_sheets
-        else []
-    )
+    notes += [f"sheet '{same_header_sheets[0].name}' is read, not {skipped_sheets}"] if skipped_sheets else []
     channels = _merge_columns(path, same_header_sheets)
     breaks, first_row = [], 0
     for sheet in same_header_sheets:
@@ -246,9 +238,7 @@ class _Sheet:
             if filled and isinstance(filled[0], str):
                 refuse_factors(f"{path}: sheet '{name}', row {number} of the table", cell_texts)
             if is_text or (filled and isinstance(filled[0], str) and is_statistics_row(cell_texts)):
-                notes.append(
-                    f"sheet '{name}': '{' '.join(cell_texts)[:60]}' is not a sample and is left out"
-                )
+                notes.append(f"sheet '{name}': '{' '.join(cell_texts)[:60]}' is not a sample and is left out")
             elif filled:
                 breaks += [(len(cells), ())] if is_after_break else []
                 cells.append(row)
@@ -260,15 +250,11 @@ def _find_header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
     """Return the names and the units of the columns."""
     width = range(len(rows[start]))
     names, units = [_find_name_above(rows, start, column) for column in width], [""] * len(width)
-    names_above = (
-        [_find_name_above(rows, start - 1, column) for column in width] if start > 1 else names
-    )
+    names_above = [_find_name_above(rows, start - 1, column) for column in width] if start > 1 else names
     is_unit = [find_unit(name.strip("[]() ")) is not None for name in names]
     # A row of units has names above it; a row of names may have a title above it.
     if any(is_unit) and all(names_above[column] for column in width if is_unit[column]):
-        units = [
-            name.strip("[]() ") if unit else "" for name, unit in zip(names, is_unit, strict=True)
-        ]
+        units = [name.strip("[]() ") if unit else "" for name, unit in zip(names, is_unit, strict=True)]
         names = [up or name for up, name in zip(names_above, names, strict=True)]
     return names, units
 
@@ -284,9 +270,7 @@ def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
         if not name:
             continue
         cells = [row[column] for sheet in sheets for row in sheet.cells]
-        values, is_date = _convert_cells(
-            f"{path}: sheet '{sheets[0].name}', column '{name}'", cells
-        )
+        values, is_date = _convert_cells(f"{path}: sheet '{sheets[0].name}', column '{name}'", cells)
         is_text = values.dtype.kind == "U"
         key = "s" if is_date else unit
         channels.append(Channel(name, len(cells), values, key, "", None, is_text))
@@ -296,15 +280,10 @@ def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
 def _convert_cells(place: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Return the values of a column, and whether they are dates or times of day."""
     if all(_is_value(cell) or cell == "" or is_invalid_mark(str(cell)) for cell in cells):
-        cells = [
-            parse_number(cell) if isinstance(cell, str) and is_number(cell) else cell
-            for cell in cells
-        ]
+        cells = [parse_number(cell) if isinstance(cell, str) and is_number(cell) else cell for cell in cells]
     kinds = {type(cell) for cell in cells}
     if str in kinds and kinds & {int, float}:  # marks such as OL among numbers
-        cells = [
-            math.nan if isinstance(cell, str) and is_invalid_mark(cell) else cell for cell in cells
-        ]
+        cells = [math.nan if isinstance(cell, str) and is_invalid_mark(cell) else cell for cell in cells]
         kinds = {type(cell) for cell in cells}
     if all(cell == "" for cell in cells):  # formulas without results
         return np.full(len(cells), math.nan), False

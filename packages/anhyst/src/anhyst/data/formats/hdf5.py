@@ -56,18 +56,14 @@ def open_hdf5(path: Path) -> ChannelFile:
                 elif (scale := _first_axis_scale(dataset)) is not None:
                     clocks[len(channels)] = scale
                 channels.append(channel)
-        attributes = [
-            f"{key} = {value}" for key, value in file.attrs.items() if np.ndim(value) == 0
-        ]
+        attributes = [f"{key} = {value}" for key, value in file.attrs.items() if np.ndim(value) == 0]
         used_scales = {scales[name] for name in clocks.values() if name in scales}
         kept_channels = [
             replace(channel, clock=scales.get(clocks.get(index, ""), channel.clock))
             for index, channel in enumerate(channels)
             if channel not in used_scales
         ]
-    return ChannelFile(
-        path, assign_clocks_by_name(kept_channels), _read, (), ((0, tuple(attributes)),)
-    )
+    return ChannelFile(path, assign_clocks_by_name(kept_channels), _read, (), ((0, tuple(attributes)),))
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
@@ -146,9 +142,7 @@ def _dataset_channels(path: Path, dataset: Any) -> list[Channel]:
         return []
     unit = _read_unit(dataset)
     if len(shape) < 2 or 1 in shape:
-        return [
-            Channel(name, int(dataset.size), _SampleKey(dataset.name), unit, group, None, is_text)
-        ]
+        return [Channel(name, int(dataset.size), _SampleKey(dataset.name), unit, group, None, is_text)]
     return [
         Channel(f"{name}_{n + 1}", shape[0], _SampleKey(dataset.name, column=n), unit, group, None,
                 is_text)
@@ -215,9 +209,7 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             if section.clock is not None and section.clock.name in group:
                 base = name or "channels"
                 free_number = next(n for n in range(2, MAX_CHANNELS) if f"{base}_{n}" not in file)
-                notes.append(
-                    f"group '{name}' has several clocks: '{base}_{free_number}' contains the next"
-                )
+                notes.append(f"group '{name}' has several clocks: '{base}_{free_number}' contains the next")
                 group = file.create_group(f"{base}_{free_number}", track_order=True)
             scale = None
             if section.clock is not None:

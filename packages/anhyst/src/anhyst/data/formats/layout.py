@@ -95,9 +95,7 @@ def read_layout(path: PathLike, min_columns: int, kind: type[Kind]) -> Kind:
             head, size = content[:max_bytes], len(content)
         is_last = size <= len(head) or max_bytes == _HEAD_BYTES[-1]
         try:
-            return _find_layout(
-                kind, path, head, size, content, table, min_columns, is_last=is_last
-            )
+            return _find_layout(kind, path, head, size, content, table, min_columns, is_last=is_last)
         except HeadTooShortError:
             continue
     raise InputError(
@@ -127,8 +125,7 @@ def _find_layout(
         if not is_complete:
             raise HeadTooShortError
         raise InputError(
-            f"{path}: contains no table, only blank lines and comments; {HEADER_ADVICE}",
-            code="no-table",
+            f"{path}: contains no table, only blank lines and comments; {HEADER_ADVICE}", code="no-table"
         )
     if table is None:
         table = recognise_logger(path, lines, first_line)
@@ -142,10 +139,7 @@ def _find_layout(
         raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
     needed = 1 + max((column.position or 0 for column in table.columns), default=0)
     table = replace(table, first_line=data_line, width=max(table.width, needed))
-    rows = [
-        split_line(text, table.delimiter)
-        for text, _ in lines[table.first_line :][:_MAX_SAMPLE_ROWS]
-    ]
+    rows = [split_line(text, table.delimiter) for text, _ in lines[table.first_line :][:_MAX_SAMPLE_ROWS]]
     table, stamp_column = _find_stamp_column(table, rows)
     names = number_repeats([column.name for column in table.columns])
     columns = [
@@ -154,9 +148,7 @@ def _find_layout(
     ]
     table = replace(table, columns=tuple(columns))
     offset = bom_length + lines[table.first_line][1]
-    return kind(
-        path, size, encoding, eol, table, stamp_column, (*notes, *table.notes), offset, content
-    )
+    return kind(path, size, encoding, eol, table, stamp_column, (*notes, *table.notes), offset, content)
 
 
 def _find_stamp_column(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:

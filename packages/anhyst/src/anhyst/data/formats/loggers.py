@@ -11,14 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from anhyst.data.formats.channels import is_number, is_number_or_mark, parse_number
-from anhyst.data.formats.preamble import (
-    Column,
-    Lines,
-    TextColumns,
-    find_run,
-    normalise_unit,
-    split_line,
-)
+from anhyst.data.formats.preamble import Column, Lines, TextColumns, find_run, normalise_unit, split_line
 from anhyst.support.errors import InputError
 
 _TEKTRONIX_SETTINGS = re.compile(
@@ -148,9 +141,7 @@ def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
 
 def _recognise_yokogawa(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
     """Recognise Yokogawa: names, units and the time step are rows of settings above the data."""
-    rows = [
-        split_line(text, ",") for text, _ in lines[first_line : first_line + _MAX_SETTING_LINES]
-    ]
+    rows = [split_line(text, ",") for text, _ in lines[first_line : first_line + _MAX_SETTING_LINES]]
     names, steps = _find_setting(rows, _NAME_KEYS), _find_setting(rows, _STEP_KEYS)
     if not names or not steps or not all(map(is_number, steps)):
         return None
@@ -161,8 +152,7 @@ def _recognise_yokogawa(path: Path, lines: Lines, first_line: int) -> TextColumn
         return None
     if len({parse_number(step) for step in steps}) > 1:
         raise InputError(
-            f"{path}: its channels have different time steps ({', '.join(steps)}); export them "
-            "at one rate",
+            f"{path}: its channels have different time steps ({', '.join(steps)}); export them at one rate",
             code="different-steps",
         )
     positions = sorted(run.numeric_columns)
@@ -211,17 +201,11 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
     clock = [row[blocks[0][0]] for row in rows]
     for number, block in enumerate(blocks, start=1):
         settings = {
-            _normalise(row[block_start]): row[block_start + 1]
-            for row in head
-            if block_start < block[0] - 1
+            _normalise(row[block_start]): row[block_start + 1] for row in head if block_start < block[0] - 1
         }
         if number == 1:
             columns.append(
-                Column(
-                    "t",
-                    normalise_unit(settings.get("horizontal units", "s").lower()) or "s",
-                    block[0],
-                )
+                Column("t", normalise_unit(settings.get("horizontal units", "s").lower()) or "s", block[0])
             )
         elif [row[block[0]] for row in rows] != clock:
             raise InputError(
@@ -232,9 +216,7 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
         names = [settings.get("source") or f"CH{number}"]
         names += [f"{names[0]}_{extra}" for extra in range(2, len(block))]
         unit = normalise_unit(settings.get("vertical units", ""))
-        columns += [
-            Column(name, unit, position) for name, position in zip(names, block[1:], strict=True)
-        ]
+        columns += [Column(name, unit, position) for name, position in zip(names, block[1:], strict=True)]
         block_start = block[-1] + 1
         while block_start < len(rows[0]) and not any(row[block_start] for row in head):
             block_start += 1

@@ -23,13 +23,7 @@ from anhyst.data.formats.channels import (
     assign_clocks_by_name,
     require_package,
 )
-from anhyst.data.formats.mat_layouts import (
-    ArrayInMemory,
-    MatTree,
-    find_channels,
-    read_arrays,
-    read_tree,
-)
+from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, find_channels, read_arrays, read_tree
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
@@ -89,8 +83,7 @@ class MatGuard:
             raise self._damage_error(f"has a damaged compressed variable ({error})") from None
         if len(content) > max_bytes:
             raise InputError(
-                f"{self.path}: expands to more than {MAX_BYTES >> 30} GiB; cut the recording into "
-                "parts",
+                f"{self.path}: expands to more than {MAX_BYTES >> 30} GiB; cut the recording into parts",
                 code="too-large",
             )
         return content
@@ -127,8 +120,7 @@ class MatGuard:
         if kind == _CLASS_OPAQUE:
             if is_variable:
                 texts = [
-                    bytes(content).decode("latin-1")
-                    for _, (_, content) in zip("abc", parts, strict=False)
+                    bytes(content).decode("latin-1") for _, (_, content) in zip("abc", parts, strict=False)
                 ]
                 self.objects.append((texts[0], texts[-1]) if len(texts) == 3 else ("", "?"))
             return
@@ -258,9 +250,7 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             {"Name": signal.name, "Unit": signal.unit, "Data": _as_row(signal.values)} | reference
             for signal in section.series
         ]
-    times = [
-        {"Name": time.name, "Unit": time.unit, "Data": _as_row(time.values)} for time in clocks
-    ]
+    times = [{"Name": time.name, "Unit": time.unit, "Data": _as_row(time.values)} for time in clocks]
     recording = {
         "X": _as_struct_array(times, ("Name", "Unit", "Data")),
         "Y": _as_struct_array(channels, ("Name", "Path", "Unit", "Data", "XIndex")),

@@ -97,9 +97,7 @@ def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
         elif isinstance(node, list):
             for number, member in enumerate(node, start=1):
                 if isinstance(member, Mapping):
-                    channels += _structure_channels(
-                        f"{name}_{number}", member, group, f"{path}_{number}"
-                    )
+                    channels += _structure_channels(f"{name}_{number}", member, group, f"{path}_{number}")
                 elif _is_array(member):
                     channels += _array_channels(f"{name}_{number}", member, group)
     return channels
@@ -125,11 +123,7 @@ def _control_desk_channels(node: MatTree) -> list[Channel]:
     clocks, rasters = [], {}
     for axis in _as_structures(node["X"]):
         times: Any = axis.get("Data")
-        name, unit, clock = (
-            _as_text(axis.get("Name")) or "t",
-            _as_text(axis.get("Unit")) or "s",
-            None,
-        )
+        name, unit, clock = (_as_text(axis.get("Name")) or "t", _as_text(axis.get("Unit")) or "s", None)
         if _is_array(times):
             (clock,) = _array_channels(name, times, unit=unit)
             rasters[_as_text(axis.get("Raster"))] = clock
@@ -150,9 +144,7 @@ def _control_desk_channels(node: MatTree) -> list[Channel]:
             clock = rasters.get(_as_text(axis["Raster"]))
         elif len(clocks) == 1:
             clock = clocks[0]
-        channels += _array_channels(
-            name, data, _as_text(axis.get("Path")), _as_text(axis.get("Unit")), clock
-        )
+        channels += _array_channels(name, data, _as_text(axis.get("Path")), _as_text(axis.get("Unit")), clock)
     return channels
 
 
@@ -171,14 +163,11 @@ def _simulink_channels(name: str, node: MatTree, path: str) -> list[Channel]:
         default_name = f"{name}_{number}" if len(signals) > 1 else name
         labels: Any = signal.get("label")
         block = _as_text(signal.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
-        columns = _array_channels(
-            _as_text(labels) or block or default_name, values, path, "", clock
-        )
+        columns = _array_channels(_as_text(labels) or block or default_name, values, path, "", clock)
         if _is_array(labels) and labels.is_text and len(columns) == np.prod(labels.shape):
             texts = [str(text).strip() for text in labels.read().ravel()]
             columns = [
-                replace(column, name=text or column.name)
-                for column, text in zip(columns, texts, strict=True)
+                replace(column, name=text or column.name) for column, text in zip(columns, texts, strict=True)
             ]
         channels += columns
     return channels
@@ -221,9 +210,7 @@ def _array_channels(
     axis = int(np.argmax(shape))
     if clock is not None and clock.length in shape:
         axis = (
-            len(shape) - 1 - shape[::-1].index(clock.length)
-            if len(shape) > 2
-            else shape.index(clock.length)
+            len(shape) - 1 - shape[::-1].index(clock.length) if len(shape) > 2 else shape.index(clock.length)
         )
     length, width = shape[axis], count // shape[axis]
     return [
@@ -275,8 +262,7 @@ class _TreeBuilder:
         return {
             name: self.node(name, group[name], depth + 1)
             for name in group
-            if not is_link(self.path, group, name, name)
-            and not (depth == 0 and name.startswith("#"))
+            if not is_link(self.path, group, name, name) and not (depth == 0 and name.startswith("#"))
         }
 
     def node(self, name: str, item: Any, depth: int) -> Any:
@@ -286,8 +272,7 @@ class _TreeBuilder:
         self._count += 1
         if depth > MAX_GROUP_DEPTH or self._count > 10 * MAX_CHANNELS:
             raise InputError(
-                f"{self.path}: is nested too deeply; export the channels you need",
-                code="nested-too-deep",
+                f"{self.path}: is nested too deeply; export the channels you need", code="nested-too-deep"
             )
         if isinstance(item, h5py.Group):
             fields = self.group(item, depth)
@@ -346,8 +331,7 @@ def _is_structure_array_field(item: Any) -> bool:
 def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
     """Convert fields, each a list of members, to a list of structures."""
     lists = [
-        field if isinstance(field, list) else [str(x) for x in field.values]
-        for field in fields.values()
+        field if isinstance(field, list) else [str(x) for x in field.values] for field in fields.values()
     ]
     return [dict(zip(fields, row, strict=True)) for row in zip(*lists, strict=False)]
 

@@ -11,14 +11,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.data.formats.channel_table import opener
-from anhyst.data.formats.channels import (
-    Channel,
-    ChannelFile,
-    ChannelGroup,
-    Values,
-    check_size,
-    decode_texts,
-)
+from anhyst.data.formats.channels import Channel, ChannelFile, ChannelGroup, Values, check_size, decode_texts
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
@@ -94,11 +87,7 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
         for channel in channels:
             group, index = channel.key
             signal = file.get(
-                group=group,
-                index=index,
-                record_offset=0,
-                record_count=count,
-                ignore_invalidation_bits=True,
+                group=group, index=index, record_offset=0, record_count=count, ignore_invalidation_bits=True
             )
             values.append(_signal_values(signal, channel))
     return values
@@ -140,9 +129,7 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                         values, encoding = np.char.encode(values, "utf-8"), "utf-8"
                     elif values.dtype.kind == "b":
                         values = values.astype(np.uint8)
-                    signals.append(
-                        Signal(values, stamps, series.unit, series.name, encoding=encoding)
-                    )
+                    signals.append(Signal(values, stamps, series.unit, series.name, encoding=encoding))
                 source = Source(section.group, section.group, "", Source.SOURCE_OTHER, 0)
                 group = file.append(signals, acq_name=section.group, acq_source=source)
                 master = file.groups[group].channels[0]

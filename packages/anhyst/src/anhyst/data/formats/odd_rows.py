@@ -34,13 +34,10 @@ _STATISTICS = re.compile(rf"({_STATISTIC_WORDS})[.:]?", re.IGNORECASE)
 _FACTORS = re.compile(rf"({_FACTOR_WORDS})[.:]?", re.IGNORECASE)
 _MAX_WORD_LENGTH = 30
 _ODD_LINE = re.compile(
-    rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
-    re.IGNORECASE | re.MULTILINE,
+    rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]", re.IGNORECASE | re.MULTILINE
 )
 _WORD_STARTS = {
-    word[:2].encode()
-    for word in f"{_STATISTIC_WORDS}|{_FACTOR_WORDS}".split("|")
-    if word[:2].isascii()
+    word[:2].encode() for word in f"{_STATISTIC_WORDS}|{_FACTOR_WORDS}".split("|") if word[:2].isascii()
 }
 """First two letters of the words, for a fast search."""
 _MAX_ASCII = 127
@@ -61,9 +58,7 @@ def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
     ends = np.flatnonzero(data[:-2] == ord("\n"))
     pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
     line_starts = [bytes(divmod(pair, 256)) for pair in pairs]
-    if not any(
-        two in _WORD_STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in line_starts
-    ):
+    if not any(two in _WORD_STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in line_starts):
         return False
     return _ODD_LINE.search(chunk.decode(layout.encoding, "replace")) is not None
 
@@ -107,9 +102,7 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
 
 
 def _mark_as_statistics(row: TextRow) -> TextRow:
-    remark = (
-        f"line {row.line} is left out, because it contains statistics: '{' '.join(row.fields)}'"
-    )
+    remark = f"line {row.line} is left out, because it contains statistics: '{' '.join(row.fields)}'"
     return replace(row, is_sample=False, remark=remark)
 
 
@@ -132,11 +125,7 @@ def _classify_row(text: str, layout: Layout, line: int) -> TextRow:
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
     has_few_fields = len(filled) < min(layout.table.width, len(layout.header))
-    is_text = (
-        _is_written_text(text)
-        and re.match(r"[^\W\d]{2}", filled[0])
-        and not is_invalid_mark(filled[0])
-    )
+    is_text = _is_written_text(text) and re.match(r"[^\W\d]{2}", filled[0]) and not is_invalid_mark(filled[0])
     is_separator = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", filled[0]) is not None
     if has_few_fields and (is_text or is_separator):
         remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
@@ -163,8 +152,7 @@ def _is_header(fields: Sequence[str], layout: Layout) -> bool:
         if column.position is not None and column.position < len(fields)
     ]
     is_units = any(column.unit for _, column in field_columns) and all(
-        normalise_unit(field) == column.unit or field == column.unit
-        for field, column in field_columns
+        normalise_unit(field) == column.unit or field == column.unit for field, column in field_columns
     )
     return is_units or all(field == column.name for field, column in field_columns)
 

@@ -52,9 +52,7 @@ def _field_channel(path: Path, index: int, field: Any, rows: int) -> Channel | N
         return None
     check_size(path, field.name, rows, 8)
     metadata = field.metadata or {}
-    unit = next(
-        (metadata[key].decode("utf-8", "replace") for key in _UNIT_KEYS if key in metadata), ""
-    )
+    unit = next((metadata[key].decode("utf-8", "replace") for key in _UNIT_KEYS if key in metadata), "")
     group = metadata.get(_GROUP_KEY, b"").decode("utf-8", "replace")
     return Channel(field.name, rows, index, "s" if is_date else unit, group, None, is_text)
 
@@ -71,9 +69,7 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
         else:
             batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
             table = pyarrow.Table.from_batches([next(batches)])
-    return [
-        _column_values(table.column(columns.index(channel.key)), channel) for channel in channels
-    ]
+    return [_column_values(table.column(columns.index(channel.key)), channel) for channel in channels]
 
 
 def _column_values(column: Any, channel: Channel) -> Values:

@@ -92,9 +92,7 @@ def is_header(lines: Lines, index: int, min_columns: int) -> bool:
     if fields is None or len(fields) < min_columns:
         return False
     _, line_below = skip_comments(lines, index + 1)
-    units = (
-        parse_unit_row(lines[line_below][0], delimiter, fields) if line_below < len(lines) else None
-    )
+    units = parse_unit_row(lines[line_below][0], delimiter, fields) if line_below < len(lines) else None
     headers = map(parse_header, fields, units or [None] * len(fields))
     return any(header.is_known and header.problem is None for header in headers)
 
@@ -110,12 +108,8 @@ def find_header(
     remarks: list[str] = []
     delimiter, row = detect_delimiter(lines[first_line][0]), first_line
     if not is_header(lines, first_line, min_columns):
-        row, delimiter = _find_names_above_run(
-            path, lines, first_line, min_columns, is_last=is_last
-        )
-        remarks = [
-            text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first_line:row] if text.strip()
-        ]
+        row, delimiter = _find_names_above_run(path, lines, first_line, min_columns, is_last=is_last)
+        remarks = [text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first_line:row] if text.strip()]
     names, data = split_header_line(lines[row][0], delimiter), row + 1
     if all(is_number(name) for name in names if name):
         names, data = read_header_comment(path, lines, row, names), row
@@ -134,11 +128,7 @@ def find_header(
     comments, data, units = _read_rows_below_names(lines, data, delimiter, names)
     if units is None:
         units = _find_units_above(lines[first_line:row], delimiter, names)
-    rows = [
-        split_line(text, delimiter)
-        for text, _ in lines[data : data + _MIN_RUN_ROWS]
-        if text.strip()
-    ]
+    rows = [split_line(text, delimiter) for text, _ in lines[data : data + _MIN_RUN_ROWS] if text.strip()]
     if [row[0] for row in rows[:3] if len(row) == len(names) + 1 and row[-1]] == ["1", "2", "3"]:
         names, units = ["row", *names], ("", *units) if units else None  # row numbers of R
     columns = tuple(
@@ -235,9 +225,7 @@ def _count_names(names: list[str]) -> int:
                for header in headers)  # fmt: skip
 
 
-def _find_units_above(
-    lines: Lines, delimiter: str | None, names: list[str]
-) -> tuple[str, ...] | None:
+def _find_units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple[str, ...] | None:
     """Return the units above a header: a row of units, or the vertical units of Tektronix."""
     rows = [split_line(text, delimiter) for text, _ in lines if text.strip()]
     last = drop_empty_tail(rows[-1]) if rows else []
@@ -277,9 +265,7 @@ class NumberRun:
     rows: int = 0
 
 
-def find_run(
-    lines: Lines, first_line: int, delimiter: str | None, min_columns: int
-) -> NumberRun | None:
+def find_run(lines: Lines, first_line: int, delimiter: str | None, min_columns: int) -> NumberRun | None:
     """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more."""
     run, best_run = NumberRun(first_line, 0, set()), None
     for line in range(first_line, len(lines)):
@@ -290,11 +276,7 @@ def find_run(
         # A date after a word is a setting.
         stamps = [TIME_STAMP.fullmatch(field) is not None for field in fields]
         is_row = bool(fields) and (stamps[0] or is_number_or_mark(fields[0]))
-        numbers = {
-            n
-            for n, field in enumerate(fields)
-            if is_number_or_mark(field) or (is_row and stamps[n])
-        }
+        numbers = {n for n, field in enumerate(fields) if is_number_or_mark(field) or (is_row and stamps[n])}
         common = numbers & run.numeric_columns if len(fields) == run.width else set()
         if not _is_table(common, run.used_columns, min_columns):
             run, common = NumberRun(line, len(fields), numbers), numbers
@@ -348,15 +330,12 @@ def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str
     if comments:
         text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
         whole_comment = comments[-1].strip()  # a row number may be called '#'
-        choices = [
-            split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)
-        ]
+        choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)]
         for fields in (*choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(
-        f"{path}: line {first_line + 1}: numbers instead of a header; {HEADER_ADVICE}",
-        code="no-header",
+        f"{path}: line {first_line + 1}: numbers instead of a header; {HEADER_ADVICE}", code="no-header"
     )
 
 

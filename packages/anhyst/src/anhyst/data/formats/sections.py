@@ -15,13 +15,7 @@ from pathlib import Path
 
 from anhyst.data.formats.channels import MAX_BYTES, is_number, is_number_or_mark, parse_number
 from anhyst.data.formats.encoding import detect_encoding
-from anhyst.data.formats.preamble import (
-    Column,
-    TextColumns,
-    drop_empty_tail,
-    normalise_unit,
-    split_line,
-)
+from anhyst.data.formats.preamble import Column, TextColumns, drop_empty_tail, normalise_unit, split_line
 from anhyst.data.formats.stamps import second_of_day
 from anhyst.support.errors import InputError
 
@@ -30,9 +24,7 @@ _TABLE_TITLE = re.compile(r"\s*\[?(Table|Contour)\s+(\d+)\]?\s*:?\s*", re.IGNORE
 _END_OF_HEADER = "***end_of_header***"
 
 
-def join_sections(
-    path: Path, head: bytes, content: bytes | None
-) -> tuple[bytes | None, TextColumns | None]:
+def join_sections(path: Path, head: bytes, content: bytes | None) -> tuple[bytes | None, TextColumns | None]:
     """Return a file as one table, and its columns; other files are unchanged."""
     start = (content[: len(head)] if content is not None else head).removeprefix(b"\xef\xbb\xbf")
     is_labview = _LABVIEW_START.match(start) is not None
@@ -64,9 +56,7 @@ class _Section:
     step: float = 0.0
 
 
-def _merge_sections(
-    sections: list[_Section], count: int, notes: list[str]
-) -> tuple[list[str], TextColumns]:
+def _merge_sections(sections: list[_Section], count: int, notes: list[str]) -> tuple[list[str], TextColumns]:
     """Put the rows of all tables into their lines; a column ``loop`` separates several tables."""
     text = [""] * count
     columns = sections[0].columns
@@ -78,9 +68,7 @@ def _merge_sections(
         for line, fields in section.rows.items():
             text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
     first_line = min(min(section.rows) for section in sections)
-    table = TextColumns(
-        first_line, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True
-    )
+    table = TextColumns(first_line, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True)
     return text, table
 
 
@@ -97,9 +85,7 @@ def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Se
             label = match[2]
         elif len(fields) > 1 and is_number_or_mark(fields[0]):
             if found and found[-1].label == label:
-                found[-1].rows[number] = _check_field_count(
-                    path, number, fields, len(found[-1].columns)
-                )
+                found[-1].rows[number] = _check_field_count(path, number, fields, len(found[-1].columns))
         elif len(fields) > 1 and "[" in text and not any(is_number(item) for item in fields):
             columns = [Column(name, "", position) for position, name in enumerate(fields)]
             found.append(_Section(label, columns))
@@ -109,9 +95,7 @@ def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Se
     names = [tuple(column.name for column in section.columns) for section in found]
     usual_names, _ = Counter(names).most_common(1)[0]
     sections = [
-        section
-        for section, section_names in zip(found, names, strict=True)
-        if section_names == usual_names
+        section for section, section_names in zip(found, names, strict=True) if section_names == usual_names
     ]
     if len({section.label for section in sections}) < len(sections):
         for number, section in enumerate(sections, start=1):
@@ -181,8 +165,7 @@ class _SegmentReader:
         found = [section for section in self.segments if section.rows]
         if not found:
             raise InputError(
-                f"{self.path}: has no samples below '***End_of_Header***'; export it again",
-                code="no-data",
+                f"{self.path}: has no samples below '***End_of_Header***'; export it again", code="no-data"
             )
         sections: list[_Section] = []
         end = float("-inf")
@@ -219,9 +202,7 @@ class _SegmentReader:
         ]
         time = second_of_day(next(iter(self.settings.get("time", [])), ""))
         start = self._shared_setting("x0") + (0.0 if math.isnan(time) else time)
-        self.segments.append(
-            _Section("", columns, start=start, step=self._shared_setting("delta_x"))
-        )
+        self.segments.append(_Section("", columns, start=start, step=self._shared_setting("delta_x")))
 
     def _shared_setting(self, key: str) -> float:
         """Return a setting that must be equal for all channels; 0 if it is missing."""

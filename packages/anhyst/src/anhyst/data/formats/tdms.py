@@ -43,8 +43,7 @@ def open_tdms(path: Path) -> ChannelFile:
         status = file.file_status
         if status.incomplete_final_segment or status.channel_statuses:
             raise InputError(
-                f"{path}: is cut off within its last segment; copy it again, or open and save it "
-                "in LabVIEW",
+                f"{path}: is cut off within its last segment; copy it again, or open and save it in LabVIEW",
                 code="damaged-file",
             )
         size = path.stat().st_size
@@ -89,9 +88,7 @@ def _make_channel(
             start += float((absolute - origin) / np.timedelta64(1, "ns")) * 1e-9
         timing = (group, count, start, step)
         clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
-    unit = next(
-        (str(item.properties[key]) for key in _UNIT_PROPERTIES if item.properties.get(key)), ""
-    )
+    unit = next((str(item.properties[key]) for key in _UNIT_PROPERTIES if item.properties.get(key)), "")
     unit = "s" if item.dtype.kind == "M" else unit
     key = (group, str(item.name))
     group_name = "" if group == _DEFAULT_GROUP else group
@@ -131,9 +128,7 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             name = section.group or _DEFAULT_GROUP
             if section.clock is not None:
                 if name in used:
-                    free_number = next(
-                        n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used
-                    )
+                    free_number = next(n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used)
                     notes.append(
                         f"group '{name}' has several clocks: '{name}_{free_number}' contains the next"
                     )
@@ -143,9 +138,7 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             objects = [RootObject(), GroupObject(name)]
             for signal in series:
                 unit = {"unit_string": signal.unit} if signal.unit else {}
-                values = (
-                    signal.values.tolist() if signal.values.dtype.kind == "U" else signal.values
-                )
+                values = signal.values.tolist() if signal.values.dtype.kind == "U" else signal.values
                 objects.append(ChannelObject(name, signal.name, values, unit))
             writer.write_segment(objects)
     return tuple(notes)

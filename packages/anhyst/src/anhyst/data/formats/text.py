@@ -63,19 +63,14 @@ class TextTable(Layout):
         positions = [column.position for column in self.table.columns]
         start, step = self.table.clock
         heads = [
-            [
-                repr(start + n * step) if at is None else row[at] if at < len(row) else ""
-                for at in positions
-            ]
+            [repr(start + n * step) if at is None else row[at] if at < len(row) else "" for at in positions]
             for n, row in enumerate(rows)
         ]
         for n, column in enumerate(self.table.columns):
             for row in heads if column.is_counter else []:
                 row[n] = repr(start + step * float(row[n])) if is_number(row[n]) else row[n]
         if self.stamp_column is not None:
-            seconds = seconds_since_first(
-                Texts.from_rows([row[self.stamp_column] for row in heads])
-            ).tolist()
+            seconds = seconds_since_first(Texts.from_rows([row[self.stamp_column] for row in heads])).tolist()
             for row, time in zip(heads, seconds, strict=True):
                 row[self.stamp_column] = repr(time)
         return heads
@@ -85,9 +80,7 @@ class TextTable(Layout):
     ) -> RawColumns:
         """Read the requested columns; the others are not parsed."""
         columns = self.table.columns
-        fields = {
-            n: column.position for n, column in enumerate(columns) if column.position is not None
-        }
+        fields = {n: column.position for n, column in enumerate(columns) if column.position is not None}
         stamps = {self.stamp_column} & {*numbers}
         number_columns = [n for n in numbers if n in fields and n not in stamps]
         text_columns = [n for n in {*texts, *stamps} if n in fields and n is not None]
@@ -115,9 +108,7 @@ class TextTable(Layout):
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
         values |= {n: start + step * values[n] for n in number_columns if columns[n].is_counter}
-        words |= {
-            n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields
-        }
+        words |= {n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
         breaks = ((0, self.notes), *(block for block in reader.breaks if block[0]))
         breaks = breaks[:1] if self.table.is_joined else breaks
         return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
@@ -229,11 +220,7 @@ def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
 def shorten_field(field: str) -> str:
     """Return a field of a file in printable and short form, for a message."""
     printable = "".join(sign if sign.isprintable() else "?" for sign in field)
-    return (
-        printable
-        if len(printable) <= _MAX_SHOWN_LENGTH
-        else printable[: _MAX_SHOWN_LENGTH - 3] + "..."
-    )
+    return printable if len(printable) <= _MAX_SHOWN_LENGTH else printable[: _MAX_SHOWN_LENGTH - 3] + "..."
 
 
 class _ColumnReader:
@@ -251,9 +238,7 @@ class _ColumnReader:
         self.text_codes: dict[int, dict[str, int]] = {index: {} for index in texts}
         self.codes: dict[int, list[NDArray[np.int32]]] = {index: [] for index in texts}
         self.notes: list[str] = []
-        self.pending_remarks: list[
-            str
-        ] = []  # comments since the last row; empty texts for blank lines
+        self.pending_remarks: list[str] = []  # comments since the last row; empty texts for blank lines
         self.breaks: list[tuple[int, tuple[str, ...]]] = []
         self.thousands = ThousandsCheck(layout.table.delimiter)
         self.bytes_read = 0
@@ -264,9 +249,7 @@ class _ColumnReader:
         layout = self.layout
         if self.thousands.may_occur(chunk):
             for number, line in enumerate(chunk.split(layout.eol), start=self.line):
-                self.thousands.observe(
-                    number, layout.split(line.decode(layout.encoding, "replace"))
-                )
+                self.thousands.observe(number, layout.split(line.decode(layout.encoding, "replace")))
             self.thousands.refuse_doubtful(layout.path, self.numbers)
         fast = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
         values, labels, lines = fast or self._convert_by_line(chunk)
@@ -279,9 +262,7 @@ class _ColumnReader:
     def finish(self) -> dict[int, Texts]:
         """Trim the numeric columns, and return the text columns."""
         if self.rows == 0:
-            raise InputError(
-                f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
-            )
+            raise InputError(f"{self.layout.path}: has a header but no data; nothing to read", code="no-data")
         for column in self.number_columns.values():
             column.resize(self.rows, refcheck=False)
         return {
@@ -304,9 +285,7 @@ class _ColumnReader:
     def _encode_texts(self, index: int, texts: Labels) -> NDArray[np.int32]:
         code_by_text = self.text_codes[index]
         if isinstance(texts, list):
-            return np.array(
-                [code_by_text.setdefault(text, len(code_by_text)) for text in texts], np.int32
-            )
+            return np.array([code_by_text.setdefault(text, len(code_by_text)) for text in texts], np.int32)
         values, first_rows, inverse = np.unique(texts, return_index=True, return_inverse=True)
         codes = np.empty(values.size, np.int32)
         for at in np.argsort(first_rows):  # in order of appearance
@@ -379,9 +358,7 @@ class _ColumnReader:
                 self.pending_remarks.append(row.remark)
                 continue
             fields = self._check_field_count(row.fields, row.line)
-            rows.append(
-                [self._parse_number(fields[index], index, row.line) for index in self.numbers]
-            )
+            rows.append([self._parse_number(fields[index], index, row.line) for index in self.numbers])
             for column, index in zip(labels, self.texts, strict=True):
                 column.append(fields[index])
             if self.pending_remarks:
