@@ -102,7 +102,7 @@ COLUMNS = {
     "no rows": {"H_A_per_m": [], "B_T": []},
     "'H_A_per_m' must be an array": {"H_A_per_m": 1.0, "B_T": 2.0},
     "same number of rows": {"H_A_per_m": [0.0, 1.0, 0.0], "B_T": [0.0, 1.0]},
-    "holds text": {"H_A_per_m": [object()] * 4, "B_T": [object()] * 4},
+    "contains text": {"H_A_per_m": [object()] * 4, "B_T": [object()] * 4},
     "no measured value": {"H_A_per_m": [0.0, 1.0, np.nan, 0.0], "B_T": [0.0, 1.0, 2.0, 0.0]},
 }
 

@@ -72,7 +72,7 @@ def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     measured_rig("bearing", tmp_path, extra_lines="\n[excite]\nforce_max_N = 60.0\n")
     message = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
     assert says(message, "operating-force-not-reached load.force_N: rig.toml; 150 N")
-    assert "excite.force_max_N leaves" in message
+    assert "excite.force_max_N limits it to" in message
     message = refused("excite", "rig.toml", "--out", "rig.csv", cwd=tmp_path)
     assert says(message, "writes-over-input: rig.toml")
     message = refused("excite", "rig.toml", "--out", "controller.csv", cwd=tmp_path)

@@ -116,7 +116,7 @@ def test_a_stage_is_drafted_from_loops_of_several_gaps_alone(tmp_path: Path) -> 
     loops = EXAMPLES / "stage" / "loops.csv"
     done = quick("init", loops, "--stage", "--load", 5, "--out", "my", cwd=tmp_path)
     assert done.returncode == 2
-    assert "--stage: takes --mass and --gap alone" in done.stderr
+    assert "--stage: accepts only --mass and --gap" in done.stderr
     done = quick("init", loops, "--stage", "--gap", 0.9e-3, "--out", "my", cwd=tmp_path)
     assert done.returncode == 2
     assert "0.0009 m is not between the measured ones" in done.stderr

@@ -230,7 +230,7 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
 
 
 def test_a_standstill_that_is_quiet_anyway_is_named_so() -> None:
-    assert "within 10 nm without it" in limit_texts(stages.study())[1]
+    assert "the baseline is within 10 nm" in limit_texts(stages.study())[1]
 
 
 def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path) -> None:

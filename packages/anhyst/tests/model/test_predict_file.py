@@ -145,7 +145,7 @@ def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
     off = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
     assert bool(np.abs(off).max() < 1e-9 * force.max()) is seen
     assert bool(np.abs(off).max() > 1e-3 * force.max()) is not seen
-    assert any("within larger ones" in text for text in summary.warnings) is seen
+    assert any("within larger loops" in text for text in summary.warnings) is seen
 
 
 def test_a_measured_output_is_kept_and_compared(tmp_path: Path) -> None:

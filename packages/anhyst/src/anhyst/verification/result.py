@@ -134,7 +134,7 @@ class Verification(Result):
         with atomic_writer(folder / TEXT_FILE) as stream:
             stream.write(_markdown_report(self))
 
-    def tables(self) -> list[TerminalTable]:
+    def tables(self) -> list[VerificationTable]:
         """Return the results as tables for people."""
         results = ((result,) for result in self.results)
         rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, results)]
@@ -186,7 +186,7 @@ TEXT_FILE = "verify.md"
 
 
 @dataclass(frozen=True, slots=True)
-class TerminalTable:
+class VerificationTable:
     """Table of texts: headings and cells."""
 
     title: str
@@ -196,11 +196,11 @@ class TerminalTable:
 
 def _make_table(
     title: str, columns: Mapping[str, Callable[..., object]], items: Iterable[Any]
-) -> TerminalTable:
+) -> VerificationTable:
     """Return a table with a row for each item; each column has a function; None becomes a dash."""
     texts = ([text(*item) for text in columns.values()] for item in items)
     cells = (tuple("-" if text is None else str(text) for text in row) for row in texts)
-    return TerminalTable(title, tuple(columns), tuple(cells))
+    return VerificationTable(title, tuple(columns), tuple(cells))
 
 
 _MISSING_COLUMNS: Mapping[str, Callable[[MissingTool, bool], object]] = {
@@ -238,12 +238,12 @@ _MEMORY_COLUMNS: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = 
 }
 
 
-def _estimate_table(estimates: Sequence[Estimate]) -> TerminalTable:
+def _estimate_table(estimates: Sequence[Estimate]) -> VerificationTable:
     parts = dict.fromkeys(estimate.part for estimate in estimates)
     texts = {(item.part, item.prices): f"{item.cycles} ({item.rate / 1e3:.1f} kHz)" for item in estimates}
     cells = tuple((part, *(texts[part, prices] for prices in PRICES)) for part in parts)
     title = f"a 16-bit DSC of {CLOCK_HZ / 1e6:.0f} MHz, worst case, estimated: cycles (rate)"
-    return TerminalTable(title, ("part of a step", *PRICES), cells)
+    return VerificationTable(title, ("part of a step", *PRICES), cells)
 
 
 def _markdown_report(verification: Verification) -> str:
