@@ -119,7 +119,7 @@ def test_a_stage_is_drafted_from_loops_of_several_gaps_alone(tmp_path: Path) -> 
     assert "--stage: accepts only --mass and --gap" in done.stderr
     done = quick("init", loops, "--stage", "--gap", 0.9e-3, "--out", "my", cwd=tmp_path)
     assert done.returncode == 2
-    assert "0.0009 m is not between the measured ones" in done.stderr
+    assert "0.0009 m is not between the measured gaps" in done.stderr
     assert not (tmp_path / "my").exists()
 
 
