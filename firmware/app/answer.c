@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One function a request; each fills the answer. What the control task uses is read and written
-   between port_lock and port_unlock, and little else is done there. */
+/* Answers each request of the link with one function. Data of the control task are accessed between
+   port_lock and port_unlock; these sections are short. */
 #include "app/request.h"
 
 #include <stddef.h>
 
 #include "xcp/tunnel.h"
 
-/* What an answer is made of. */
+/* Type, length and payload of an answer. */
 typedef struct {
   uint8_t *payload;
   uint8_t type;
@@ -22,7 +22,7 @@ static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t deta
   link_put_nak(to->payload, &nak);
 }
 
-/* Done, or not done for this reason. */
+/* Answers with an acknowledgement if the reason is NONE, otherwise with a refusal. */
 static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   if (reason == LINK_REASON_NONE) {
@@ -203,7 +203,7 @@ static void on_keep(app *a, const uint8_t *p, answer *to)
   }
 }
 
-/* A request of a fixed length and what does it. */
+/* Type and fixed length of a request, and the function that answers it. */
 typedef struct {
   uint8_t type;
   uint8_t length;
@@ -224,7 +224,7 @@ static const request_kind kinds[] = {
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
 };
 
-/* Whole words, at least one. */
+/* Requires complete words, at least one. */
 static void on_block_data(app *a, const link_frame *request, answer *to)
 {
   const uint8_t *p = request->payload;

@@ -61,17 +61,18 @@ void app_tick(app *a)
   xcp_tick(&a->carried);
 }
 
-/* What a request is after the ones before it. */
+/* Relation of a request to the requests before it. */
 enum {
   SEQUENCE_NEW,      /* to be done */
-  SEQUENCE_REPEATED, /* the last one again: answered with the same bytes */
-  SEQUENCE_OLD,      /* overtaken by newer ones: refused */
-  SEQUENCE_ASIDE,    /* a hello that opens nothing: answered, and the sequence goes on as it was */
+  SEQUENCE_REPEATED, /* must be performed */
+  SEQUENCE_OLD,      /* repetition of the last request: the same bytes are sent again */
+  SEQUENCE_ASIDE,    /* overtaken by newer requests: refused */
   SEQUENCE_NO_SESSION
 };
 
-/* Opens a session, unless the hello cannot (its answer says why) or has done so already: a copy of
-   it that the line kept back must not turn the sequence back. */
+/* Opens a session. A hello with a wrong length or version opens none; its answer gives the reason.
+   A delayed copy of the hello of the open session opens none either, so that it cannot reset the
+   sequence. */
 static int follow_hello(app_session *session, const link_frame *request)
 {
   link_hello hello;
@@ -90,9 +91,9 @@ static int follow_hello(app_session *session, const link_frame *request)
   return SEQUENCE_NEW;
 }
 
-/* Follows the sequence of requests. A PC numbers them one after the other; the same frame again is
-   a repetition. Half the numbers lie ahead, half behind, and what lies behind was overtaken: doing
-   it now would undo what came later. */
+/* Classifies a request by its sequence number. A PC numbers its requests one after the other; an
+   equal frame is a repetition. Numbers 1..127 ahead are new. All others were overtaken: performing
+   such a request now would undo a later one. */
 static int follow_sequence(app_session *session, const link_frame *request)
 {
   const uint16_t ahead = (uint16_t)(request->sequence - session->last) & 0xFFU;
@@ -115,14 +116,14 @@ static int follow_sequence(app_session *session, const link_frame *request)
   return SEQUENCE_NEW;
 }
 
-/* Whether a number behind the last one was answered, as far back as is known. */
+/* Whether a request before the last one was answered. The window covers the last 32 numbers. */
 static int was_answered(const app_session *session, uint8_t sequence)
 {
   const uint16_t behind = (uint16_t)(session->last - sequence) & 0xFFU;
   return behind < 32U && ((session->window >> behind) & 1U) != 0U;
 }
 
-/* Answers aside that a frame was not done. */
+/* Refuses a request. The answer goes to the buffer for answers that are not repeated. */
 static void refuse(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
 {
   uint8_t payload[LINK_SIZE_NAK];
@@ -134,7 +135,7 @@ static void refuse(app *a, const link_frame *request, uint16_t reason, uint16_t 
   a->session.sending_count = link_encode(a->session.aside, &frame);
 }
 
-/* Does a request and answers it, into one of the two places for answers. */
+/* Performs a request and encodes its answer into one of the two buffers. */
 static void perform(app *a, const link_frame *request, uint8_t *wire)
 {
   uint8_t payload[LINK_PAYLOAD_MOST];
@@ -145,8 +146,8 @@ static void perform(app *a, const link_frame *request, uint8_t *wire)
   a->session.sending = wire;
 }
 
-/* Does a new request. It alone shows that the PC is there: what is repeated may be a line that
-   echoes, and what is XCP may come from a master that only looks on. */
+/* Performs a new request. Only new requests count as heartbeat: a repetition may be an echo of the
+   line. XCP packets do not count because their master may only measure. */
 static void perform_new(app *a, const link_frame *request)
 {
   if (request->type != (uint8_t)LINK_TYPE_XCP) {
@@ -156,7 +157,7 @@ static void perform_new(app *a, const link_frame *request)
   a->session.answer_count = a->session.sending_count;
 }
 
-/* Answers a valid frame, whatever it says. */
+/* Answers a valid frame of any type. */
 static void take_request(app *a, const link_frame *request)
 {
   app_session *session = &a->session;
@@ -184,7 +185,7 @@ static void take_request(app *a, const link_frame *request)
   }
 }
 
-/* Offers the port what is left to send; 1 once nothing is left. */
+/* Passes unsent bytes to the port. Returns 1 once all bytes are sent. */
 static int send_rest(app *a)
 {
   app_session *session = &a->session;

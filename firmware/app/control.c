@@ -13,8 +13,8 @@ void app_control_start(app_control *control, app_body *body, const app_board *bo
   app_body_start(body, board);
 }
 
-/* Follows the tick's number: ticks since the last one, 1 as a rule. Leaves init at the first tick,
-   for fault where the block built in is not valid. */
+/* Returns the ticks since the last one, usually 1. Leaves init at the first tick; an invalid
+   built-in block then causes a fault. */
 static uint32_t follow_tick(app_control *control, const app_limits *limits, uint32_t tick)
 {
   uint32_t ticks = tick - control->tick;
@@ -24,7 +24,7 @@ static uint32_t follow_tick(app_control *control, const app_limits *limits, uint
     if (app_body_compensator(control->body, 0)->words == NULL) {
       app_body_fail(control->body, ANHYST_FAULT_BLOCK);
     }
-    return 1; /* where a board begins to count is its own affair */
+    return 1;
   }
   if (ticks == 0U || ticks > (uint32_t)limits->missed_ticks + 1U) {
     app_body_fail(control->body, ANHYST_FAULT_MISSED_TICK);
@@ -36,7 +36,7 @@ static uint32_t follow_tick(app_control *control, const app_limits *limits, uint
   return ticks;
 }
 
-/* Goes to fault for what the hardware reports: for the first of these. */
+/* Enters the fault state for the first hardware fault that the port reports. */
 static void watch_hardware(app_control *control, uint32_t status)
 {
   static const struct {
@@ -57,7 +57,7 @@ static void watch_hardware(app_control *control, uint32_t status)
   }
 }
 
-/* A PC may come and go as long as no current may flow. */
+/* Monitors the heartbeat. A silent PC is a fault only while current may flow. */
 static void watch_link(app_control *control, const int32_t *settings, uint32_t ticks)
 {
   const anhyst_supervisor *states = app_body_states(control->body);
@@ -68,7 +68,7 @@ static void watch_link(app_control *control, const int32_t *settings, uint32_t t
   }
 }
 
-/* What the state itself says, as flags. */
+/* Returns the flags that follow from the supervisor state. */
 static uint16_t state_flags(const anhyst_supervisor *states)
 {
   uint16_t flags = 0;

@@ -11,7 +11,7 @@ void app_current_start(app_current *current)
   current->off = 0;
 }
 
-/* Moves the expected current towards the driven one by one tick; both q30. */
+/* Moves the expected current towards the driven current by one tick; both q30. */
 static int32_t next_expected(int32_t expected, int32_t drive, const int32_t *settings)
 {
   const int32_t missing = anhyst_sub_q31(drive, expected);

@@ -16,7 +16,7 @@ void app_download_start(app_download *download)
   download->sealed = 0;
 }
 
-/* The place that the block in force does not stand in. */
+/* Returns the buffer that does not contain the active block. */
 static uint16_t free_place(const app_download *download, const int16_t *in_force)
 {
   return in_force == download->words[0] ? 1U : 0U;
@@ -83,7 +83,7 @@ uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint
   return LINK_REASON_NONE;
 }
 
-/* CRC-32 of words, low byte first, going on from `crc`. */
+/* Returns the CRC-32 of words, low byte first, continued from `crc`. */
 static uint32_t checksum(uint32_t crc, const int16_t *words, uint16_t count)
 {
   uint8_t bytes[2];
@@ -101,7 +101,7 @@ void app_download_seal(app_download *download)
   const uint16_t behind = (uint16_t)(ANHYST_WORD_CRC + 2);
   uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
   if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
-    length = ANHYST_BLOCK_LEAST_WORDS; /* no block has another; the check refuses it */
+    length = ANHYST_BLOCK_LEAST_WORDS; /* an invalid length; the check refuses the block */
   }
   if (download->sealed == 0U) {
     uint8_t bytes[4];

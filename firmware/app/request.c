@@ -56,8 +56,8 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
   return reason;
 }
 
-/* Puts a checked block in force. The swap itself is between two ticks; the check, which is long, is
-   not: nobody else writes to where the block stands. */
+/* Activates a checked block between two ticks. The long check ran before: only this task writes the
+   pending buffer. */
 static void swap(app *a, const int16_t *words)
 {
   anhyst_compensator fresh;

@@ -20,7 +20,7 @@ static uint16_t count_on(uint16_t count, uint32_t more)
 
 static int32_t distance(int32_t a, int32_t b) { return anhyst_abs_q31(anhyst_sub_q31(a, b)); }
 
-/* Follows how long the code has been the same and whether the current moved meanwhile. */
+/* Tracks for how long the code was equal and whether the current moved in this time. */
 static void watch_noise(app_sensor *sensor, int32_t stuck_current, int32_t value, uint32_t ticks,
                         int32_t drive)
 {

@@ -5,13 +5,13 @@ typedef struct {
   int32_t low;
   int32_t high;
   int32_t start;
-  uint16_t start_ms; /* of a setting in ticks, else 0 */
+  uint16_t start_ms; /* for a setting in ticks, else 0 */
   uint16_t while_running;
 } setting;
 
 static const setting table[LINK_SETTING_COUNT] = {LINK_SETTING_TABLE};
 
-/* Returns the largest value of a setting. The board limits the times, so that no PC can make the
+/* Returns the largest value of a setting. The board limits the times, so that a PC cannot make the
    firmware ignore a lost link or a wrong current for long. */
 static int32_t highest(const app_board *board, uint16_t number)
 {

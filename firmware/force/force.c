@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-/* The next sample is judged by code and range alone. */
+/* Resets the sensor checks: the next sample is checked for reserved code and range only. */
 static void forget_sensors(app_body *body)
 {
   app_sensor_start(&body->gap);
@@ -48,7 +48,7 @@ uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
   if (quantity != (uint16_t)LINK_BODY_FORCE) {
     return LINK_REASON_TYPE;
   }
-  body->target = value; /* `run` begins with zero, whatever came before */
+  body->target = value; /* the demand still starts at 0 in `run` */
   return LINK_REASON_NONE;
 }
 
@@ -70,12 +70,12 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   (void)value;
   const int is_gain =
       number >= (uint16_t)LINK_SETTING_GAINS && number <= (uint16_t)LINK_SETTING_GAIN_DD;
-  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position */
+  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* these gains belong to a position
+                                                           controller */
 }
 
-/* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
-   follows its own noise; the first that is wrong is reported. Without a sample all values are
-   PORT_RESERVED. */
+/* Returns the fault reason of this sample, or ANHYST_FAULT_NONE. All sensors are checked, because
+   each check tracks its own noise; the first error is reported. */
 static uint16_t judge(app_body *body, const int32_t *settings, const port_sample *sample,
                       uint32_t ticks)
 {
@@ -99,7 +99,7 @@ static uint16_t judge(app_body *body, const int32_t *settings, const port_sample
   return current;
 }
 
-/* Goes by the sample: to a fault, or on from selftest. */
+/* Checks the sample: enters the fault state, or advances the self-test. */
 static void watch_sample(app_body *body, const int32_t *settings, const port_sample *sample,
                          uint32_t ticks)
 {
@@ -116,8 +116,8 @@ static void watch_sample(app_body *body, const int32_t *settings, const port_sam
   }
 }
 
-/* demand*ratio of q31 and q30, as a q31; rounded downwards to the 16 upper bits of the ratio,
-   error below 2^-15 of the demand; saturates. */
+/* Returns demand*ratio (q31 times q30) as a q31, saturated. Only the upper 16 bits of the ratio
+   count; rounded down, error below 2^-15 of the demand. */
 static int32_t constant_ratio(int32_t demand, int32_t ratio)
 {
   return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
@@ -128,7 +128,7 @@ static uint8_t is_compensated(const int32_t *settings)
   return (settings[LINK_SETTING_COMPENSATION] != 0) ? 1U : 0U;
 }
 
-/* The current for the demand at this gap, the demand having moved on by at most its slew. */
+/* Moves the demand by at most its slew and returns its current at this gap, q31. */
 static int32_t force_current(app_body *body, const int32_t *settings, int32_t gap)
 {
   const int32_t slew = settings[LINK_SETTING_DEMAND_SLEW];
@@ -150,15 +150,15 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
   return current;
 }
 
-/* A step along the ramp from the current driven towards another. */
+/* Returns the driven current, moved by at most one ramp step towards another current. */
 static int32_t ramp_to(const app_body *body, int32_t current)
 {
   return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp),
                       anhyst_add_q31(body->drive, body->ramp));
 }
 
-/* The current of a state in which it may flow, or a step towards it as long as it has not been
-   reached since a block was swapped. */
+/* Ramps to the current after a change of block or method. Later it returns the current unchanged.
+ */
 static int32_t after_swap(app_body *body, int32_t current)
 {
   if (body->swapped == 0U) {
@@ -169,7 +169,7 @@ static int32_t after_swap(app_body *body, int32_t current)
   return step;
 }
 
-/* The current that this state asks for, before the limits of the board. */
+/* Returns the current that the state requires, before the limits of the board. */
 static int32_t wanted_current(app_body *body, const int32_t *settings, int32_t gap)
 {
   if (body->supervisor.state == ANHYST_STATE_RUN) {

@@ -54,9 +54,9 @@ uint16_t app_body_command(app_body *body, uint16_t command)
   return refused;
 }
 
-/* An armature cannot be landed without amplifiers that do as they are commanded: one magnet of a
-   pair alone would pull it to its side. A current that is not the driven one may be a fault of the
-   sensor or of the amplifier; the worse case decides. */
+/* A landing needs amplifiers that follow their commands: one magnet of a pair alone would pull the
+   armature to its side. A current that differs from the driven one may be a sensor fault or an
+   amplifier fault; the worse case is assumed. */
 void app_body_fail(app_body *body, uint16_t reason)
 {
   anhyst_levitation_fail(&body->position.levitation, reason,
@@ -85,10 +85,10 @@ void app_body_swap(app_body *body, const int16_t *words)
   anhyst_position_swap_q31(&body->position, words);
 }
 
-/* share*factor of a q30 share >= 0 and a factor, rounded to the nearest mantissa of 16 bits. */
+/* Returns share*factor for a q30 share >= 0, rounded to the nearest 16-bit mantissa. */
 static anhyst_factor shared(anhyst_factor factor, int32_t share)
 {
-  const int32_t product = anhyst_scale(share, factor.mantissa); /* q30: of at most 2^30 */
+  const int32_t product = anhyst_scale(share, factor.mantissa); /* q30, magnitude at most 2^30 */
   const int32_t mantissa = (product + 8192) >> 14;
   anhyst_factor found = factor;
   if (mantissa >= INT16_MIN && mantissa <= INT16_MAX) {
@@ -100,7 +100,7 @@ static anhyst_factor shared(anhyst_factor factor, int32_t share)
   return found;
 }
 
-/* Controls the position with the gains built in, or with shares of them, from the next tick on. */
+/* Activates the built-in gains, or shares of them, from the next tick on. */
 static uint16_t retune(app_body *body, const int32_t *settings, int shares)
 {
   const anhyst_position_settings_q31 *built_in = body->board->plan->settings;
@@ -139,8 +139,8 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   }
 }
 
-/* Goes to fault if a measured current is implausible for too long or does not follow the driven
-   one: the true current is then unknown. */
+/* Enters the fault state if a measured current is implausible for too long or does not follow the
+   driven current: the true current is then unknown. */
 static void watch_currents(app_body *body, const int32_t *settings, const port_sample *sample,
                            uint32_t ticks)
 {
@@ -155,10 +155,10 @@ static void watch_currents(app_body *body, const int32_t *settings, const port_s
   }
 }
 
-/* Whether the position stays on one code although force and current have moved: in the air nothing
-   does. A fine encoder may rest on a code for long as long as nothing moves, also while the current
-   of solid iron moves alone, or the wanted force alone, where another method begins.
-   An armature about to touch its rest is not in the air: there it stands still whatever flows. */
+/* Whether the position keeps its code although demanded force and current both changed. A levitated
+   armature never does. A fine encoder may keep its code while nothing moves, while only the current
+   of a solid core changes, or while only the demanded force changes (switch to another method).
+   Near its rest the armature is not levitated and may stand still at any current. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;

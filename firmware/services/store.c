@@ -30,7 +30,8 @@ static int valid(const store_flash *flash, uint16_t copy)
   return words[AT_SET + count] == crc;
 }
 
-/* The copy that counts, or NONE. Numbers go round: the newer is less than half a round ahead. */
+/* Returns the index of the newer valid copy, or NONE. Set numbers wrap around: the newer number is
+   ahead by less than 2^31. */
 static uint16_t newest(const store_flash *flash)
 {
   const int first = valid(flash, 0);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "services/thermal.h"
 
-#define NORMAL ((uint32_t)536870912) /* 2^29 */
+#define NORMAL ((uint32_t)536870912) /* 2^29: smallest mantissa */
 
-/* Of a current of either sign; at most 2^62. */
+/* Returns the square of a current of either sign; at most 2^62. */
 static uint64_t square(int32_t current)
 {
   const uint64_t size = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;
@@ -41,7 +41,7 @@ void thermal_start(thermal *t, const thermal_plan *plan)
   t->tripped = 0;
 }
 
-/* Its share of a difference; less than 2^33 times at most 2^30, so below 2^63. */
+/* Returns a difference of warmth times the share of one tick. The product is below 2^63. */
 static uint64_t part(const thermal_plan *plan, uint64_t difference)
 {
   return ((difference >> 30) * plan->mantissa) >> plan->shift;
@@ -60,7 +60,7 @@ int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
   } else if (t->warmth < plan->clears) {
     t->tripped = 0;
   } else {
-    /* between the two it stays as it is */
+    /* between the limits: no change */
   }
   return t->tripped;
 }

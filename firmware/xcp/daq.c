@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/daq.h"
 
-/* Stages of allocation: each may be gone on with, or left for the next. */
+/* Stages of allocation. Each call repeats the present stage or advances to the next one. */
 enum { STAGE_FREE, STAGE_LISTS, STAGE_PARTS, STAGE_ENTRIES };
 
 void xcp_daq_free(xcp_daq *d)
@@ -39,8 +39,6 @@ int xcp_daq_runs(const xcp_daq *d)
   }
   return runs;
 }
-
-/* The queue. */
 
 static uint16_t behind(uint16_t at) { return at + 1U < (uint16_t)XCP_QUEUE ? at + 1U : 0U; }
 
@@ -90,8 +88,6 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
   return length;
 }
 
-/* Sampling. */
-
 static uint8_t size_of(const xcp_daq *d, uint8_t list, uint8_t part)
 {
   const uint8_t number = (uint8_t)(d->list[list].parts.first + part);
@@ -140,9 +136,7 @@ void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals)
   }
 }
 
-/* Allocation. Nothing is changed while a list runs. */
-
-/* Whether allocation may go on with this stage, or why not. */
+/* Checks that no list runs and that allocation may continue with this stage. */
 static uint8_t enter(xcp_daq *d, uint8_t stage)
 {
   if (xcp_daq_runs(d)) {
@@ -286,7 +280,7 @@ uint8_t xcp_daq_set_prescaler(xcp_daq *d, uint16_t list, uint8_t prescaler)
   return XCP_FINE;
 }
 
-/* Whether a list has something to send, and nothing that was never written. */
+/* Whether a list has packets, and all its entries were written. */
 static int is_complete(const xcp_daq *d, uint16_t list)
 {
   const xcp_range *parts = &d->list[list].parts;
@@ -324,7 +318,7 @@ uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
   if (mode > 2U) {
     return XCP_MODE;
   }
-  /* In one piece, so that all lists begin with the same tick. */
+  /* One lock, so that all lists start with the same tick. */
   port_lock(d->port);
   for (uint8_t i = 0; i < d->lists; i++) {
     xcp_list *list = &d->list[i];

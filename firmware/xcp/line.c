@@ -23,7 +23,7 @@ void xcp_line_start(xcp_line *line, app *firmware, int checked)
 
 void xcp_line_tick(xcp_line *line) { xcp_tick(&line->slave); }
 
-/* Bytes in front of the checksum, of a packet of this length. */
+/* Returns the number of bytes before the checksum, for a packet of this length. */
 static uint16_t covered(const xcp_line *line, uint16_t length)
 {
   const uint16_t filling = (line->checked != 0U) ? (uint16_t)(length % 2U) : 0U;
@@ -39,7 +39,7 @@ static uint16_t sum_of_words(const uint8_t *bytes, uint16_t count)
   return sum;
 }
 
-/* Puts around a packet, which stands in its place, what belongs there. */
+/* Adds header and checksum to a packet in the output buffer. */
 static void send(xcp_line *line, uint16_t length)
 {
   line->out_at = 0;
@@ -51,14 +51,14 @@ static void send(xcp_line *line, uint16_t length)
     line->out_count = covered(line, length);
   }
   if ((length > 0U) && (line->checked != 0U)) {
-    line->out[XCP_LINE_HEAD + length] = 0; /* the filling, or where the checksum comes */
+    line->out[XCP_LINE_HEAD + length] = 0; /* padding, or overwritten by the checksum */
     link_put_u16(&line->out[line->out_count], sum_of_words(line->out, line->out_count));
     line->out_count += XCP_LINE_CHECK;
   }
 }
 
-/* There is a head, and perhaps all that belongs to it. A command whose checksum is wrong is not
-   done, and not answered: the master asks again. */
+/* Processes the command once it is complete. A command with a wrong checksum is neither performed
+   nor answered; the master repeats it. */
 static void look(xcp_line *line)
 {
   const uint16_t length = link_get_u16(line->in);
@@ -85,7 +85,7 @@ static void take_byte(xcp_line *line, uint8_t byte)
   }
 }
 
-/* After a silence a command begins, whatever came before. */
+/* Discards an incomplete command after a silence of the line. */
 static void hear(xcp_line *line)
 {
   const app *firmware = line->slave.firmware;

@@ -9,7 +9,7 @@ static uint16_t area_of(uint32_t address) { return (uint16_t)(address >> 16); }
 
 static uint16_t offset_of(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
 
-/* Bytes of a value of an area. */
+/* Returns the bytes per value of an area. */
 static uint16_t width_of(uint16_t area)
 {
   switch (area) {
@@ -35,7 +35,7 @@ static uint8_t fetch_signal(const xcp_slave *x, uint16_t number, uint32_t *value
   return XCP_FINE;
 }
 
-/* Whether the body takes this input: a force, a position. */
+/* Whether the body accepts this input: a force or a position. */
 static int takes(const xcp_slave *x, uint16_t number)
 {
   const int levitates = x->firmware->board->plan != NULL;
@@ -83,7 +83,7 @@ static uint8_t fetch_letter(const char *text, uint16_t number, uint32_t *value)
   return XCP_FINE;
 }
 
-/* The value with this number in an area. */
+/* Reads the value with this number in an area. */
 static uint8_t fetch(const xcp_slave *x, uint16_t area, uint16_t number, uint32_t *value)
 {
   switch (area) {
@@ -119,7 +119,7 @@ uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t 
   for (uint32_t i = 0; i < count; i++) {
     const uint16_t at = (uint16_t)(offset_of(address) + i);
     const uint16_t byte = at % width;
-    if (i == 0U || byte == 0U) { /* a value in one piece */
+    if (i == 0U || byte == 0U) { /* fetched once, so that it is consistent */
       const uint8_t wrong = fetch(x, area, at / width, &value);
       if (wrong != XCP_FINE) {
         return wrong;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Commands of XCP for lists of samples: one function each. */
+/* XCP commands for sample lists, one function per command. */
 #include <stddef.h>
 
 #include "app/request.h"
@@ -10,14 +10,14 @@
 #define DAQ_HAS_PRESCALER 0x02U
 #define DAQ_HAS_STAMP 0x10U
 #define DAQ_OVERLOAD_IS_EVENT 0x80U
-#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes in front of a sample */
+#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes before a sample */
 #define STAMP_IS_FIXED_4_BYTES 0x0CU
 #define EVENT_IS_DAQ 0x04U
 #define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
 #define LIST_STIM_OR_NO_HEAD 0x23U
 
-/* The period of a tick as a number up to `most` and the power of ten of nanoseconds it counts in:
-   exact where that can be, else the nearest. */
+/* Returns the period of a tick as a number up to `most`, times 10^power ns; rounded to the nearest
+   if it is not exact. */
 static uint16_t period(uint32_t rate, uint16_t most, uint8_t *power)
 {
   uint32_t second = 1000000000U;
@@ -35,7 +35,7 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
 {
   r->answer[1] = DAQ_IS_DYNAMIC | DAQ_HAS_PRESCALER | DAQ_HAS_STAMP | DAQ_OVERLOAD_IS_EVENT;
   link_put_u16(r->answer + 2, x->daq.lists);
-  link_put_u16(r->answer + 4, 1); /* events */
+  link_put_u16(r->answer + 4, 1); /* number of events */
   r->answer[7] = DAQ_RELATIVE_PART_BYTE_LIST;
   r->length = 8;
   return XCP_FINE;
@@ -45,7 +45,7 @@ static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
   const uint16_t ticks = period(x->firmware->board->rate, UINT16_MAX, &power);
-  r->answer[1] = 4; /* an entry is a signal */
+  r->answer[1] = 4; /* size of an entry: one signal */
   r->answer[2] = 4;
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
   link_put_u16(r->answer + 6, ticks);
@@ -109,7 +109,7 @@ static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
   const uint8_t signal = xcp_signal_at(link_get_u32(r->command + 4));
   if (r->command[1] != 0xFFU || r->command[2] != 4U || r->command[3] != 0U ||
       signal == XCP_NO_SIGNAL) {
-    return XCP_RANGE; /* no bits, whole signals */
+    return XCP_RANGE; /* only complete signals, no single bits */
   }
   return xcp_daq_write(&x->daq, signal);
 }
@@ -132,7 +132,7 @@ static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_start_stop(xcp_slave *x, xcp_request *r)
 {
-  r->length = 2; /* parts are counted in each list anew */
+  r->length = 2; /* first packet number of a list: always 0 */
   return xcp_daq_start_stop(&x->daq, link_get_u16(r->command + 2), r->command[1]);
 }
 

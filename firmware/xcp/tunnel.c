@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/tunnel.h"
 
-/* Puts the length in front of a packet that stands behind it; bytes that are taken then. */
+/* Writes the length before a packet that is already in place. Returns the new number of used bytes.
+ */
 static uint16_t put(uint8_t *packets, uint16_t at, uint16_t length)
 {
   uint16_t end = at;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Session, memory and pages: one function a command. Numbers are low byte first. */
+/* XCP commands for session, memory and pages, one function per command. Numbers: low byte first. */
 #include "xcp/xcp.h"
 
 #include <stddef.h>
@@ -65,14 +65,12 @@ uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
   return xcp_daq_take(&x->daq, packet, most);
 }
 
-/* Session. */
-
 static uint8_t on_connect(xcp_slave *x, xcp_request *r)
 {
-  xcp_hang_up(x); /* a master that connects again begins anew */
+  xcp_hang_up(x); /* a second connect restarts the session */
   x->connected = 1;
   r->answer[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
-  r->answer[2] = MORE_TO_BE_ASKED; /* low byte first, addresses count bytes, no blocks */
+  r->answer[2] = MORE_TO_BE_ASKED; /* byte order low first, address unit byte, no block transfer */
   r->answer[3] = XCP_PACKET;
   link_put_u16(r->answer + 4, XCP_PACKET);
   r->answer[6] = 1; /* versions of protocol and transport */
@@ -101,7 +99,8 @@ static uint8_t on_status(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* The one command whose answer is always an error: it shows that both are in step again. */
+/* SYNCH always answers with an error packet; it shows that master and slave are synchronised again.
+ */
 static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;
@@ -110,7 +109,7 @@ static uint8_t on_synch(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* No blocks of packets, no commands ahead of their answers. */
+/* No block mode and no interleaved mode. */
 static uint8_t on_more(xcp_slave *x, xcp_request *r)
 {
   r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
@@ -127,7 +126,7 @@ static uint32_t length_of(const char *text)
   return length;
 }
 
-/* The name is fetched by UPLOAD. Types 0 and 1: text, and name of the file without its ending. */
+/* The master reads the name with UPLOAD. Types 0 and 1: text, and file name without extension. */
 static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
   x->address = (uint32_t)XCP_AREA_NAME << 16;
@@ -139,7 +138,7 @@ static uint8_t on_id(xcp_slave *x, xcp_request *r)
 static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U) {
-    return XCP_SEQUENCE; /* there is no second part */
+    return XCP_SEQUENCE; /* the seed has no second part */
   }
   r->length = 2;
   if (x->unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
@@ -175,12 +174,10 @@ static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* Memory. */
-
 static uint8_t on_address(xcp_slave *x, xcp_request *r)
 {
   if (r->command[3] != 0U) {
-    return XCP_RANGE; /* no extensions */
+    return XCP_RANGE; /* no address extensions */
   }
   x->address = link_get_u32(r->command + 4);
   return XCP_FINE;
@@ -206,7 +203,7 @@ static uint8_t on_short_upload(xcp_slave *x, xcp_request *r)
   return wrong == XCP_FINE ? on_upload(x, r) : wrong;
 }
 
-/* Writes the bytes that stand in the command from a place on. */
+/* Writes the bytes of the command from index `from` on. */
 static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 {
   const uint16_t count = r->command[1];
@@ -222,7 +219,7 @@ static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 
 static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r, 2); }
 
-/* Address and bytes in one command: half the way there and back for a demand. */
+/* Address and bytes in one command: a demand needs one round trip instead of two. */
 static uint8_t on_short_download(xcp_slave *x, xcp_request *r)
 {
   const uint8_t wrong = on_address(x, r);
@@ -251,8 +248,6 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
   r->length = 8;
   return XCP_FINE;
 }
-
-/* Pages of the one segment. */
 
 static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
 {
@@ -297,12 +292,12 @@ static uint8_t on_page(xcp_slave *x, xcp_request *r)
 static uint8_t on_page_info(xcp_slave *x, xcp_request *r)
 {
   (void)x;
-  r->answer[1] = 1; /* segments */
+  r->answer[1] = 1; /* number of segments */
   r->length = 3;
   return XCP_FINE;
 }
 
-/* Page 0 to page 1: what was changed there is forgotten. */
+/* Copies page 0 to page 1; this discards the edits of page 1. */
 static uint8_t on_copy_page(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U || r->command[3] != 0U) {

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The board that is a process: the firmware on a PC, bit for bit the one that a controller runs.
+/* Host board: the firmware as a process on a PC, with the source code of a real controller.
 
-     firmware LINK PLANT [--xcp PORT]
+       firmware LINK PLANT [--xcp PORT]
 
-   LINK: pty for a new pseudo-terminal, whose name is printed; the path of a terminal; or tcp:PORT
-   to listen on, where port 0 takes a free one, which is printed. PLANT, which gives the ticks: fd:N
-   for an inherited stream, or tcp:PORT to connect to. --xcp offers XCP on TCP; port 0 takes a free
-   one, which is printed. Ports are those of 127.0.0.1. Ends when the plant hangs up. */
+   LINK: pty creates a pseudo-terminal and prints its name; a path opens a terminal; tcp:PORT
+   listens. PLANT gives the ticks: fd:N is an inherited stream; tcp:PORT connects. --xcp listens for
+   XCP on TCP. Port 0 selects a free port, which is printed. Ports are on 127.0.0.1. The process
+   ends when the plant disconnects. */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
 #define _XOPEN_SOURCE 700
 #define _DEFAULT_SOURCE  /* cfmakeraw */
-#define _DARWIN_C_SOURCE /* that and INADDR_LOOPBACK, on macOS */
+#define _DARWIN_C_SOURCE /* cfmakeraw and INADDR_LOOPBACK on macOS */
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include <arpa/inet.h>
 #include <errno.h>
@@ -30,18 +30,18 @@
 #include "xcp_port.h"
 
 #ifndef B921600
-#define B921600 921600 /* macOS names no speed above 230400, and takes each as a number */
+#define B921600 921600 /* macOS defines no constants above 230400 and accepts any number */
 #endif
 
 #define BAD_USAGE 2
 #define NONE (-1)
 
 static lockstep controller;
-static int listener = NONE; /* where a link on TCP comes in */
+static int listener = NONE; /* listening socket of a link on TCP */
 static int link_fd = NONE;
 static int plant_fd = NONE;
-static int more_to_send; /* the link took less than was offered */
-static int more_to_read; /* it has something that was not taken yet */
+static int more_to_send; /* the link accepted less than was offered */
+static int more_to_read; /* the link has unread bytes */
 
 static void quit(const char *what, const char *why)
 {
@@ -49,7 +49,7 @@ static void quit(const char *what, const char *why)
   exit(BAD_USAGE);
 }
 
-/* The number after a prefix such as "tcp:", or NONE. */
+/* Returns the number after a prefix such as "tcp:", or NONE. */
 static int number_after(const char *prefix, const char *text)
 {
   const size_t length = strlen(prefix);
@@ -83,20 +83,20 @@ static struct sockaddr_in local(int port)
   return address;
 }
 
-/* Frames are small and wait for each other: sent at once. */
+/* Sends small frames without delay, because the other side waits for each. */
 static void send_at_once(int fd)
 {
   const int yes = 1;
   (void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
 }
 
-/* A socket that listens, whose port is printed. */
+/* Returns a listening socket and prints its port. */
 static int listen_on(int port)
 {
   struct sockaddr_in address = local(port);
   socklen_t size = sizeof address;
   const int fd = new_socket();
-  const int yes = 1; /* a port whose last process was killed can be taken again at once */
+  const int yes = 1; /* reuse the port of a process that was killed */
   if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
       getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
@@ -107,7 +107,7 @@ static int listen_on(int port)
   return fd;
 }
 
-/* A terminal that passes bytes on as they are. */
+/* Opens a terminal in raw mode. */
 static int open_terminal(const char *path)
 {
   struct termios raw;
@@ -123,7 +123,8 @@ static int open_terminal(const char *path)
   return fd;
 }
 
-/* The far end is opened here too and kept, so that a PC may come and go. */
+/* Opens a pseudo-terminal. The other end stays open here, so that a PC may connect and disconnect.
+ */
 static void open_pty(void)
 {
   link_fd = posix_openpt(O_RDWR | O_NOCTTY);
@@ -175,7 +176,8 @@ static void accept_link(void)
   }
 }
 
-/* Another client may come on TCP; a terminal that hung up stays silent, as a cable pulled out. */
+/* Closes the link. On TCP another client may connect; a terminal stays silent, as with a pulled
+   cable. */
 static void drop_link(void)
 {
   (void)close(link_fd);
@@ -191,7 +193,7 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
   if (link_fd == NONE || !more_to_read) {
     return 0;
   }
-  more_to_read = 0; /* until the system says so again: a tick costs one call less */
+  more_to_read = 0; /* until poll reports input; this saves one call per tick */
   const ssize_t count = read(link_fd, bytes, most);
   if (count > 0) {
     return (uint16_t)count;
@@ -206,7 +208,7 @@ static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
   if (link_fd == NONE) {
-    return count; /* into the air */
+    return count; /* discarded */
   }
   const ssize_t taken = write(link_fd, bytes, count);
   if (taken < 0 && !would_block()) {
@@ -226,7 +228,7 @@ static void answer_plant(const uint8_t *drive)
       continue;
     }
     if (taken <= 0) {
-      exit(EXIT_SUCCESS); /* the plant hung up */
+      exit(EXIT_SUCCESS); /* the plant disconnected */
     }
     drive += taken;
     count -= (size_t)taken;
@@ -249,7 +251,7 @@ static void receive_plant(void)
   }
 }
 
-/* Sleeps until the link, XCP or the plant has something. */
+/* Sleeps until link, XCP or plant has input, then processes it. */
 static void wait_and_serve(void)
 {
   struct pollfd ends[3];
@@ -278,7 +280,7 @@ int main(int argc, char **argv)
   if (argc != 3 && !with_xcp) {
     quit("usage", "firmware LINK PLANT [--xcp PORT]");
   }
-  (void)signal(SIGPIPE, SIG_IGN); /* write reports who hung up */
+  (void)signal(SIGPIPE, SIG_IGN); /* write reports a disconnection */
   open_link(argv[1]);
   open_plant(argv[2]);
   lockstep_start(&controller, link_read, link_write);

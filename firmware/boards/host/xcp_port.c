@@ -19,10 +19,10 @@
 static xcp_line line;
 static int listener = NONE;
 static int master = NONE;
-static uint8_t in[256]; /* what has arrived and was not taken yet */
+static uint8_t in[256]; /* received bytes that are not processed yet */
 static uint16_t in_count;
 static uint16_t in_at;
-static uint8_t out[16U * XCP_LINE_MOST]; /* packets that the socket has not taken yet */
+static uint8_t out[16U * XCP_LINE_MOST]; /* packets that the socket has not accepted yet */
 static size_t out_count;
 static size_t out_at;
 
@@ -72,7 +72,7 @@ static void send_rest(void)
   out_at = 0;
 }
 
-/* Fetches packets as long as another one fits; whether there were any. */
+/* Collects packets while another one fits. Returns whether there were any. */
 static int gather(void)
 {
   const size_t before = out_count;
@@ -99,7 +99,7 @@ static void receive(void)
   }
 }
 
-/* Whether anything moved; a line that broke is given up. */
+/* Sends and processes bytes; closes a broken line. Returns whether any byte moved. */
 static int move(void)
 {
   send_rest();
@@ -118,7 +118,7 @@ static int move(void)
 
 struct pollfd xcp_port_wanted(void)
 {
-  /* What is not read is not waited for either. */
+  /* Do not wait for input while old input is unprocessed. */
   struct pollfd end = {master != NONE ? master : listener,
                        (short)(master == NONE || in_at == in_count ? POLLIN : 0), 0};
   if (master != NONE && out_count > 0U) {

@@ -7,10 +7,10 @@
 
 typedef struct {
   lockstep lockstep;
-  const uint8_t *in; /* what the caller has for the link, and how much of it is left */
+  const uint8_t *in; /* unread bytes of the caller */
   uint16_t in_count;
   uint16_t out_count;
-  uint8_t out[16384]; /* what the firmware has said and nobody took; more stays with it */
+  uint8_t out[16384]; /* sent bytes that the caller has not fetched; more stay in the firmware */
 } library;
 
 static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)

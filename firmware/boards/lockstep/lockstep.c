@@ -21,10 +21,10 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   l->drive.state = state;
 }
 
-/* app_tick and app_poll are called in turn. */
+/* No lock is needed: app_tick and app_poll are called in turn. */
 static void nothing(void *context) { (void)context; }
 
-/* A process and an emulator forget all when they end. */
+/* Processes and emulators have no non-volatile memory. */
 static int keep(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;

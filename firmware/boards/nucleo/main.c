@@ -1,20 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board ST Nucleo-F446RE (STM32F446RE, Cortex-M4F at 166 MHz), registers only.
 
-   Timer 2 begins a tick: its update starts three converters at the same instant (gap, force,
-   current) and puts out the current computed in the tick before, without any instruction, so that
-   neither jitters. The end of conversion is the interrupt in which the tick is computed; frames are
-   handled in between.
+   Timer 2 starts a tick. Its update starts three ADCs at the same instant (gap, force, current) and
+   outputs the current of the last tick, both in hardware, so that neither jitters. The
+   end-of-conversion interrupt computes the tick. The main loop handles frames between ticks.
 
-     PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
-     PA1 (A1)  force sensor; of a controller of position, the second current sensor
-     PC0 (A5)  current sensor    PA5       LED: run
+       PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
+       PA1 (A1)  force sensor; of a position controller, the second current sensor
+       PC0 (A5)  current sensor    PA5       LED: run
 
-   Power stage, pulses as references and the inputs of faults are in stage.h, encoder and converter
-   of a position in place.h, the lines to a PC in serial.h, what outlives the power in memory.h.
-
-   The sensors' outputs have a live zero, so that a broken wire is no value: 0.33 V is 0, 2.97 V
-   is 1.0, unless a set in flash says otherwise. docs/boards.md has the rest. */
+   Other pins: stage.h (power stage, pulse references, fault inputs), place.h (position), serial.h
+   (lines to a PC). The sensors have a live zero, so that a broken wire gives no valid value: 0.33 V
+   is 0 and 2.97 V is 1.0, unless the set in flash differs. See docs/boards.md. */
 #include <stddef.h>
 #include <stdint.h>
 
@@ -30,7 +27,7 @@
 #include "stage.h"
 #include "xcp/line.h"
 
-/* Of about 8 kHz: 5 ms and four ticks. */
+/* Counts of about 8 kHz: 5 ms plus four ticks. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
 
 #define GAP_ADC 1U
@@ -42,7 +39,7 @@
 
 #define PIN_LED 5U
 
-/* Codes of a sensor: 10 % of 3.3 V is 0, 90 % is 1.0; below and above the others is no value. */
+/* Sensor codes: 10 % of 3.3 V is 0, 90 % is 1.0; codes below LEAST or above MOST have no value. */
 #define CODE_ZERO 410
 #define CODE_ONE 3686
 #define CODE_LEAST 80
@@ -50,7 +47,7 @@
 #define Q30_OF_CODE (PORT_ONE / (CODE_ONE - CODE_ZERO))
 #define LIVE_ZERO {CODE_ZERO, Q30_OF_CODE, 0, CODE_LEAST, CODE_MOST}
 
-/* The winding: time constant, current that may flow for ever, current at which it is cool again. */
+/* Winding: time constant (s), current that trips and current that clears (q30). */
 #define WINDING_S 60U
 #define WINDING_TRIPS (PORT_ONE / 10 * 7)
 #define WINDING_CLEARS (PORT_ONE / 2)
@@ -62,7 +59,7 @@ static app firmware;
 static app_body body;
 static xcp_line xcp;
 
-/* What counts until a set is kept: a code of the encoder is 2^-16 of the position's full scale. */
+/* Default until a set is stored: one encoder code is 2^-16 of the full-scale position. */
 static memory_set set = {
     .layout = MEMORY_LAYOUT,
     .gap = LIVE_ZERO,
@@ -78,7 +75,7 @@ static thermal windings[PORT_CURRENTS];
 
 static void sense_position(port_sample *sample)
 {
-  int32_t code = place_encoder(); /* at every tick, or edges are lost */
+  int32_t code = place_encoder(); /* in every tick; otherwise edges are lost */
   if (set.source == PLACE_CONVERTER) {
     code = place_converter();
     if (code < 0) {
@@ -108,7 +105,7 @@ static void sense(void *context, port_sample *sample)
   }
 }
 
-/* The converter holds the code back until the next tick begins. */
+/* The DAC outputs the code when the next tick begins. */
 static void drive(void *context, const int32_t *currents, uint32_t state)
 {
   (void)context;
@@ -121,7 +118,7 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   IWDG_KR = IWDG_KR_FEED;
 }
 
-/* The pin of the converter goes to 0 V at once: without its trigger, the code is taken over. */
+/* Without its trigger the DAC outputs the code immediately: 0 V. */
 void board_panic(void)
 {
   stage_panic();
@@ -141,7 +138,7 @@ static void unlock(void *context)
   startup_interrupts_on();
 }
 
-/* The counter of ticks goes back to where it was: none has begun, for all that anybody saw. */
+/* Restores the tick counter, so that the erase time counts as no tick. */
 static int keep(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;
@@ -167,8 +164,8 @@ static const struct port port = {.context = &serial_link,
                                  .unlock = unlock,
                                  .keep = keep};
 
-/* The three values are there: computes the tick. One that began meanwhile is missed: what it
-   converted is left alone, and the number of the next sample shows it. */
+/* Computes the tick after the three conversions. If another tick began meanwhile, it is missed: its
+   conversion is ignored, and the next sample's tick number shows it. */
 static void converted(void)
 {
   const uint32_t none = ~ADC_SR_JEOC;
@@ -187,7 +184,7 @@ static void converted(void)
   }
 }
 
-/* A byte at a time, as far as the line takes them; then what waits for it. */
+/* Sends a waiting packet, or processes one received byte. */
 static void poll_xcp(void)
 {
   uint8_t byte = 0;
@@ -207,7 +204,8 @@ __attribute__((section(".vectors"), used)) static const startup_vector vectors[]
     [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
 
-/* Without the ST-Link's clock nothing here would be on time: then it waits here, current off. */
+/* Starts the clocks. Without the ST-Link's clock it waits here, with current off, because no timing
+   would be right. */
 static void start_clocks(void)
 {
   RCC_CR |= RCC_CR_HSEBYP;
@@ -274,7 +272,7 @@ static void start_watchdog(void)
   IWDG_RLR = WATCHDOG_COUNTS;
 }
 
-/* The block in flash stands for the one built in where it is of this kind and for these signals. */
+/* Starts the app. A stored block replaces the built-in block if kernel and units fit. */
 static void start_app(void)
 {
   in_use = nucleo_board;
@@ -300,7 +298,7 @@ static void start_services(void)
 
 int main(void)
 {
-  SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the floating-point unit */
+  SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the FPU */
   start_clocks();
   start_pins();
   start_services();

@@ -4,15 +4,15 @@
 #include "registers.h"
 #include "services/store.h"
 
-#define SECTOR 6U /* and the one after it, 128 KiB each; board.ld keeps the program out of them */
+#define SECTOR 6U /* and sector 7, 128 KiB each; board.ld excludes them from the program */
 #define SECTOR_ADDRESS 0x08040000U
 #define SECTOR_BYTES 0x20000U
 #define WORDS (sizeof(memory_set) / sizeof(uint32_t))
 
-/* Run from RAM: the flash cannot be read while it works. */
+/* Places a function in RAM, because the flash cannot be read while it is written. */
 #define IN_RAM(name) __attribute__((section(".data.memory_" name), noinline))
 
-/* One command to the flash, to its end. Whether it was carried out. */
+/* Executes one flash command to its end. Returns 1 if it succeeded. */
 IN_RAM("work") static int work(uint32_t command, volatile uint32_t *at, uint32_t word)
 {
   FLASH_SR = FLASH_SR_ERRORS;
@@ -41,7 +41,7 @@ static int erase(uint16_t copy)
 {
   unlock();
   const int done = work(FLASH_CR_PSIZE_32 | FLASH_CR_SER | FLASH_CR_SNB(SECTOR + copy), 0, 0);
-  /* What the caches hold of the sector is no longer so. */
+  /* Invalidates the caches, which may contain old data of the sector. */
   const uint32_t access = FLASH_ACR;
   FLASH_ACR = access & ~(FLASH_ACR_DCEN | FLASH_ACR_ICEN);
   FLASH_ACR = (access & ~(FLASH_ACR_DCEN | FLASH_ACR_ICEN)) | FLASH_ACR_DCRST | FLASH_ACR_ICRST;

@@ -4,17 +4,17 @@
 #include "nucleo.h"
 #include "registers.h"
 
-/* What is sent while the converter is read: it does not listen. */
+/* Word that is sent while the ADC is read; the ADC ignores it. */
 static const uint16_t nothing = 0;
 
 static uint16_t last;
 static uint32_t edges;
 
-/* By this stream of DMA words are sent to the converter. */
+/* DMA stream that sends words to the ADC. */
 #define STREAM DMA1_STREAM(1U)
 
-/* The encoder, then the converter: channel 3 of timer 2 is high from the tick to the end of the
-   conversion; there DMA sends a word, and with it comes the answer. */
+/* Starts encoder and ADC. Channel 3 of timer 2 is high from the tick to the end of the conversion.
+   Then DMA sends a word, and the SPI receives the code at the same time. */
 void place_start(void)
 {
   GPIOB_AFRL |= GPIO_FUNCTION(2U, 6U) | GPIO_FUNCTION(2U, 7U);
@@ -54,7 +54,7 @@ int32_t place_converter(void)
 {
   int32_t code = -1;
   if ((SPI2_SR & SPI_SR_RXNE) != 0U) {
-    code = (int32_t)(SPI2_DR & 0xFFFFU); /* reading takes the flag away */
+    code = (int32_t)(SPI2_DR & 0xFFFFU); /* the read clears the flag */
   }
   return code;
 }

@@ -9,7 +9,7 @@
 
 #define ON (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
 
-/* Begin as zeros, so that the rings take no flash. */
+/* Zero-initialised, so that the buffers need no flash. */
 serial serial_link;
 serial serial_xcp;
 
@@ -52,7 +52,7 @@ static void send_next(serial *s)
 void serial_link_ready(void) { send_next(&serial_link); }
 void serial_xcp_ready(void) { send_next(&serial_xcp); }
 
-/* Both receive by channel 4 of their streams. */
+/* Starts a port. Both ports receive on channel 4 of their streams. */
 static void start(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
 {
   s->port = port;
@@ -75,7 +75,7 @@ void serial_start(void)
   GPIOA_AFRL |= GPIO_FUNCTION(7U, 2U) | GPIO_FUNCTION(7U, 3U);
   GPIOA_MODER |= GPIO_ALTERNATE(2U) | GPIO_ALTERNATE(3U);
   GPIOC_AFRH |= GPIO_FUNCTION(8U, 10U) | GPIO_FUNCTION(8U, 11U);
-  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* without a cable the line is at rest */
+  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* idle level without a cable */
   GPIOC_MODER |= GPIO_ALTERNATE(10U) | GPIO_ALTERNATE(11U);
   start(&serial_link, USART2, DMA1_STREAM(5U), USART2_IRQ);
   start(&serial_xcp, UART4, DMA1_STREAM(2U), UART4_IRQ);

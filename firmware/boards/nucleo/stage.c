@@ -7,13 +7,13 @@
 #define PIN_STOP 4U
 #define PIN_AMPLIFIER 5U
 #define PIN_OVER_CURRENT 12U
-#define FULL 4096U /* counts of a pulse: 12 bits, as many as the analogue reference has */
+#define FULL 4096U /* counts per pulse: 12 bits, as the analogue reference */
 
 void stage_start(void)
 {
   GPIOB_PUPDR |=
       GPIO_PULL_DOWN(PIN_STOP) | GPIO_PULL_DOWN(PIN_AMPLIFIER) | GPIO_PULL_DOWN(PIN_OVER_CURRENT);
-  /* Pin 4 wakes as part of the debugger's port, which pulls it up. */
+  /* After reset, pin 4 belongs to the debug port, with a pull-up. */
   GPIOB_PUPDR &= ~GPIO_PULL_UP(PIN_STOP);
   GPIOB_MODER = (GPIOB_MODER & ~GPIO_MODE(PIN_STOP)) | GPIO_ALTERNATE(PIN_OVER_CURRENT);
   GPIOB_AFRH |= GPIO_FUNCTION(1U, PIN_OVER_CURRENT);
@@ -27,7 +27,7 @@ void stage_start(void)
   GPIOA_MODER |= GPIO_ALTERNATE(8U) | GPIO_ALTERNATE(9U) | GPIO_ALTERNATE(10U);
 }
 
-/* The share of a pulse; FULL - 1 at most, so that it never stays high. */
+/* Returns the duty cycle in counts; at most FULL - 1, so that the output never stays high. */
 static uint32_t counts(int32_t current) { return current > 0 ? (uint32_t)current >> 19 : 0U; }
 
 static int is_high(uint32_t pin) { return (GPIOB_IDR & (1U << pin)) != 0U; }
