@@ -71,8 +71,7 @@ enum {
 };
 
 /* Opens a session. A hello with a wrong length or version opens none; its answer gives the reason.
-   A delayed copy of the hello of the open session opens none either, so that it cannot reset the
-   sequence. */
+   A delayed copy of the last hello opens none either, and cannot reset the sequence. */
 static int follow_hello(app_session *session, const link_frame *request)
 {
   link_hello hello;

@@ -54,8 +54,7 @@ struct app {
   uint32_t cycles;   /* CPU cycles of the longest tick; set by boards that count cycles */
 };
 
-/* Starts in the state init. Checks the built-in parameter block: about 100 instructions per word.
- */
+/* Starts in the state init. Checks the built-in block: about 100 instructions per word. */
 void app_start(app *a, app_body *body, const app_board *board, const struct port *port);
 
 /* Runs one tick of the control task: reads the sample and sets the current. The work does not

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Constants of a board for the app. They are part of the source of the board; the link cannot
-   change them. */
+/* Constants of a board for the app. They are compiled in, so the link cannot change them. */
 #ifndef ANHYST_FIRMWARE_BOARD_H
 #define ANHYST_FIRMWARE_BOARD_H
 
@@ -27,10 +26,10 @@ typedef struct {
   app_sensor_limits current;
   int32_t current_low; /* q31: limits of the driven current; current_low <= 0 <= current_high */
   int32_t current_high;
-  int32_t stuck_current; /* q31: change of current that a stuck sensor is tested with */
-  int32_t stuck_demand;  /* q31 */
-  uint16_t still_ticks;  /* ticks for which a levitated position may keep its code after demanded
-                            force and current changed by stuck_demand and stuck_current; 0: rule off
+  int32_t stuck_current; /* q31: minimum change of current for the stuck rules */
+  int32_t stuck_demand;  /* q31: minimum change of demanded force for the rule of still_ticks */
+  uint16_t still_ticks;  /* ticks that a levitated position may keep its code after changes of
+                            demanded force (stuck_demand) and current (stuck_current); 0: rule off
                           */
   uint16_t max_implausible_samples; /* implausible samples in a row before a fault */
   uint16_t missed_ticks;            /* skipped ticks in a row before a fault */
@@ -55,8 +54,7 @@ typedef struct {
   const anhyst_kernel *kernel;
   const int16_t *words;    /* built-in parameter block */
   uint16_t words_capacity; /* readable words from `words` on */
-  const int16_t *scales;   /* units of its signals for anhyst_block_misfit; a block for other units
-                              is refused */
+  const int16_t *scales;   /* units of its signals; a block for other units is refused */
   uint16_t firmware;       /* version: 256*major + minor */
   uint32_t rate;           /* ticks per second, 10..1000000 */
   const app_limits *limits;

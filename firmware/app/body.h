@@ -11,8 +11,7 @@
 #include "link/frames.h"
 #include "port/port.h"
 
-/* Starts in init with the built-in block. Must not be called from an ISR, because it checks the
-   block. */
+/* Starts in init with the built-in block. Must not be called from an ISR: it checks the block. */
 void app_body_start(app_body *body, const app_board *board);
 
 /* Returns the supervisor: states and faults. */
@@ -22,12 +21,10 @@ anhyst_supervisor *app_body_states(app_body *body);
    NULL until a block is valid. */
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet);
 
-/* Performs a command. Returns ANHYST_REFUSED_NOT, or the reason of the refusal: ANHYST_REFUSED_...
- */
+/* Performs a command. Returns ANHYST_REFUSED_NOT, or ANHYST_REFUSED_... if it is refused. */
 uint16_t app_body_command(app_body *body, uint16_t command);
 
-/* Enters the fault state for a reason outside the body. The body ramps down as the reason requires.
- */
+/* Enters the fault state for a reason outside the body; the reason determines the way to rest. */
 void app_body_fail(app_body *body, uint16_t reason);
 
 /* Sets the demanded force (LINK_BODY_FORCE) or the target position (LINK_BODY_POSITION). Returns
@@ -44,8 +41,8 @@ int32_t app_body_goal(const app_body *body);
 void app_body_swap(app_body *body, const int16_t *words);
 
 /* Accepts a value in the range of a setting, before the setting is changed. Returns
-   LINK_REASON_NONE, _TYPE if the body has no such function, or _VALUE if a derived value is
-   invalid. Then nothing changes. */
+   LINK_REASON_NONE; _TYPE if the body has no such function; _BLOCK without a valid block; _VALUE if
+   a derived value is invalid. After a refusal nothing has changed. */
 uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t number, int32_t value);
 
 /* Runs one tick, `ticks` after the last one: checks the sample, updates the state and calculates

@@ -20,8 +20,8 @@ typedef struct {
 void app_control_start(app_control *control, app_body *body, const app_board *board);
 
 /* Runs one tick: monitors, and calls the body, which checks the sample and calculates the currents
-   (q31). All values of a sample with PORT_NO_SAMPLE must be PORT_RESERVED, and each setting in its
-   range. */
+   (q31). Requires PORT_RESERVED for all values with PORT_NO_SAMPLE, and settings in their ranges.
+ */
 void app_control_tick(app_control *control, const app_board *board, const int32_t *settings,
                       const port_sample *sample, int32_t *currents);
 

@@ -9,8 +9,7 @@
    value neither counts nor resets the count.
 
    The check finds a disconnected sensor, a wrong gain or sign, and an amplifier that does not
-   follow, if the error exceeds the tolerance. A gain error does so only at a large enough current.
- */
+   follow, if the error exceeds the tolerance. For a gain error the current must be large enough. */
 #ifndef ANHYST_FIRMWARE_CURRENT_H
 #define ANHYST_FIRMWARE_CURRENT_H
 
@@ -27,7 +26,7 @@ void app_current_start(app_current *current);
 
 /* Checks the measured current of a tick (q30), `ticks` ticks after the last one. drive: driven
    current since then, q31. Keeps a plausible value in current->sensor. Returns ANHYST_FAULT_NONE,
-   or the reason ANHYST_FAULT_CURRENT_... Call it only in the tick: about 60 instructions and two
+   or the reason ANHYST_FAULT_CURRENT_... Only for the tick: about 60 instructions and two
    divisions. */
 uint16_t app_current_judge(app_current *current, const app_limits *limits, const int32_t *settings,
                            int32_t value, uint32_t ticks, int32_t drive);

@@ -24,8 +24,8 @@ typedef struct {
 
 void app_download_start(app_download *download);
 
-/* Announces a block; in_force: the active block. Returns LINK_REASON_NONE, or _VALUE if no block
-   can have this length. */
+/* Announces a block; in_force: the active block. Returns LINK_REASON_NONE, or _VALUE if it is too
+   short or too long. */
 uint16_t app_download_begin(app_download *download, const link_block_begin *begin,
                             const int16_t *in_force);
 
@@ -45,8 +45,7 @@ void app_download_seal(app_download *download);
 
 /* Checks the received block. Returns LINK_REASON_NONE, with the block in *words and its length in
    announced.words; or LINK_REASON_ORDER, _CHECKSUM, _BLOCK, _GENERATION, _SCALE (*detail: first
-   word that differs from the board's). Must not be called from an ISR, because it reads every word.
- */
+   word that differs from the board's). Must not be called from an ISR: it reads every word. */
 uint16_t app_download_check(const app_download *download, const app_board *board,
                             uint16_t generation, const int16_t **words, uint16_t *detail);
 

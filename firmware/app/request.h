@@ -29,7 +29,7 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
 uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail);
 
 /* Changes `count` words of two bytes each from word `at` on. The first change copies the active
-   block. */
+   one. */
 uint16_t app_block_edit(app *a, uint16_t at, const uint8_t *bytes, uint16_t count);
 
 /* Returns the edited block of ANHYST_BLOCK_MOST_WORDS words, or NULL if there is none. */

@@ -5,7 +5,7 @@
 
 #include "anhyst/actuator.h"
 
-/* Initialiser of an app_board, with limits and plan of the board (plan: NULL for a body of force).
+/* Initialiser of an app_board; limits and plan come from the board (plan: NULL for a force body).
  */
 #define ACTUATOR_BOARD(its_rate, its_limits, its_plan)                                             \
   {                                                                                                \

@@ -70,8 +70,7 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   (void)value;
   const int is_gain =
       number >= (uint16_t)LINK_SETTING_GAINS && number <= (uint16_t)LINK_SETTING_GAIN_DD;
-  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* these gains belong to a position
-                                                           controller */
+  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position controller */
 }
 
 /* Returns the fault reason of this sample, or ANHYST_FAULT_NONE. All sensors are checked, because
@@ -157,8 +156,7 @@ static int32_t ramp_to(const app_body *body, int32_t current)
                       anhyst_add_q31(body->drive, body->ramp));
 }
 
-/* Ramps to the current after a change of block or method. Later it returns the current unchanged.
- */
+/* Ramps to the current after a change of block or method; later returns it unchanged. */
 static int32_t after_swap(app_body *body, int32_t current)
 {
   if (body->swapped == 0U) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Body of a control task for force: converts a demand to a current by the compensator or a constant
+/* Body of a control task for force: converts a demand to a current by compensator or constant
    ratio.
 
    Current flows in run, and in idle during the conditioning sequence. In every other state it ramps

@@ -63,8 +63,8 @@ struct port {
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
   /* Reads up to `most` received bytes of the link, in order, and returns their number, 0 without
-     bytes. Must not wait. Bytes with line errors may be dropped or passed; the checksum detects
-     both. */
+     bytes. Must not wait. Bytes with line errors may be dropped or passed: the checksum detects it.
+   */
   uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most);
 
   /* Accepts up to `count` bytes for sending, in order, and returns their number. Must not wait.
@@ -77,8 +77,7 @@ struct port {
   void (*unlock)(void *context);
 
   /* Stores a parameter block of `words` words for the next start. Called by app_poll at zero
-     current. May take seconds if no tick begins meanwhile. Returns 1, or 0 if nothing was stored.
-   */
+     current. May take seconds if no tick begins meanwhile. Returns 1, or 0 if it was not stored. */
   int (*keep)(void *context, const int16_t *block, uint16_t words);
 };
 

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "services/calibration.h"
 
-/* Compile-time check: a right shift of a negative number must keep the sign. C99 does not define
-   it. */
+/* Compile-time check that a right shift keeps the sign; C99 leaves this to the compiler. */
 typedef char calibration_shift_keeps_the_sign[((int64_t)-3 >> 1) == -2 ? 1 : -1];
 
 int calibration_is_valid(const calibration *c)

@@ -10,8 +10,8 @@
        0  STORE_MAGIC     2  count      3 + count  CRC-32 of all words before,
        1  set number      3  the set               low byte of each word first
 
-   The set number is one more than that of the other copy. The functions block until the flash is
-   done. */
+   The set number is one more than in the other copy. The functions use no static memory and wait
+   only for the flash. */
 #ifndef ANHYST_SERVICES_STORE_H
 #define ANHYST_SERVICES_STORE_H
 

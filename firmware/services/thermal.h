@@ -38,8 +38,7 @@ int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clea
 /* Starts at the warmth of the current that clears, because the time without power is unknown. */
 void thermal_start(thermal *t, const thermal_plan *plan);
 
-/* Updates the warmth by one tick with the measured current. Returns 1 while the winding is too
-   warm. */
+/* Updates the warmth by one tick of measured current. Returns 1 while the winding is too warm. */
 int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current);
 
 #endif

@@ -16,8 +16,7 @@
 #define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
 #define LIST_STIM_OR_NO_HEAD 0x23U
 
-/* Returns the period of a tick as a number up to `most`, times 10^power ns; rounded to the nearest
-   if it is not exact. */
+/* Returns the tick period as a number up to `most` times 10^power ns, rounded to the nearest. */
 static uint16_t period(uint32_t rate, uint16_t most, uint8_t *power)
 {
   uint32_t second = 1000000000U;

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* XCP inside link frames. A request contains a command, or nothing if only samples are requested.
    Its answer contains packets of the slave, each after its length in one byte: first the answer to
-   the command, then events and samples that fit. The link keeps the order and repeats lost frames.
- */
+   the command, then events and samples that fit. The link keeps the order and repeats lost data. */
 #ifndef ANHYST_XCP_TUNNEL_H
 #define ANHYST_XCP_TUNNEL_H
 

@@ -99,8 +99,7 @@ static uint8_t on_status(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* SYNCH always answers with an error packet; it shows that master and slave are synchronised again.
- */
+/* SYNCH always gets an error packet as answer. It shows that both sides are synchronised again. */
 static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;

@@ -9,8 +9,7 @@
 
    An address is a number of the tables in contract/, not a memory address. Writes use the same
    functions as requests of the link, with the same limits and refusals. Writing requires a key once
-   per connection. After the key each command counts as heartbeat; without it a master only
-   measures. */
+   per connection. Only after the key does each command count as heartbeat. */
 #ifndef ANHYST_XCP_H
 #define ANHYST_XCP_H
 

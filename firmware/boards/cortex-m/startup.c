@@ -38,8 +38,8 @@ void startup_trap(void)
 }
 
 /* A compiler may call these functions by itself, also without a C library: by their C names and by
-   the names of Arm's run-time ABI. volatile prevents that a loop is compiled to a call of its
-   function. */
+   the names of Arm's run-time ABI. volatile keeps a loop from becoming a call of its own function.
+ */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 void *memcpy(void *to, const void *from, size_t n);
 void *memset(void *to, int value, size_t n);

@@ -123,8 +123,7 @@ static int open_terminal(const char *path)
   return fd;
 }
 
-/* Opens a pseudo-terminal. The other end stays open here, so that a PC may connect and disconnect.
- */
+/* Opens a pseudo-terminal. Its other end stays open, so that a PC may connect and disconnect. */
 static void open_pty(void)
 {
   link_fd = posix_openpt(O_RDWR | O_NOCTTY);
@@ -176,8 +175,8 @@ static void accept_link(void)
   }
 }
 
-/* Closes the link. On TCP another client may connect; a terminal stays silent, as with a pulled
-   cable. */
+/* Closes the link. On TCP another client may connect; a terminal stays silent, like a pulled cable.
+ */
 static void drop_link(void)
 {
   (void)close(link_fd);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board as a shared library: controllers in the program that simulates their plants. The bytes of
-   the link are the same as on other boards; sample and drive have no checksum of a bus. Each
-   controller uses only its own memory, which the caller provides. Their number is unlimited, and
-   they need no end. */
+   the link are the same as on other boards; sample and drive have no checksum. Any number of
+   controllers; each uses only its own memory, which the caller provides. A controller need not be
+   closed. */
 #ifndef ANHYST_LIBRARY_H
 #define ANHYST_LIBRARY_H
 

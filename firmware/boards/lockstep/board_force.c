@@ -6,8 +6,8 @@
 #include "lockstep.h"
 
 /* A virtual plant has noise, as a real one: a code that repeats for 256 ticks while the current
-   moves by a twentieth is a fault. Full-scale jumps of force and current in one tick are plausible
-   here. */
+   moves by a twentieth is a fault. Full-scale steps of force and current in one tick are plausible.
+ */
 static const app_limits limits = {
     .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
     .force = {-PORT_ONE / 4, PORT_ONE / 4 * 5, PORT_ONE, 256},

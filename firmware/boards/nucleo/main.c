@@ -204,8 +204,8 @@ __attribute__((section(".vectors"), used)) static const startup_vector vectors[]
     [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
 
-/* Starts the clocks. Without the ST-Link's clock it waits here, with current off, because no timing
-   would be right. */
+/* Starts the clocks. Without the ST-Link's clock no timing would be right, so it waits here,
+   current off. */
 static void start_clocks(void)
 {
   RCC_CR |= RCC_CR_HSEBYP;

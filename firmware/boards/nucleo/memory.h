@@ -27,8 +27,8 @@ typedef struct {
 /* Reads the last stored set. Returns 1, or 0 if there is none; *set is then unchanged. */
 int memory_load(memory_set *set);
 
-/* Stores a set; call it with interrupts off. Returns 1, or 0 if the flash failed; the previous set
-   is then still valid. */
+/* Stores a set with interrupts off. Returns 1, or 0 if the flash failed and the last set is
+   unchanged. */
 int memory_save(const memory_set *set);
 
 #endif

@@ -17,9 +17,8 @@
 
 void stage_start(void);
 
-/* Sets the references of both currents (q31), and switches the stage on or off. Re-enables outputs
-   that the hardware switched off, once both currents are zero and the over-current input is high.
- */
+/* Sets the references of both currents (q31), and switches the stage on or off. At zero currents
+   and a high over-current input, it enables outputs again that the hardware switched off. */
 void stage_drive(const int32_t *currents, int on);
 
 /* Returns the bits of port_sample.status. */
