@@ -28,9 +28,8 @@ typedef struct {
   int32_t current_high;
   int32_t stuck_current; /* q31: minimum change of current for the stuck rules */
   int32_t stuck_demand;  /* q31: minimum change of demanded force for the rule of still_ticks */
-  uint16_t still_ticks;  /* ticks that a levitated position may keep its code after changes of
-                            demanded force (stuck_demand) and current (stuck_current); 0: rule off
-                          */
+  uint16_t still_ticks;  /* ticks that a levitated position may keep its code after demanded force
+                            and current changed (stuck_demand, stuck_current); 0: rule off */
   uint16_t max_implausible_samples; /* implausible samples in a row before a fault */
   uint16_t missed_ticks;            /* skipped ticks in a row before a fault */
   uint16_t selftest_ticks;          /* plausible samples in a row that pass the self-test */
