@@ -17,7 +17,7 @@ void app_download_start(app_download *download)
 }
 
 /* Returns the buffer that does not contain the active block. */
-static uint16_t free_place(const app_download *download, const int16_t *in_force)
+static uint16_t find_pending_buffer(const app_download *download, const int16_t *in_force)
 {
   return in_force == download->words[0] ? 1U : 0U;
 }
@@ -31,7 +31,7 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
   download->announced = *begin;
   download->checksum = 0;
   download->received = 0;
-  download->place = free_place(download, in_force);
+  download->place = find_pending_buffer(download, in_force);
   download->under_way = APP_DOWNLOAD_ARRIVING;
   return LINK_REASON_NONE;
 }
@@ -61,7 +61,7 @@ uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint
   }
   if (download->under_way == APP_DOWNLOAD_NONE) {
     const uint16_t length = in_force != NULL ? (uint16_t)in_force[ANHYST_WORD_LENGTH] : 0U;
-    download->place = free_place(download, in_force);
+    download->place = find_pending_buffer(download, in_force);
     for (uint16_t i = 0; i < (uint16_t)ANHYST_BLOCK_MOST_WORDS; i++) {
       download->words[download->place][i] = i < length ? in_force[i] : 0;
     }
@@ -84,7 +84,7 @@ uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint
 }
 
 /* Returns the CRC-32 of words, low byte first, continued from `crc`. */
-static uint32_t checksum(uint32_t crc, const int16_t *words, uint16_t count)
+static uint32_t add_words_to_crc(uint32_t crc, const int16_t *words, uint16_t count)
 {
   uint8_t bytes[2];
   uint32_t sum = crc;
@@ -98,21 +98,21 @@ static uint32_t checksum(uint32_t crc, const int16_t *words, uint16_t count)
 void app_download_seal(app_download *download)
 {
   int16_t *words = download->words[download->place];
-  const uint16_t behind = (uint16_t)(ANHYST_WORD_CRC + 2);
+  const uint16_t after_crc = (uint16_t)(ANHYST_WORD_CRC + 2);
   uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
   if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
     length = ANHYST_BLOCK_LEAST_WORDS; /* an invalid length; the check refuses the block */
   }
   if (download->sealed == 0U) {
     uint8_t bytes[4];
-    const uint32_t head = checksum(0, words, ANHYST_WORD_CRC);
-    link_put_u32(bytes, checksum(head, words + behind, (uint16_t)(length - behind)));
+    const uint32_t head = add_words_to_crc(0, words, ANHYST_WORD_CRC);
+    link_put_u32(bytes, add_words_to_crc(head, words + after_crc, (uint16_t)(length - after_crc)));
     words[ANHYST_WORD_CRC] = link_get_i16(bytes);
     words[ANHYST_WORD_CRC + 1] = link_get_i16(bytes + 2);
   }
   download->announced.words = length;
   download->announced.generation = (uint16_t)words[ANHYST_WORD_GENERATION];
-  download->announced.checksum = checksum(0, words, length);
+  download->announced.checksum = add_words_to_crc(0, words, length);
   download->checksum = download->announced.checksum;
   download->received = length;
   download->under_way = APP_DOWNLOAD_ARRIVING;
@@ -132,8 +132,8 @@ uint16_t app_download_check(const app_download *download, const app_board *board
   if (anhyst_block_check(board->kernel, block, download->announced.words) != ANHYST_OK) {
     return LINK_REASON_BLOCK;
   }
-  const uint16_t own = (uint16_t)block[ANHYST_WORD_GENERATION];
-  if (own != generation || own != download->announced.generation) {
+  const uint16_t block_generation = (uint16_t)block[ANHYST_WORD_GENERATION];
+  if (block_generation != generation || block_generation != download->announced.generation) {
     return LINK_REASON_GENERATION;
   }
   const uint16_t misfit = anhyst_block_misfit(block, board->scales);

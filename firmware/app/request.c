@@ -58,19 +58,20 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
 
 /* Activates a checked block between two ticks. The long check ran before: only this task writes it.
  */
-static void swap(app *a, const int16_t *words)
+static void activate_block(app *a, const int16_t *words)
 {
-  anhyst_compensator fresh;
-  const int first = app_body_compensator(a->control.body, 0)->words == NULL;
-  if (first) {
-    (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
+  anhyst_compensator new_compensator;
+  const int is_first_block = app_body_compensator(a->control.body, 0)->words == NULL;
+  if (is_first_block) {
+    (void)anhyst_compensator_init(&new_compensator, a->board->kernel, words,
+                                  a->download.announced.words);
   }
   port_lock(a->port);
-  if (first) {
-    *app_body_compensator(a->control.body, 0) = fresh;
+  if (is_first_block) {
+    *app_body_compensator(a->control.body, 0) = new_compensator;
     anhyst_compensator *second = app_body_compensator(a->control.body, 1);
     if (second != NULL) {
-      *second = fresh;
+      *second = new_compensator;
     }
   } else {
     app_body_swap(a->control.body, words);
@@ -84,7 +85,7 @@ uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)
   *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
   const uint16_t reason = app_download_check(&a->download, a->board, generation, &words, detail);
   if (reason == LINK_REASON_NONE) {
-    swap(a, words);
+    activate_block(a, words);
     a->download.under_way = APP_DOWNLOAD_NONE;
     *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
   }

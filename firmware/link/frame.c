@@ -31,15 +31,15 @@ static uint16_t cobs_decode(uint8_t *bytes, uint16_t count)
 }
 
 /* Parses decoded bytes as a frame. Returns 1 if length and checksum are right. */
-static int parse(const uint8_t *bytes, uint16_t count, link_frame *frame)
+static int parse_frame(const uint8_t *bytes, uint16_t count, link_frame *frame)
 {
-  const uint16_t around = LINK_HEAD + LINK_CHECK;
-  if (count < around || count - around != bytes[3]) {
+  const uint16_t overhead = LINK_HEAD + LINK_CHECK;
+  if (count < overhead || count - overhead != bytes[3]) {
     return 0;
   }
-  const uint16_t covered = (uint16_t)(count - LINK_CHECK);
-  const uint32_t check = link_get_u32(bytes + covered);
-  if (link_crc32(0, bytes, covered) != check) {
+  const uint16_t crc_bytes = (uint16_t)(count - LINK_CHECK);
+  const uint32_t check = link_get_u32(bytes + crc_bytes);
+  if (link_crc32(0, bytes, crc_bytes) != check) {
     return 0;
   }
   frame->version = bytes[0];
@@ -54,12 +54,12 @@ static int parse(const uint8_t *bytes, uint16_t count, link_frame *frame)
 
 int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
 {
-  const uint16_t most = (uint16_t)sizeof receiver->bytes;
+  const uint16_t capacity = (uint16_t)sizeof receiver->bytes;
   if (byte != 0) {
-    if (receiver->count < most) {
+    if (receiver->count < capacity) {
       receiver->bytes[receiver->count] = byte;
     }
-    if (receiver->count <= most) {
+    if (receiver->count <= capacity) {
       receiver->count++;
     }
     return 0;
@@ -69,7 +69,8 @@ int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
   if (count == 0) {
     return 0; /* zeros between frames are allowed; a sender may clear the line with them */
   }
-  if (count <= most && parse(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
+  if (count <= capacity &&
+      parse_frame(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
     return 1;
   }
   receiver->bad++;
@@ -80,8 +81,8 @@ uint16_t link_encode(uint8_t *wire, const link_frame *frame)
 {
   /* The frame starts at the second byte; the first becomes the first COBS code. */
   uint8_t *plain = wire + 1;
-  const uint16_t covered = (uint16_t)(LINK_HEAD + frame->length);
-  const uint16_t count = (uint16_t)(covered + LINK_CHECK);
+  const uint16_t crc_bytes = (uint16_t)(LINK_HEAD + frame->length);
+  const uint16_t count = (uint16_t)(crc_bytes + LINK_CHECK);
   plain[0] = frame->version;
   plain[1] = frame->type;
   plain[2] = frame->sequence;
@@ -90,7 +91,7 @@ uint16_t link_encode(uint8_t *wire, const link_frame *frame)
   for (uint16_t i = 0; i < frame->length; i++) {
     plain[LINK_HEAD + i] = frame->payload[i];
   }
-  link_put_u32(plain + covered, link_crc32(0, plain, covered));
+  link_put_u32(plain + crc_bytes, link_crc32(0, plain, crc_bytes));
   /* Each zero becomes the distance to the next zero, from the end backwards. */
   uint16_t next = (uint16_t)(count + 1);
   for (uint16_t i = count; i > 0; i--) {

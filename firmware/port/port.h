@@ -62,10 +62,10 @@ struct port {
      display it, and may switch its power stage off in fault once the currents are 0. */
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
-  /* Reads up to `most` received bytes of the link, in order, and returns their number, 0 without
+  /* Reads up to `size` received bytes of the link, in order, and returns their number, 0 without
      bytes. Must not wait. Bytes with line errors may be dropped or passed: the checksum detects it.
    */
-  uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most);
+  uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t size);
 
   /* Accepts up to `count` bytes for sending, in order, and returns their number. Must not wait.
      Accepted bytes are sent without further calls; the rest is offered again. */

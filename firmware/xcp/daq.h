@@ -74,8 +74,8 @@ void xcp_daq_start(xcp_daq *d);
 /* Samples the running lists. Call it in the tick. */
 void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals);
 
-/* Moves the oldest packet to `packet` if it has at most `most` bytes. Returns its length, or 0. */
-uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most);
+/* Moves the oldest packet to `packet` if it has at most `size` bytes. Returns its length, or 0. */
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t size);
 
 /* Stops and frees all lists. */
 void xcp_daq_free(xcp_daq *d);

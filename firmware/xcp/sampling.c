@@ -16,13 +16,14 @@
 #define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
 #define LIST_STIM_OR_NO_HEAD 0x23U
 
-/* Returns the tick period as a number up to `most` times 10^power ns, rounded to the nearest. */
-static uint16_t period(uint32_t rate, uint16_t most, uint8_t *power)
+/* Returns the tick period as a number up to `max_value` times 10^power ns, rounded to the nearest.
+ */
+static uint16_t find_tick_period(uint32_t rate, uint16_t max_value, uint8_t *power)
 {
   uint32_t second = 1000000000U;
   uint32_t ticks = (second + rate / 2U) / rate;
   *power = 0;
-  while (ticks > most) {
+  while (ticks > max_value) {
     second /= 10U;
     ticks = (second + rate / 2U) / rate;
     (*power)++;
@@ -43,7 +44,7 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
 static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
-  const uint16_t ticks = period(x->firmware->board->rate, UINT16_MAX, &power);
+  const uint16_t ticks = find_tick_period(x->firmware->board->rate, UINT16_MAX, &power);
   r->answer[1] = 4; /* size of an entry: one signal */
   r->answer[2] = 4;
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
@@ -58,7 +59,7 @@ static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
   if (link_get_u16(r->command + 2) != 0U) {
     return XCP_RANGE;
   }
-  const uint16_t cycle = period(x->firmware->board->rate, 255, &power);
+  const uint16_t cycle = find_tick_period(x->firmware->board->rate, 255, &power);
   x->address = (uint32_t)XCP_AREA_EVENT << 16;
   r->answer[1] = EVENT_IS_DAQ | EVENT_WHOLE;
   r->answer[2] = XCP_LISTS;

@@ -14,10 +14,10 @@
 #define PACKET_EVENT 0xFDU
 #define EVENT_OVERLOAD 0x06U
 
-#define MORE_TO_BE_ASKED 0x80U
+#define OPTIONAL_COMM_MODE 0x80U
 #define RESOURCE_CALIBRATION 0x01U
 #define RESOURCE_DAQ 0x04U
-#define STATUS_DAQ_RUNS 0x40U
+#define STATUS_DAQ_RUNNING 0x40U
 
 #define PAGE_OF_ECU 0x01U
 #define PAGE_OF_MASTER 0x02U
@@ -51,18 +51,18 @@ void xcp_tick(xcp_slave *x)
   xcp_daq_tick(&x->daq, x->firmware->control.tick, x->firmware->signals);
 }
 
-uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
+uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t size)
 {
   port_lock(x->firmware->port);
   const uint16_t lost = x->daq.lost;
   port_unlock(x->firmware->port);
-  if ((lost != x->reported) && (most >= 2U)) {
+  if ((lost != x->reported) && (size >= 2U)) {
     x->reported = lost;
     packet[0] = PACKET_EVENT;
     packet[1] = EVENT_OVERLOAD;
     return 2;
   }
-  return xcp_daq_take(&x->daq, packet, most);
+  return xcp_daq_take(&x->daq, packet, size);
 }
 
 static uint8_t on_connect(xcp_slave *x, xcp_request *r)
@@ -70,7 +70,8 @@ static uint8_t on_connect(xcp_slave *x, xcp_request *r)
   xcp_hang_up(x); /* a second connect restarts the session */
   x->connected = 1;
   r->answer[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
-  r->answer[2] = MORE_TO_BE_ASKED; /* byte order low first, address unit byte, no block transfer */
+  r->answer[2] =
+      OPTIONAL_COMM_MODE; /* byte order low first, address unit byte, no block transfer */
   r->answer[3] = XCP_PACKET;
   link_put_u16(r->answer + 4, XCP_PACKET);
   r->answer[6] = 1; /* versions of protocol and transport */
@@ -86,15 +87,15 @@ static uint8_t on_disconnect(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-static uint8_t protection(const xcp_slave *x)
+static uint8_t protected_resources(const xcp_slave *x)
 {
   return (uint8_t)(x->unlocked != 0U ? 0U : RESOURCE_CALIBRATION);
 }
 
 static uint8_t on_status(xcp_slave *x, xcp_request *r)
 {
-  r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNS : (uint8_t)0;
-  r->answer[2] = protection(x);
+  r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNNING : (uint8_t)0;
+  r->answer[2] = protected_resources(x);
   r->length = 6;
   return XCP_FINE;
 }
@@ -109,14 +110,14 @@ static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 }
 
 /* No block mode and no interleaved mode. */
-static uint8_t on_more(xcp_slave *x, xcp_request *r)
+static uint8_t on_comm_mode_info(xcp_slave *x, xcp_request *r)
 {
   r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
   r->length = 8;
   return XCP_FINE;
 }
 
-static uint32_t length_of(const char *text)
+static uint32_t text_length(const char *text)
 {
   uint32_t length = 0;
   while (text[length] != '\0') {
@@ -129,7 +130,7 @@ static uint32_t length_of(const char *text)
 static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
   x->address = (uint32_t)XCP_AREA_NAME << 16;
-  link_put_u32(r->answer + 4, r->command[1] <= 1U ? length_of(x->firmware->board->name) : 0U);
+  link_put_u32(r->answer + 4, r->command[1] <= 1U ? text_length(x->firmware->board->name) : 0U);
   r->length = 8;
   return XCP_FINE;
 }
@@ -168,7 +169,7 @@ static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
     return XCP_LOCKED;
   }
   x->unlocked = 1;
-  r->answer[1] = protection(x);
+  r->answer[1] = protected_resources(x);
   r->length = 2;
   return XCP_FINE;
 }
@@ -188,32 +189,32 @@ static uint8_t on_upload(xcp_slave *x, xcp_request *r)
   if (count == 0U || count > XCP_PACKET - 1U) {
     return XCP_RANGE;
   }
-  const uint8_t wrong = xcp_read(x, x->address, r->answer + 1, count);
-  if (wrong == XCP_FINE) {
+  const uint8_t error = xcp_read(x, x->address, r->answer + 1, count);
+  if (error == XCP_FINE) {
     x->address += count;
     r->length = (uint16_t)(count + 1U);
   }
-  return wrong;
+  return error;
 }
 
 static uint8_t on_short_upload(xcp_slave *x, xcp_request *r)
 {
-  const uint8_t wrong = on_address(x, r);
-  return wrong == XCP_FINE ? on_upload(x, r) : wrong;
+  const uint8_t error = on_address(x, r);
+  return error == XCP_FINE ? on_upload(x, r) : error;
 }
 
 /* Writes the bytes of the command from index `from` on. */
 static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 {
   const uint16_t count = r->command[1];
-  uint8_t wrong = XCP_SYNTAX;
+  uint8_t error = XCP_SYNTAX;
   if (count <= (uint16_t)(r->count - from)) {
-    wrong = xcp_write(x, x->address, r->command + from, count, &r->reason);
+    error = xcp_write(x, x->address, r->command + from, count, &r->reason);
   }
-  if (wrong == XCP_FINE) {
+  if (error == XCP_FINE) {
     x->address += count;
   }
-  return wrong;
+  return error;
 }
 
 static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r, 2); }
@@ -221,8 +222,8 @@ static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r,
 /* Address and bytes in one command: a demand needs one round trip instead of two. */
 static uint8_t on_short_download(xcp_slave *x, xcp_request *r)
 {
-  const uint8_t wrong = on_address(x, r);
-  return wrong == XCP_FINE ? download(x, r, 8) : wrong;
+  const uint8_t error = on_address(x, r);
+  return error == XCP_FINE ? download(x, r, 8) : error;
 }
 
 static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
@@ -234,12 +235,12 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
     return XCP_RANGE;
   }
   for (uint32_t at = 0; at < size; at += sizeof bytes) {
-    const uint16_t part = (uint16_t)(size - at < sizeof bytes ? size - at : sizeof bytes);
-    const uint8_t wrong = xcp_read(x, x->address + at, bytes, part);
-    if (wrong != XCP_FINE) {
-      return wrong;
+    const uint16_t chunk = (uint16_t)(size - at < sizeof bytes ? size - at : sizeof bytes);
+    const uint8_t error = xcp_read(x, x->address + at, bytes, chunk);
+    if (error != XCP_FINE) {
+      return error;
     }
-    sum = link_crc32(sum, bytes, part);
+    sum = link_crc32(sum, bytes, chunk);
   }
   x->address += size;
   r->answer[1] = CHECKSUM_CRC_32;
@@ -314,14 +315,14 @@ static uint8_t on_copy_page(xcp_slave *x, xcp_request *r)
 
 static const xcp_command commands[] = {
     {0xFF, 2, 0, on_connect},  {0xFE, 1, 0, on_disconnect},     {0xFD, 1, 0, on_status},
-    {0xFC, 1, 0, on_synch},    {0xFB, 1, 0, on_more},           {0xFA, 2, 0, on_id},
+    {0xFC, 1, 0, on_synch},    {0xFB, 1, 0, on_comm_mode_info}, {0xFA, 2, 0, on_id},
     {0xF8, 3, 0, on_seed},     {0xF7, 2, 0, on_unlock},         {0xF6, 8, 0, on_address},
     {0xF5, 2, 0, on_upload},   {0xF4, 8, 0, on_short_upload},   {0xF3, 8, 0, on_checksum},
     {0xF0, 2, 1, on_download}, {0xED, 8, 1, on_short_download}, {0xEB, 4, 1, on_set_page},
     {0xEA, 3, 0, on_page},     {0xE9, 1, 0, on_page_info},      {0xE4, 5, 1, on_copy_page},
 };
 
-static uint8_t act_on(xcp_slave *x, xcp_request *r)
+static uint8_t perform_command(xcp_slave *x, xcp_request *r)
 {
   const xcp_command *found = xcp_daq_command(r->command[0]);
   for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
@@ -354,12 +355,12 @@ uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8
   for (uint16_t i = 1; i < XCP_ANSWER_HEAD; i++) {
     answer[i] = 0;
   }
-  const uint8_t wrong = act_on(x, &r);
-  if (wrong == XCP_FINE) {
+  const uint8_t error = perform_command(x, &r);
+  if (error == XCP_FINE) {
     return r.length;
   }
   answer[0] = PACKET_ERROR;
-  answer[1] = wrong;
+  answer[1] = error;
   link_put_u16(answer + 2, r.reason);
   return r.reason != LINK_REASON_NONE ? 4U : 2U;
 }

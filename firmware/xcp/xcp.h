@@ -39,8 +39,8 @@ void xcp_tick(xcp_slave *x);
 uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *answer);
 
 /* Writes the next sample or event and returns its length. Returns 0 if there is none, or if it has
-   more than `most` bytes; it then stays in the queue. */
-uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most);
+   more than `size` bytes; it then stays in the queue. */
+uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t size);
 
 /* Ends the session: sampling stops, and writing requires the key again. */
 void xcp_hang_up(xcp_slave *x);

@@ -43,9 +43,9 @@ static int plant_fd = NONE;
 static int more_to_send; /* the link accepted less than was offered */
 static int more_to_read; /* the link has unread bytes */
 
-static void quit(const char *what, const char *why)
+static void exit_with_error(const char *subject, const char *reason)
 {
-  (void)fprintf(stderr, "firmware: %s: %s\n", what, why);
+  (void)fprintf(stderr, "firmware: %s: %s\n", subject, reason);
   exit(BAD_USAGE);
 }
 
@@ -59,7 +59,7 @@ static int number_after(const char *prefix, const char *text)
   char *end = NULL;
   const long value = strtol(text + length, &end, 10);
   if (end == text + length || *end != '\0' || value < 0 || value > 65535) {
-    quit(text, "not a number");
+    exit_with_error(text, "not a number");
   }
   return (int)value;
 }
@@ -68,12 +68,12 @@ static int new_socket(void)
 {
   const int fd = socket(AF_INET, SOCK_STREAM, 0);
   if (fd < 0) {
-    quit("socket", strerror(errno));
+    exit_with_error("socket", strerror(errno));
   }
   return fd;
 }
 
-static struct sockaddr_in local(int port)
+static struct sockaddr_in local_address(int port)
 {
   struct sockaddr_in address;
   memset(&address, 0, sizeof address);
@@ -84,7 +84,7 @@ static struct sockaddr_in local(int port)
 }
 
 /* Sends small frames without delay, because the other side waits for each. */
-static void send_at_once(int fd)
+static void disable_send_delay(int fd)
 {
   const int yes = 1;
   (void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
@@ -93,14 +93,14 @@ static void send_at_once(int fd)
 /* Returns a listening socket and prints its port. */
 static int listen_on(int port)
 {
-  struct sockaddr_in address = local(port);
+  struct sockaddr_in address = local_address(port);
   socklen_t size = sizeof address;
   const int fd = new_socket();
   const int yes = 1; /* reuse the port of a process that was killed */
   if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
       getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
-    quit("port", strerror(errno));
+    exit_with_error("port", strerror(errno));
   }
   (void)printf("%d\n", ntohs(address.sin_port));
   (void)fflush(stdout);
@@ -113,12 +113,12 @@ static int open_terminal(const char *path)
   struct termios raw;
   const int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK);
   if (fd < 0 || tcgetattr(fd, &raw) != 0) {
-    quit(path, strerror(errno));
+    exit_with_error(path, strerror(errno));
   }
   cfmakeraw(&raw);
   (void)cfsetspeed(&raw, B921600);
   if (tcsetattr(fd, TCSANOW, &raw) != 0) {
-    quit(path, strerror(errno));
+    exit_with_error(path, strerror(errno));
   }
   return fd;
 }
@@ -129,7 +129,7 @@ static void open_pty(void)
   link_fd = posix_openpt(O_RDWR | O_NOCTTY);
   if (link_fd < 0 || grantpt(link_fd) != 0 || unlockpt(link_fd) != 0 ||
       fcntl(link_fd, F_SETFL, O_NONBLOCK) != 0) {
-    quit("pty", strerror(errno));
+    exit_with_error("pty", strerror(errno));
   }
   (void)open_terminal(ptsname(link_fd));
   (void)printf("%s\n", ptsname(link_fd));
@@ -154,16 +154,16 @@ static void open_plant(const char *where)
   if (port == NONE) {
     plant_fd = number_after("fd:", where);
     if (plant_fd == NONE) {
-      quit(where, "the plant is fd:N or tcp:PORT");
+      exit_with_error(where, "the plant is fd:N or tcp:PORT");
     }
     return;
   }
-  const struct sockaddr_in address = local(port);
+  const struct sockaddr_in address = local_address(port);
   plant_fd = new_socket();
   if (connect(plant_fd, (const struct sockaddr *)&address, sizeof address) != 0) {
-    quit(where, strerror(errno));
+    exit_with_error(where, strerror(errno));
   }
-  send_at_once(plant_fd);
+  disable_send_delay(plant_fd);
 }
 
 static void accept_link(void)
@@ -171,7 +171,7 @@ static void accept_link(void)
   link_fd = accept(listener, NULL, NULL);
   if (link_fd >= 0) {
     (void)fcntl(link_fd, F_SETFL, O_NONBLOCK);
-    send_at_once(link_fd);
+    disable_send_delay(link_fd);
   }
 }
 
@@ -186,14 +186,14 @@ static void drop_link(void)
 
 static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
 
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 {
   (void)context;
   if (link_fd == NONE || !more_to_read) {
     return 0;
   }
   more_to_read = 0; /* until poll reports input; this saves one call per tick */
-  const ssize_t count = read(link_fd, bytes, most);
+  const ssize_t count = read(link_fd, bytes, size);
   if (count > 0) {
     return (uint16_t)count;
   }
@@ -253,21 +253,21 @@ static void receive_plant(void)
 /* Sleeps until link, XCP or plant has input, then processes it. */
 static void wait_and_serve(void)
 {
-  struct pollfd ends[3];
-  ends[0].fd = link_fd != NONE ? link_fd : listener;
-  ends[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
-  ends[1].fd = plant_fd;
-  ends[1].events = POLLIN;
-  ends[2] = xcp_port_wanted();
-  if (poll(ends, 3, -1) < 0) {
+  struct pollfd descriptors[3];
+  descriptors[0].fd = link_fd != NONE ? link_fd : listener;
+  descriptors[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
+  descriptors[1].fd = plant_fd;
+  descriptors[1].events = POLLIN;
+  descriptors[2] = xcp_port_wanted();
+  if (poll(descriptors, 3, -1) < 0) {
     return;
   }
-  if (link_fd == NONE && listener != NONE && (ends[0].revents & POLLIN) != 0) {
+  if (link_fd == NONE && listener != NONE && (descriptors[0].revents & POLLIN) != 0) {
     accept_link();
   } else {
-    more_to_read = ends[0].revents != 0;
+    more_to_read = descriptors[0].revents != 0;
   }
-  if (ends[1].revents != 0) {
+  if (descriptors[1].revents != 0) {
     receive_plant();
   }
   xcp_port_serve();
@@ -277,7 +277,7 @@ int main(int argc, char **argv)
 {
   const int with_xcp = argc == 5 && strcmp(argv[3], "--xcp") == 0;
   if (argc != 3 && !with_xcp) {
-    quit("usage", "firmware LINK PLANT [--xcp PORT]");
+    exit_with_error("usage", "firmware LINK PLANT [--xcp PORT]");
   }
   (void)signal(SIGPIPE, SIG_IGN); /* write reports a disconnection */
   open_link(argv[1]);
@@ -286,7 +286,7 @@ int main(int argc, char **argv)
   if (with_xcp) {
     const int fd = listen_on(number_after("", argv[4]));
     if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
-      quit("xcp", strerror(errno));
+      exit_with_error("xcp", strerror(errno));
     }
     xcp_port_start(&controller.firmware, fd);
   }

@@ -21,9 +21,9 @@ LIBRARY_SHOWN void library_start(void *controller);
 /* Runs a tick: reads a link_plant_sample and writes a link_plant_drive, both of 32-bit words. */
 LIBRARY_SHOWN void library_tick(void *controller, const void *sample, void *drive);
 
-/* Passes `count` bytes to the firmware, which reads all of them. Writes up to `most` sent bytes to
-   `said` and returns their number. If it is less than `most`, there are no more bytes now. */
+/* Passes `count` bytes to the firmware, which reads all of them. Writes up to `size` sent bytes to
+   `sent` and returns their number. If it is less than `size`, there are no more bytes now. */
 LIBRARY_SHOWN uint16_t library_link(void *controller, const uint8_t *bytes, uint16_t count,
-                                    uint8_t *said, uint16_t most);
+                                    uint8_t *sent, uint16_t size);
 
 #endif

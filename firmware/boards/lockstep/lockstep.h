@@ -29,7 +29,7 @@ extern const app_board lockstep_board;
 
 /* Starts a controller with these functions of the link. */
 void lockstep_start(lockstep *l,
-                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most),
+                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t size),
                     uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count));
 
 /* Runs the tick of l->sample and writes l->drive. */

@@ -39,13 +39,13 @@
 
 #define PIN_LED 5U
 
-/* Sensor codes: 10 % of 3.3 V is 0, 90 % is 1.0; codes below LEAST or above MOST have no value. */
-#define CODE_ZERO 410
-#define CODE_ONE 3686
-#define CODE_LEAST 80
-#define CODE_MOST 4015
-#define Q30_OF_CODE (PORT_ONE / (CODE_ONE - CODE_ZERO))
-#define LIVE_ZERO {CODE_ZERO, Q30_OF_CODE, 0, CODE_LEAST, CODE_MOST}
+/* Sensor codes: 10 % of 3.3 V is 0, 90 % is 1.0. Others than MIN_CODE..MAX_CODE have no value. */
+#define ZERO_CODE 410
+#define FULL_SCALE_CODE 3686
+#define MIN_CODE 80
+#define MAX_CODE 4015
+#define Q30_OF_CODE (PORT_ONE / (FULL_SCALE_CODE - ZERO_CODE))
+#define LIVE_ZERO {ZERO_CODE, Q30_OF_CODE, 0, MIN_CODE, MAX_CODE}
 
 /* Winding: time constant (s), current that trips and current that clears (q30). */
 #define WINDING_S 60U
@@ -60,7 +60,7 @@ static app_body body;
 static xcp_line xcp;
 
 /* Default until a set is stored: one encoder code is 2^-16 of the full-scale position. */
-static memory_set set = {
+static memory_set stored_set = {
     .layout = MEMORY_LAYOUT,
     .gap = LIVE_ZERO,
     .force = LIVE_ZERO,
@@ -69,34 +69,34 @@ static memory_set set = {
     .source = PLACE_ENCODER,
 };
 
-static app_board in_use;
+static app_board active_board;
 static thermal_plan winding_plan;
 static thermal windings[PORT_CURRENTS];
 
 static void sense_position(port_sample *sample)
 {
   int32_t code = place_encoder(); /* in every tick; otherwise edges are lost */
-  if (set.source == PLACE_CONVERTER) {
+  if (stored_set.source == PLACE_CONVERTER) {
     code = place_converter();
     if (code < 0) {
       sample->status |= PORT_NO_SAMPLE;
     }
   }
-  sample->position = calibration_value(&set.position, code);
+  sample->position = calibration_value(&stored_set.position, code);
 }
 
-static int32_t found(uint32_t adc) { return (int32_t)(ADC_JDR1(adc) & 0xFFFU); }
+static int32_t read_adc(uint32_t adc) { return (int32_t)(ADC_JDR1(adc) & 0xFFFU); }
 
 static void sense(void *context, port_sample *sample)
 {
   (void)context;
   sample->tick = tick;
   sample->status = stage_status();
-  sample->gap = calibration_value(&set.gap, found(GAP_ADC));
-  sample->force = calibration_value(&set.force, found(FORCE_ADC));
-  sample->current[0] = calibration_value(&set.current, found(CURRENT_ADC));
+  sample->gap = calibration_value(&stored_set.gap, read_adc(GAP_ADC));
+  sample->force = calibration_value(&stored_set.force, read_adc(FORCE_ADC));
+  sample->current[0] = calibration_value(&stored_set.current, read_adc(CURRENT_ADC));
   sample->current[1] =
-      nucleo_board.plan != NULL ? calibration_value(&set.current, found(FORCE_ADC)) : 0;
+      nucleo_board.plan != NULL ? calibration_value(&stored_set.current, read_adc(FORCE_ADC)) : 0;
   sense_position(sample);
   for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
     if (thermal_tick(&windings[i], &winding_plan, sample->current[i])) {
@@ -139,20 +139,20 @@ static void unlock(void *context)
 }
 
 /* Restores the tick counter, so that the erase time counts as no tick. */
-static int keep(void *context, const int16_t *block, uint16_t words)
+static int store_block(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;
   startup_interrupts_off();
-  set.words = words;
+  stored_set.words = words;
   for (uint16_t i = 0; i < words; i++) {
-    set.block[i] = block[i];
+    stored_set.block[i] = block[i];
   }
-  const int kept = memory_save(&set);
+  const int is_stored = memory_save(&stored_set);
   TIM5_CNT = tick;
   ADC_SR(GAP_ADC) = ~ADC_SR_JEOC;
   NVIC_CLEAR_PENDING(ADC_IRQ) = NVIC_BIT(ADC_IRQ);
   startup_interrupts_on();
-  return kept;
+  return is_stored;
 }
 
 static const struct port port = {.context = &serial_link,
@@ -162,24 +162,24 @@ static const struct port port = {.context = &serial_link,
                                  .link_write = serial_write,
                                  .lock = lock,
                                  .unlock = unlock,
-                                 .keep = keep};
+                                 .keep = store_block};
 
 /* Computes the tick after the three conversions. If another tick began meanwhile, it is missed: its
    conversion is ignored, and the next sample's tick number shows it. */
-static void converted(void)
+static void on_conversion_done(void)
 {
-  const uint32_t none = ~ADC_SR_JEOC;
-  const uint32_t began = DWT_CYCCNT;
-  ADC_SR(GAP_ADC) = none;
+  const uint32_t cleared_flags = ~ADC_SR_JEOC;
+  const uint32_t start_cycles = DWT_CYCCNT;
+  ADC_SR(GAP_ADC) = cleared_flags;
   tick = TIM5_CNT;
   app_tick(&firmware);
   xcp_line_tick(&xcp);
-  const uint32_t took = DWT_CYCCNT - began;
-  if (took > firmware.cycles) {
-    firmware.cycles = took;
+  const uint32_t cycles = DWT_CYCCNT - start_cycles;
+  if (cycles > firmware.cycles) {
+    firmware.cycles = cycles;
   }
   if (TIM5_CNT != tick) {
-    ADC_SR(GAP_ADC) = none;
+    ADC_SR(GAP_ADC) = cleared_flags;
     NVIC_CLEAR_PENDING(ADC_IRQ) = NVIC_BIT(ADC_IRQ);
   }
 }
@@ -189,9 +189,9 @@ static void poll_xcp(void)
 {
   uint8_t byte = 0;
   uint16_t count = 0;
-  const uint8_t *waiting = xcp_line_offer(&xcp, &count);
+  const uint8_t *packet = xcp_line_offer(&xcp, &count);
   if (count > 0U) {
-    xcp_line_sent(&xcp, serial_write(&serial_xcp, waiting, count));
+    xcp_line_sent(&xcp, serial_write(&serial_xcp, packet, count));
   } else if (serial_read(&serial_xcp, &byte, 1) > 0U) {
     (void)xcp_line_take(&xcp, &byte, 1);
   }
@@ -199,7 +199,7 @@ static void poll_xcp(void)
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
     STARTUP_VECTORS,
-    [STARTUP_INTERRUPT(ADC_IRQ)] = converted,
+    [STARTUP_INTERRUPT(ADC_IRQ)] = on_conversion_done,
     [STARTUP_INTERRUPT(USART2_IRQ)] = serial_link_ready,
     [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
@@ -275,14 +275,15 @@ static void start_watchdog(void)
 /* Starts the app. A stored block replaces the built-in block if kernel and units fit. */
 static void start_app(void)
 {
-  in_use = nucleo_board;
-  if (memory_load(&set) && set.words > 0U &&
-      anhyst_block_check(nucleo_board.kernel, set.block, (uint16_t)set.words) == ANHYST_OK &&
-      anhyst_block_misfit(set.block, nucleo_board.scales) == 0U) {
-    in_use.words = set.block;
-    in_use.words_capacity = (uint16_t)set.words;
+  active_board = nucleo_board;
+  if (memory_load(&stored_set) && stored_set.words > 0U &&
+      anhyst_block_check(nucleo_board.kernel, stored_set.block, (uint16_t)stored_set.words) ==
+          ANHYST_OK &&
+      anhyst_block_misfit(stored_set.block, nucleo_board.scales) == 0U) {
+    active_board.words = stored_set.block;
+    active_board.words_capacity = (uint16_t)stored_set.words;
   }
-  app_start(&firmware, &body, &in_use, &port);
+  app_start(&firmware, &body, &active_board, &port);
   xcp_line_start(&xcp, &firmware, 1);
 }
 

@@ -28,7 +28,7 @@ extern serial serial_xcp;
 void serial_start(void);
 
 /* link_read and link_write of a struct port; context: one of the two ports. */
-uint16_t serial_read(void *context, uint8_t *bytes, uint16_t most);
+uint16_t serial_read(void *context, uint8_t *bytes, uint16_t size);
 uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count);
 
 /* Interrupt handlers of the ports. */

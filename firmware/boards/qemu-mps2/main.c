@@ -67,14 +67,14 @@ static void receive_plant(void) { receive(UART_PLANT, &from_plant); }
 static void receive_xcp(void) { receive(UART_XCP, &from_xcp); }
 
 /* Only wakes main, which has more bytes to send. */
-static void sent(uint32_t uart)
+static void stop_tx_interrupt(uint32_t uart)
 {
   UART_CONTROL(uart) &= ~UART_TX_INTERRUPT_ENABLE;
   UART_INTERRUPT(uart) = UART_TX_INTERRUPT;
 }
 
-static void sent_link(void) { sent(UART_LINK); }
-static void sent_xcp(void) { sent(UART_XCP); }
+static void sent_link(void) { stop_tx_interrupt(UART_LINK); }
+static void sent_xcp(void) { stop_tx_interrupt(UART_XCP); }
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
     STARTUP_VECTORS,
@@ -86,7 +86,7 @@ __attribute__((section(".vectors"), used)) static const startup_vector vectors[]
 };
 
 /* Waits until the UART accepts a byte. QEMU accepts it immediately unless the PC does not read. */
-static void send(uint32_t uart, uint8_t byte)
+static void send_byte(uint32_t uart, uint8_t byte)
 {
   while ((UART_STATE(uart) & UART_TX_FULL) != 0U) {
   }
@@ -98,17 +98,17 @@ static void receive_from_plant(uint8_t byte)
   uint8_t drive[LINK_SIZE_PLANT_DRIVE];
   if (lockstep_receive(&controller, byte, drive)) {
     for (uint16_t i = 0; i < LINK_SIZE_PLANT_DRIVE; ++i) {
-      send(UART_PLANT, drive[i]);
+      send_byte(UART_PLANT, drive[i]);
     }
     xcp_line_tick(&xcp);
   }
 }
 
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 {
   (void)context;
   uint16_t count = 0;
-  while (count < most && from_link.tail != from_link.head) {
+  while (count < size && from_link.tail != from_link.head) {
     bytes[count++] = from_link.bytes[from_link.tail % RING];
     ++from_link.tail;
   }
@@ -116,7 +116,7 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 }
 
 /* Sends the bytes that the UART accepts without waiting; the interrupt wakes main for the rest. */
-static uint16_t write(uint32_t uart, const uint8_t *bytes, uint16_t count)
+static uint16_t write_available(uint32_t uart, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;
   while (taken < count && (UART_STATE(uart) & UART_TX_FULL) == 0U) {
@@ -131,23 +131,23 @@ static uint16_t write(uint32_t uart, const uint8_t *bytes, uint16_t count)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
-  return write(UART_LINK, bytes, count);
+  return write_available(UART_LINK, bytes, count);
 }
 
 /* Processes received bytes and sends packets. Call it again while it returns 1. */
 static int serve_xcp(void)
 {
   uint16_t count = 0;
-  int moved = 0;
+  int has_moved = 0;
   const uint8_t byte = from_xcp.bytes[from_xcp.tail % RING];
   if (from_xcp.tail != from_xcp.head && xcp_line_take(&xcp, &byte, 1) > 0U) {
     ++from_xcp.tail;
-    moved = 1;
+    has_moved = 1;
   }
-  const uint8_t *waiting = xcp_line_offer(&xcp, &count);
-  count = write(UART_XCP, waiting, count);
+  const uint8_t *packet = xcp_line_offer(&xcp, &count);
+  count = write_available(UART_XCP, packet, count);
   xcp_line_sent(&xcp, count);
-  return moved || count > 0U;
+  return has_moved || count > 0U;
 }
 
 /* The plant waits for the drive, so there is no current to switch off. */
