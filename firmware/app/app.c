@@ -63,10 +63,10 @@ void app_tick(app *a)
 
 /* Relation of a request to the requests before it. */
 enum {
-  SEQUENCE_NEW,      /* to be done */
-  SEQUENCE_REPEATED, /* must be performed */
-  SEQUENCE_OLD,      /* repetition of the last request: the same bytes are sent again */
-  SEQUENCE_ASIDE,    /* overtaken by newer requests: refused */
+  SEQUENCE_NEW,       /* must be performed */
+  SEQUENCE_REPEATED,  /* repetition of the last request: the same bytes are sent again */
+  SEQUENCE_OLD,       /* overtaken by newer requests: refused */
+  SEQUENCE_UNCHANGED, /* a hello that opens no session: answered, sequence unchanged */
   SEQUENCE_NO_SESSION
 };
 
@@ -76,11 +76,11 @@ static int classify_hello(app_session *session, const link_frame *request)
 {
   link_hello hello;
   if (request->length != LINK_SIZE_HELLO) {
-    return SEQUENCE_ASIDE;
+    return SEQUENCE_UNCHANGED;
   }
   link_get_hello(&hello, request->payload);
   if (hello.version != LINK_VERSION || (session->open != 0U && hello.session == session->number)) {
-    return SEQUENCE_ASIDE;
+    return SEQUENCE_UNCHANGED;
   }
   session->open = 1;
   session->number = hello.session;
@@ -130,8 +130,8 @@ static void refuse_request(app *a, const link_frame *request, uint16_t reason, u
   const link_frame frame = {
       LINK_VERSION, LINK_TYPE_NAK, request->sequence, LINK_SIZE_NAK, app_last_tick(a), payload, 0};
   link_put_nak(payload, &nak);
-  a->session.sending = a->session.aside;
-  a->session.sending_count = link_encode(a->session.aside, &frame);
+  a->session.sending = a->session.unrepeated;
+  a->session.sending_count = link_encode(a->session.unrepeated, &frame);
 }
 
 /* Performs a request and encodes its answer into one of the two buffers. */
@@ -175,8 +175,8 @@ static void handle_request(app *a, const link_frame *request)
   case SEQUENCE_OLD:
     refuse_request(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
     break;
-  case SEQUENCE_ASIDE:
-    answer_request(a, request, session->aside);
+  case SEQUENCE_UNCHANGED:
+    answer_request(a, request, session->unrepeated);
     break;
   default:
     refuse_request(a, request, LINK_REASON_SESSION, 0);

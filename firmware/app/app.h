@@ -26,12 +26,12 @@
 /* The session with a PC. */
 typedef struct {
   link_receiver receiver;
-  uint8_t chunk[32];              /* bytes read from the port, not yet decoded */
-  uint8_t answer[LINK_WIRE_MOST]; /* answer to the last request, for its repetition */
-  uint8_t aside[LINK_WIRE_MOST];  /* an answer that is never repeated */
-  const uint8_t *sending;         /* next unsent byte of answer or aside */
-  uint32_t check;                 /* checksum of the last request; identifies a repetition */
-  uint32_t window;                /* bit n: number last - n was answered */
+  uint8_t chunk[32];                  /* bytes read from the port, not yet decoded */
+  uint8_t answer[LINK_WIRE_MOST];     /* answer to the last request, for its repetition */
+  uint8_t unrepeated[LINK_WIRE_MOST]; /* an answer that is never repeated */
+  const uint8_t *sending;             /* next unsent byte of answer or unrepeated */
+  uint32_t check;                     /* checksum of the last request; identifies a repetition */
+  uint32_t window;                    /* bit n: number last - n was answered */
   uint16_t chunk_count;
   uint16_t chunk_at;
   uint16_t answer_count;

@@ -24,7 +24,7 @@ static uint32_t update_tick(app_control *control, const app_limits *limits, uint
     if (app_body_compensator(control->body, 0)->words == NULL) {
       app_body_fail(control->body, ANHYST_FAULT_BLOCK);
     }
-    return 1;
+    return 1; /* the first tick number is arbitrary */
   }
   if (ticks == 0U || ticks > (uint32_t)limits->missed_ticks + 1U) {
     app_body_fail(control->body, ANHYST_FAULT_MISSED_TICK);

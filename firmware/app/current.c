@@ -8,7 +8,7 @@ void app_current_start(app_current *current)
 {
   app_sensor_start(&current->sensor);
   current->expected = 0;
-  current->off = 0;
+  current->failed = 0;
 }
 
 /* Moves the expected current towards the driven current by one tick; both q30. */
@@ -35,7 +35,7 @@ static void compare_drive(app_current *current, const int32_t *settings, int is_
   }
   const int is_near = distance_from_interval(value, current->expected, drive) <=
                       settings[LINK_SETTING_CURRENT_TOLERANCE] / 2;
-  current->off = is_near ? 0 : anhyst_add_q31(current->off, 1);
+  current->failed = is_near ? 0 : anhyst_add_q31(current->failed, 1);
 }
 
 uint16_t app_current_judge(app_current *current, const app_limits *limits, const int32_t *settings,
@@ -49,7 +49,7 @@ uint16_t app_current_judge(app_current *current, const app_limits *limits, const
   }
   if (limits->has_current_sensor != 0U) {
     compare_drive(current, settings, current->sensor.age == 0U, drive / 2);
-    if (current->off > settings[LINK_SETTING_CURRENT_OFF_TICKS]) {
+    if (current->failed > settings[LINK_SETTING_CURRENT_OFF_TICKS]) {
       return ANHYST_FAULT_CURRENT_MISMATCH;
     }
   }

@@ -18,7 +18,7 @@
 typedef struct {
   app_sensor sensor;
   int32_t expected; /* current after the slowest allowed response, q30 */
-  int32_t off;      /* failed samples in a row */
+  int32_t failed;   /* failed samples in a row */
 } app_current;
 
 /* Resets the check: the expected current starts at the next measured current. */

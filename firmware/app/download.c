@@ -11,9 +11,9 @@ void app_download_start(app_download *download)
   download->announced = none;
   download->checksum = 0;
   download->received = 0;
-  download->place = 0;
-  download->under_way = APP_DOWNLOAD_NONE;
-  download->sealed = 0;
+  download->pending = 0;
+  download->state = APP_DOWNLOAD_NONE;
+  download->has_checksum = 0;
 }
 
 /* Returns the buffer that does not contain the active block. */
@@ -31,19 +31,19 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
   download->announced = *begin;
   download->checksum = 0;
   download->received = 0;
-  download->place = find_pending_buffer(download, in_force);
-  download->under_way = APP_DOWNLOAD_ARRIVING;
+  download->pending = find_pending_buffer(download, in_force);
+  download->state = APP_DOWNLOAD_ARRIVING;
   return LINK_REASON_NONE;
 }
 
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count)
 {
-  if (download->under_way != APP_DOWNLOAD_ARRIVING || offset != download->received ||
+  if (download->state != APP_DOWNLOAD_ARRIVING || offset != download->received ||
       count > download->announced.words - download->received) {
     return LINK_REASON_ORDER;
   }
-  int16_t *to = download->words[download->place] + offset;
+  int16_t *to = download->words[download->pending] + offset;
   const uint8_t *from = bytes;
   for (uint16_t i = 0; i < count; i++, from += 2) {
     to[i] = link_get_i16(from);
@@ -56,29 +56,29 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
 uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
                            const uint8_t *bytes, uint16_t count)
 {
-  if (download->under_way == APP_DOWNLOAD_ARRIVING) {
+  if (download->state == APP_DOWNLOAD_ARRIVING) {
     return LINK_REASON_ORDER;
   }
-  if (download->under_way == APP_DOWNLOAD_NONE) {
+  if (download->state == APP_DOWNLOAD_NONE) {
     const uint16_t length = in_force != NULL ? (uint16_t)in_force[ANHYST_WORD_LENGTH] : 0U;
-    download->place = find_pending_buffer(download, in_force);
+    download->pending = find_pending_buffer(download, in_force);
     for (uint16_t i = 0; i < (uint16_t)ANHYST_BLOCK_MOST_WORDS; i++) {
-      download->words[download->place][i] = i < length ? in_force[i] : 0;
+      download->words[download->pending][i] = i < length ? in_force[i] : 0;
     }
-    download->sealed = 0;
-    download->under_way = APP_DOWNLOAD_EDITED;
+    download->has_checksum = 0;
+    download->state = APP_DOWNLOAD_EDITED;
   }
   if (at > (uint16_t)ANHYST_BLOCK_MOST_WORDS ||
       count > (uint16_t)((uint16_t)ANHYST_BLOCK_MOST_WORDS - at)) {
     return LINK_REASON_VALUE;
   }
-  int16_t *to = download->words[download->place] + at;
+  int16_t *to = download->words[download->pending] + at;
   const uint8_t *from = bytes;
   for (uint16_t i = 0; i < count; i++, from += 2) {
     to[i] = link_get_i16(from);
   }
   if (at < (uint16_t)(ANHYST_WORD_CRC + 2) && at + count > (uint16_t)ANHYST_WORD_CRC) {
-    download->sealed = 1;
+    download->has_checksum = 1;
   }
   return LINK_REASON_NONE;
 }
@@ -97,13 +97,13 @@ static uint32_t add_words_to_crc(uint32_t crc, const int16_t *words, uint16_t co
 
 void app_download_seal(app_download *download)
 {
-  int16_t *words = download->words[download->place];
+  int16_t *words = download->words[download->pending];
   const uint16_t after_crc = (uint16_t)(ANHYST_WORD_CRC + 2);
   uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
   if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
     length = ANHYST_BLOCK_LEAST_WORDS; /* an invalid length; the check refuses the block */
   }
-  if (download->sealed == 0U) {
+  if (download->has_checksum == 0U) {
     uint8_t bytes[4];
     const uint32_t head = add_words_to_crc(0, words, ANHYST_WORD_CRC);
     link_put_u32(bytes, add_words_to_crc(head, words + after_crc, (uint16_t)(length - after_crc)));
@@ -115,15 +115,14 @@ void app_download_seal(app_download *download)
   download->announced.checksum = add_words_to_crc(0, words, length);
   download->checksum = download->announced.checksum;
   download->received = length;
-  download->under_way = APP_DOWNLOAD_ARRIVING;
+  download->state = APP_DOWNLOAD_ARRIVING;
 }
 
 uint16_t app_download_check(const app_download *download, const app_board *board,
                             uint16_t generation, const int16_t **words, uint16_t *detail)
 {
-  const int16_t *block = download->words[download->place];
-  if (download->under_way != APP_DOWNLOAD_ARRIVING ||
-      download->received != download->announced.words) {
+  const int16_t *block = download->words[download->pending];
+  if (download->state != APP_DOWNLOAD_ARRIVING || download->received != download->announced.words) {
     return LINK_REASON_ORDER;
   }
   if (download->checksum != download->announced.checksum) {

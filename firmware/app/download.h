@@ -14,11 +14,11 @@
 
 typedef struct {
   link_block_begin announced;
-  uint32_t checksum;  /* CRC-32 of the received words */
-  uint16_t received;  /* number of received words */
-  uint16_t place;     /* index of the pending buffer */
-  uint16_t under_way; /* one of APP_DOWNLOAD_... */
-  uint16_t sealed;    /* whether an edit wrote the checksum of the block */
+  uint32_t checksum;     /* CRC-32 of the received words */
+  uint16_t received;     /* number of received words */
+  uint16_t pending;      /* index of the pending buffer */
+  uint16_t state;        /* one of APP_DOWNLOAD_... */
+  uint16_t has_checksum; /* whether an edit wrote the checksum of the block */
   int16_t words[2][ANHYST_BLOCK_MOST_WORDS];
 } app_download;
 

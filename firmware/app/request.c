@@ -86,7 +86,7 @@ uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)
   const uint16_t reason = app_download_check(&a->download, a->board, generation, &words, detail);
   if (reason == LINK_REASON_NONE) {
     activate_block(a, words);
-    a->download.under_way = APP_DOWNLOAD_NONE;
+    a->download.state = APP_DOWNLOAD_NONE;
     *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
   }
   return reason;
@@ -100,29 +100,29 @@ uint16_t app_block_edit(app *a, uint16_t at, const uint8_t *bytes, uint16_t coun
 
 const int16_t *app_block_edited(const app *a)
 {
-  return a->download.under_way == APP_DOWNLOAD_EDITED ? a->download.words[a->download.place] : NULL;
+  return a->download.state == APP_DOWNLOAD_EDITED ? a->download.words[a->download.pending] : NULL;
 }
 
 void app_block_forget(app *a)
 {
-  if (a->download.under_way == APP_DOWNLOAD_EDITED) {
-    a->download.under_way = APP_DOWNLOAD_NONE;
+  if (a->download.state == APP_DOWNLOAD_EDITED) {
+    a->download.state = APP_DOWNLOAD_NONE;
   }
 }
 
 uint16_t app_block_swap_edited(app *a, uint16_t *detail)
 {
   *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
-  if (a->download.under_way == APP_DOWNLOAD_ARRIVING) {
+  if (a->download.state == APP_DOWNLOAD_ARRIVING) {
     return LINK_REASON_ORDER;
   }
-  if (a->download.under_way == APP_DOWNLOAD_NONE) {
+  if (a->download.state == APP_DOWNLOAD_NONE) {
     return LINK_REASON_NONE;
   }
   app_download_seal(&a->download);
   const uint16_t reason = app_block_swap(a, a->download.announced.generation, detail);
   if (reason != LINK_REASON_NONE) {
-    a->download.under_way = APP_DOWNLOAD_EDITED;
+    a->download.state = APP_DOWNLOAD_EDITED;
   }
   return reason;
 }

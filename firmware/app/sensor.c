@@ -8,8 +8,8 @@ void app_sensor_start(app_sensor *sensor)
   sensor->value = 0;
   sensor->anchor = 0;
   sensor->age = 0;
-  sensor->same = 0;
-  sensor->moved = 0;
+  sensor->same_ticks = 0;
+  sensor->has_moved = 0;
   sensor->known = 0;
 }
 
@@ -26,13 +26,13 @@ static void track_noise(app_sensor *sensor, int32_t stuck_current, int32_t value
 {
   if (sensor->known == 0U || value != sensor->value) {
     sensor->anchor = drive;
-    sensor->same = 0;
-    sensor->moved = 0;
+    sensor->same_ticks = 0;
+    sensor->has_moved = 0;
     return;
   }
-  sensor->same = add_saturated(sensor->same, ticks);
+  sensor->same_ticks = add_saturated(sensor->same_ticks, ticks);
   if (distance(drive, sensor->anchor) >= stuck_current) {
-    sensor->moved = 1;
+    sensor->has_moved = 1;
   }
 }
 
@@ -53,7 +53,8 @@ uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
   sensor->value = value;
   sensor->age = 0;
   sensor->known = 1;
-  if (limits->stuck_ticks > 0U && sensor->same >= limits->stuck_ticks && sensor->moved != 0U) {
+  if (limits->stuck_ticks > 0U && sensor->same_ticks >= limits->stuck_ticks &&
+      sensor->has_moved != 0U) {
     return APP_SENSOR_STUCK;
   }
   return APP_SENSOR_FINE;

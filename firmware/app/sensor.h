@@ -15,12 +15,12 @@ enum {
 };
 
 typedef struct {
-  int32_t value;  /* last plausible value, q30 */
-  int32_t anchor; /* driven current at the last change of the code, q31 */
-  uint16_t age;   /* ticks since the last plausible value, at most 65535 */
-  uint16_t same;  /* ticks with an equal code, at most 65535 */
-  uint16_t moved; /* whether the current moved enough in this time */
-  uint16_t known; /* whether there was a plausible value */
+  int32_t value;       /* last plausible value, q30 */
+  int32_t anchor;      /* driven current at the last change of the code, q31 */
+  uint16_t age;        /* ticks since the last plausible value, at most 65535 */
+  uint16_t same_ticks; /* ticks with an equal code, at most 65535 */
+  uint16_t has_moved;  /* whether the current moved enough in this time */
+  uint16_t known;      /* whether there was a plausible value */
 } app_sensor;
 
 /* Converts a measured q30 to q31, with saturation. */

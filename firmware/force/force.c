@@ -19,8 +19,8 @@ void app_body_start(app_body *body, const app_board *board)
   body->demand = 0;
   body->drive = 0;
   body->flags = 0;
-  body->swapped = 0;
-  body->compensated = 1;
+  body->is_ramping = 0;
+  body->is_compensated = 1;
   body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
   anhyst_supervisor_start(&body->supervisor);
   reset_sensors(body);
@@ -48,7 +48,7 @@ uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
   if (quantity != (uint16_t)LINK_BODY_FORCE) {
     return LINK_REASON_TYPE;
   }
-  body->target = value; /* the demand still starts at 0 in `run` */
+  body->target = value; /* the command `run` resets it to 0 */
   return LINK_REASON_NONE;
 }
 
@@ -57,7 +57,7 @@ int32_t app_body_goal(const app_body *body) { return body->target; }
 void app_body_swap(app_body *body, const int16_t *words)
 {
   anhyst_compensator_swap(&body->compensator, words);
-  body->swapped = 1;
+  body->is_ramping = 1;
   if (body->supervisor.conditioning != 0U) {
     body->supervisor.step = -1;
   }
@@ -137,9 +137,9 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
     body->flags |= ANHYST_DEMAND_SLEWING;
   }
   const uint8_t compensated = is_compensated(settings);
-  if (compensated != body->compensated) {
-    body->compensated = compensated;
-    body->swapped = 1;
+  if (compensated != body->is_compensated) {
+    body->is_compensated = compensated;
+    body->is_ramping = 1;
   }
   if (compensated == 0U) {
     return multiply_by_ratio(body->demand, settings[LINK_SETTING_RATIO]);
@@ -159,11 +159,11 @@ static int32_t ramp_towards(const app_body *body, int32_t current)
 /* Ramps to the current after a change of block or method; later returns it unchanged. */
 static int32_t ramp_after_swap(app_body *body, int32_t current)
 {
-  if (body->swapped == 0U) {
+  if (body->is_ramping == 0U) {
     return current;
   }
   const int32_t step = ramp_towards(body, current);
-  body->swapped = step != current ? 1U : 0U;
+  body->is_ramping = step != current ? 1U : 0U;
   return step;
 }
 
@@ -180,8 +180,8 @@ static int32_t state_current(app_body *body, const int32_t *settings, int32_t ga
                              anhyst_conditioning_q31(&body->compensator, body->supervisor.step));
     }
   }
-  body->swapped = 0;
-  body->compensated = is_compensated(settings);
+  body->is_ramping = 0;
+  body->is_compensated = is_compensated(settings);
   return ramp_towards(body, 0);
 }
 

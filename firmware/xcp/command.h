@@ -21,8 +21,8 @@ typedef uint8_t xcp_action(xcp_slave *x, xcp_request *r);
 
 typedef struct {
   uint8_t code;
-  uint8_t least;     /* minimum number of bytes */
-  uint8_t wants_key; /* whether the command needs the key */
+  uint8_t min_bytes; /* minimum number of bytes */
+  uint8_t needs_key; /* whether the command needs the key */
   xcp_action *act;
 } xcp_command;
 

@@ -175,7 +175,7 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
     if (x->page != 1U) {
       return XCP_WRITE_PROTECTED;
     }
-    x->swapped = 0;
+    x->is_swapped = 0;
     *reason = app_block_edit(x->firmware, number, bytes, count / 2U);
     break;
   default:

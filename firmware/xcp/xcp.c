@@ -30,7 +30,7 @@ void xcp_hang_up(xcp_slave *x)
 {
   x->connected = 0;
   x->unlocked = 0;
-  x->asked = 0;
+  x->has_seed = 0;
   x->page = 0;
   x->reported = 0;
   xcp_daq_start(&x->daq);
@@ -42,7 +42,7 @@ void xcp_start(xcp_slave *x, app *firmware)
   x->daq.port = firmware->port;
   x->address = 0;
   x->seed = 0;
-  x->swapped = 0;
+  x->is_swapped = 0;
   xcp_hang_up(x);
 }
 
@@ -147,7 +147,7 @@ static uint8_t on_seed(xcp_slave *x, xcp_request *r)
   uint8_t tick[KEY_BYTES];
   link_put_u32(tick, app_last_tick(x->firmware));
   x->seed = link_crc32(x->seed + 1U, tick, KEY_BYTES);
-  x->asked = 1;
+  x->has_seed = 1;
   r->answer[1] = KEY_BYTES;
   link_put_u32(r->answer + 2, x->seed);
   r->length = 2U + KEY_BYTES;
@@ -158,10 +158,10 @@ static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
 {
   uint8_t seed[KEY_BYTES];
-  if (x->asked == 0U) {
+  if (x->has_seed == 0U) {
     return XCP_SEQUENCE;
   }
-  x->asked = 0;
+  x->has_seed = 0;
   link_put_u32(seed, x->seed);
   if (r->command[1] != KEY_BYTES || r->count < 2U + KEY_BYTES ||
       link_get_u32(r->command + 2) != link_crc32(XCP_SECRET, seed, KEY_BYTES)) {
@@ -268,7 +268,7 @@ static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
         return XCP_PAGE;
       }
     }
-    x->swapped = r->command[3];
+    x->is_swapped = r->command[3];
   }
   if ((r->command[1] & PAGE_OF_MASTER) != 0U) {
     x->page = r->command[3];
@@ -284,7 +284,7 @@ static uint8_t on_page(xcp_slave *x, xcp_request *r)
   if (r->command[1] != PAGE_OF_ECU && r->command[1] != PAGE_OF_MASTER) {
     return XCP_MODE;
   }
-  r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->swapped : x->page;
+  r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->is_swapped : x->page;
   r->length = 4;
   return XCP_FINE;
 }
@@ -333,10 +333,10 @@ static uint8_t perform_command(xcp_slave *x, xcp_request *r)
   if (found == NULL) {
     return XCP_UNKNOWN;
   }
-  if (r->count < found->least || r->count > XCP_PACKET) {
+  if (r->count < found->min_bytes || r->count > XCP_PACKET) {
     return XCP_SYNTAX;
   }
-  if (found->wants_key != 0U && x->unlocked == 0U) {
+  if (found->needs_key != 0U && x->unlocked == 0U) {
     return XCP_LOCKED;
   }
   return found->act(x, r);

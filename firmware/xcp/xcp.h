@@ -22,10 +22,10 @@ typedef struct {
   uint32_t seed;
   uint8_t connected;
   uint8_t unlocked;
-  uint8_t asked;     /* whether a seed was sent, and no key received since */
-  uint8_t page;      /* page of the master: 0 active block, 1 next block */
-  uint8_t swapped;   /* 1: the content of page 1 is active */
-  uint16_t reported; /* number of lost samples that the master knows */
+  uint8_t has_seed;   /* whether a seed was sent, and no key received since */
+  uint8_t page;       /* page of the master: 0 active block, 1 next block */
+  uint8_t is_swapped; /* 1: the content of page 1 is active */
+  uint16_t reported;  /* number of lost samples that the master knows */
   xcp_daq daq;
 } xcp_slave;
 
