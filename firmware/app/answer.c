@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One function a request; each fills the answer. What the control task uses is read and written
-   between port_lock and port_unlock, and little else is done there. */
+/* Answers each request of the link with one function. Data of the control task are accessed between
+   port_lock and port_unlock; these sections are short. */
 #include "app/request.h"
 
 #include <stddef.h>
 
 #include "xcp/tunnel.h"
 
-/* What an answer is made of. */
+/* Type, length and payload of an answer. */
 typedef struct {
   uint8_t *payload;
   uint8_t type;
   uint8_t length;
 } answer;
 
-static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
+static void put_nak(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   const link_nak nak = {request, reason, detail};
   to->type = LINK_TYPE_NAK;
@@ -22,8 +22,8 @@ static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t deta
   link_put_nak(to->payload, &nak);
 }
 
-/* Done, or not done for this reason. */
-static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
+/* Answers with an acknowledgement if the reason is NONE, otherwise with a refusal. */
+static void put_result(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   if (reason == LINK_REASON_NONE) {
     const link_ack ack = {request, detail};
@@ -31,11 +31,11 @@ static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t det
     to->length = LINK_SIZE_ACK;
     link_put_ack(to->payload, &ack);
   } else {
-    say_nak(to, request, reason, detail);
+    put_nak(to, request, reason, detail);
   }
 }
 
-static void say_status(app *a, answer *to)
+static void put_status(app *a, answer *to)
 {
   const app_control *control = &a->control;
   link_status status = {0};
@@ -56,12 +56,12 @@ static void say_status(app *a, answer *to)
   link_put_status(to->payload, &status);
 }
 
-static void say_status_or_nak(app *a, answer *to, uint16_t request, uint16_t reason)
+static void put_status_or_nak(app *a, answer *to, uint16_t request, uint16_t reason)
 {
   if (reason == LINK_REASON_NONE) {
-    say_status(a, to);
+    put_status(a, to);
   } else {
-    say_nak(to, request, reason, 0);
+    put_nak(to, request, reason, 0);
   }
 }
 
@@ -71,7 +71,7 @@ static void on_hello(app *a, const uint8_t *p, answer *to)
   link_hello hello;
   link_get_hello(&hello, p);
   if (hello.version != LINK_VERSION) {
-    say_nak(to, LINK_TYPE_HELLO, LINK_REASON_VERSION, LINK_VERSION);
+    put_nak(to, LINK_TYPE_HELLO, LINK_REASON_VERSION, LINK_VERSION);
     return;
   }
   link_info info;
@@ -95,27 +95,27 @@ static void on_hello(app *a, const uint8_t *p, answer *to)
 static void on_heartbeat(app *a, const uint8_t *p, answer *to)
 {
   (void)p;
-  say_status(a, to);
+  put_status(a, to);
 }
 
 static void on_demand(app *a, const uint8_t *p, answer *to)
 {
-  say_status_or_nak(a, to, LINK_TYPE_DEMAND, app_aim(a, LINK_BODY_FORCE, link_get_demand(p)));
+  put_status_or_nak(a, to, LINK_TYPE_DEMAND, app_aim(a, LINK_BODY_FORCE, link_get_demand(p)));
 }
 
 static void on_target(app *a, const uint8_t *p, answer *to)
 {
-  say_status_or_nak(a, to, LINK_TYPE_TARGET, app_aim(a, LINK_BODY_POSITION, link_get_target(p)));
+  put_status_or_nak(a, to, LINK_TYPE_TARGET, app_aim(a, LINK_BODY_POSITION, link_get_target(p)));
 }
 
 static void on_command(app *a, const uint8_t *p, answer *to)
 {
   uint16_t state = 0;
   const uint16_t reason = app_command(a, link_get_command(p), &state);
-  say_done(to, LINK_TYPE_COMMAND, reason, state);
+  put_result(to, LINK_TYPE_COMMAND, reason, state);
 }
 
-static void say_setting(const app *a, uint16_t number, answer *to)
+static void put_setting(const app *a, uint16_t number, answer *to)
 {
   const link_setting setting = {number, a->settings[number]};
   to->type = LINK_TYPE_SETTING;
@@ -127,9 +127,9 @@ static void on_setting_read(app *a, const uint8_t *p, answer *to)
 {
   const uint16_t number = link_get_setting_read(p);
   if (number >= LINK_SETTING_COUNT) {
-    say_nak(to, LINK_TYPE_SETTING_READ, LINK_REASON_VALUE, 0);
+    put_nak(to, LINK_TYPE_SETTING_READ, LINK_REASON_VALUE, 0);
   } else {
-    say_setting(a, number, to);
+    put_setting(a, number, to);
   }
 }
 
@@ -140,9 +140,9 @@ static void on_setting_write(app *a, const uint8_t *p, answer *to)
   uint16_t state = 0;
   const uint16_t reason = app_setting_write(a, write.setting, write.value, &state);
   if (reason != LINK_REASON_NONE) {
-    say_nak(to, LINK_TYPE_SETTING_WRITE, reason, state);
+    put_nak(to, LINK_TYPE_SETTING_WRITE, reason, state);
   } else {
-    say_setting(a, write.setting, to);
+    put_setting(a, write.setting, to);
   }
 }
 
@@ -152,25 +152,25 @@ static void on_block_begin(app *a, const uint8_t *p, answer *to)
   link_get_block_begin(&begin, p);
   const uint16_t reason =
       app_download_begin(&a->download, &begin, app_body_compensator(a->control.body, 0)->words);
-  say_done(to, LINK_TYPE_BLOCK_BEGIN, reason, 0);
+  put_result(to, LINK_TYPE_BLOCK_BEGIN, reason, 0);
 }
 
 static void on_block_swap(app *a, const uint8_t *p, answer *to)
 {
   uint16_t detail = 0;
   const uint16_t reason = app_block_swap(a, link_get_block_swap(p), &detail);
-  say_done(to, LINK_TYPE_BLOCK_SWAP, reason, detail);
+  put_result(to, LINK_TYPE_BLOCK_SWAP, reason, detail);
 }
 
 static void on_block_read(app *a, const uint8_t *p, answer *to)
 {
-  const uint16_t most = (LINK_PAYLOAD_MOST - LINK_SIZE_BLOCK_WORDS) / 2;
+  const uint16_t max_words = (LINK_PAYLOAD_MOST - LINK_SIZE_BLOCK_WORDS) / 2;
   const uint16_t length = app_word_in_force(a, ANHYST_WORD_LENGTH);
   link_block_read read;
   link_get_block_read(&read, p);
-  if (read.words == 0U || read.words > most || read.offset >= length ||
+  if (read.words == 0U || read.words > max_words || read.offset >= length ||
       read.words > length - read.offset) {
-    say_nak(to, LINK_TYPE_BLOCK_READ, LINK_REASON_VALUE, length);
+    put_nak(to, LINK_TYPE_BLOCK_READ, LINK_REASON_VALUE, length);
     return;
   }
   link_put_block_words(to->payload, read.offset);
@@ -182,28 +182,29 @@ static void on_block_read(app *a, const uint8_t *p, answer *to)
   to->length = (uint8_t)(LINK_SIZE_BLOCK_WORDS + 2U * read.words);
 }
 
-static void on_keep(app *a, const uint8_t *p, answer *to)
+static void on_store_block(app *a, const uint8_t *p, answer *to)
 {
-  const uint16_t rests = ANHYST_CURRENT_ZERO;
-  const uint16_t busy = ANHYST_CONDITIONING;
+  const uint16_t zero_current_flag = ANHYST_CURRENT_ZERO;
+  const uint16_t conditioning_flag = ANHYST_CONDITIONING;
   (void)p;
   port_lock(a->port);
   const int16_t *words = app_body_compensator(a->control.body, 0)->words;
   const uint16_t state = app_body_states(a->control.body)->state;
-  const int resting = (state == ANHYST_STATE_IDLE || state == ANHYST_STATE_READY) &&
-                      (a->control.flags & (rests | busy)) == rests;
+  const int is_at_rest =
+      (state == ANHYST_STATE_IDLE || state == ANHYST_STATE_READY) &&
+      (a->control.flags & (zero_current_flag | conditioning_flag)) == zero_current_flag;
   port_unlock(a->port);
-  if (!resting || words == NULL) {
-    say_nak(to, LINK_TYPE_KEEP, LINK_REASON_STATE, state);
+  if (!is_at_rest || words == NULL) {
+    put_nak(to, LINK_TYPE_KEEP, LINK_REASON_STATE, state);
   } else {
     const uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
-    const int kept = a->port->keep(a->port->context, words, length);
-    say_done(to, LINK_TYPE_KEEP, kept ? LINK_REASON_NONE : LINK_REASON_NOT_KEPT,
-             app_word_in_force(a, ANHYST_WORD_GENERATION));
+    const int is_stored = a->port->keep(a->port->context, words, length);
+    put_result(to, LINK_TYPE_KEEP, is_stored ? LINK_REASON_NONE : LINK_REASON_NOT_KEPT,
+               app_word_in_force(a, ANHYST_WORD_GENERATION));
   }
 }
 
-/* A request of a fixed length and what does it. */
+/* Type and fixed length of a request, and the function that answers it. */
 typedef struct {
   uint8_t type;
   uint8_t length;
@@ -221,20 +222,20 @@ static const request_kind kinds[] = {
     {LINK_TYPE_BLOCK_BEGIN, LINK_SIZE_BLOCK_BEGIN, on_block_begin},
     {LINK_TYPE_BLOCK_SWAP, LINK_SIZE_BLOCK_SWAP, on_block_swap},
     {LINK_TYPE_BLOCK_READ, LINK_SIZE_BLOCK_READ, on_block_read},
-    {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
+    {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_store_block},
 };
 
-/* Whole words, at least one. */
+/* Requires complete words, at least one. */
 static void on_block_data(app *a, const link_frame *request, answer *to)
 {
   const uint8_t *p = request->payload;
   const uint8_t tail = (uint8_t)(request->length - LINK_SIZE_BLOCK_DATA);
   if (request->length < LINK_SIZE_BLOCK_DATA + 2 || tail % 2U != 0U) {
-    say_nak(to, request->type, LINK_REASON_LENGTH, request->length);
+    put_nak(to, request->type, LINK_REASON_LENGTH, request->length);
   } else {
     const uint16_t reason = app_download_words(&a->download, link_get_block_data(p),
                                                p + LINK_SIZE_BLOCK_DATA, (uint16_t)(tail / 2U));
-    say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
+    put_result(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
   }
 }
 
@@ -253,9 +254,9 @@ uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t 
     to.type = LINK_TYPE_XCP_PACKETS;
     to.length = (uint8_t)xcp_tunnel(&a->carried, request->payload, request->length, payload);
   } else if (kind == NULL) {
-    say_nak(&to, request->type, LINK_REASON_TYPE, 0);
+    put_nak(&to, request->type, LINK_REASON_TYPE, 0);
   } else if (request->length != kind->length) {
-    say_nak(&to, request->type, LINK_REASON_LENGTH, request->length);
+    put_nak(&to, request->type, LINK_REASON_LENGTH, request->length);
   } else {
     kind->on(a, request->payload, &to);
   }

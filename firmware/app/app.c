@@ -61,26 +61,26 @@ void app_tick(app *a)
   xcp_tick(&a->carried);
 }
 
-/* What a request is after the ones before it. */
+/* Relation of a request to the requests before it. */
 enum {
-  SEQUENCE_NEW,      /* to be done */
-  SEQUENCE_REPEATED, /* the last one again: answered with the same bytes */
-  SEQUENCE_OLD,      /* overtaken by newer ones: refused */
-  SEQUENCE_ASIDE,    /* a hello that opens nothing: answered, and the sequence goes on as it was */
+  SEQUENCE_NEW,       /* must be performed */
+  SEQUENCE_REPEATED,  /* repetition of the last request: the same bytes are sent again */
+  SEQUENCE_OLD,       /* overtaken by newer requests: refused */
+  SEQUENCE_UNCHANGED, /* a hello that opens no session: answered, sequence unchanged */
   SEQUENCE_NO_SESSION
 };
 
-/* Opens a session, unless the hello cannot (its answer says why) or has done so already: a copy of
-   it that the line kept back must not turn the sequence back. */
-static int follow_hello(app_session *session, const link_frame *request)
+/* Opens a session. A hello with a wrong length or version opens none; its answer gives the reason.
+   A delayed copy of the last hello opens none either, and cannot reset the sequence. */
+static int classify_hello(app_session *session, const link_frame *request)
 {
   link_hello hello;
   if (request->length != LINK_SIZE_HELLO) {
-    return SEQUENCE_ASIDE;
+    return SEQUENCE_UNCHANGED;
   }
   link_get_hello(&hello, request->payload);
   if (hello.version != LINK_VERSION || (session->open != 0U && hello.session == session->number)) {
-    return SEQUENCE_ASIDE;
+    return SEQUENCE_UNCHANGED;
   }
   session->open = 1;
   session->number = hello.session;
@@ -90,17 +90,17 @@ static int follow_hello(app_session *session, const link_frame *request)
   return SEQUENCE_NEW;
 }
 
-/* Follows the sequence of requests. A PC numbers them one after the other; the same frame again is
-   a repetition. Half the numbers lie ahead, half behind, and what lies behind was overtaken: doing
-   it now would undo what came later. */
-static int follow_sequence(app_session *session, const link_frame *request)
+/* Classifies a request by its sequence number. A PC numbers its requests one after the other; an
+   equal frame is a repetition. Numbers 1..127 ahead are new. All others were overtaken: performing
+   such a request now would undo a later one. */
+static int classify_request(app_session *session, const link_frame *request)
 {
   const uint16_t ahead = (uint16_t)(request->sequence - session->last) & 0xFFU;
   if (session->open != 0U && ahead == 0U && request->check == session->check) {
     return SEQUENCE_REPEATED;
   }
   if (request->type == LINK_TYPE_HELLO) {
-    return follow_hello(session, request);
+    return classify_hello(session, request);
   }
   if (session->open == 0U) {
     return SEQUENCE_NO_SESSION;
@@ -115,27 +115,27 @@ static int follow_sequence(app_session *session, const link_frame *request)
   return SEQUENCE_NEW;
 }
 
-/* Whether a number behind the last one was answered, as far back as is known. */
+/* Whether a request before the last one was answered. The window covers the last 32 numbers. */
 static int was_answered(const app_session *session, uint8_t sequence)
 {
   const uint16_t behind = (uint16_t)(session->last - sequence) & 0xFFU;
   return behind < 32U && ((session->window >> behind) & 1U) != 0U;
 }
 
-/* Answers aside that a frame was not done. */
-static void refuse(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
+/* Refuses a request. The answer goes to the buffer for answers that are not repeated. */
+static void refuse_request(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
 {
   uint8_t payload[LINK_SIZE_NAK];
   const link_nak nak = {request->type, reason, detail};
   const link_frame frame = {
       LINK_VERSION, LINK_TYPE_NAK, request->sequence, LINK_SIZE_NAK, app_last_tick(a), payload, 0};
   link_put_nak(payload, &nak);
-  a->session.sending = a->session.aside;
-  a->session.sending_count = link_encode(a->session.aside, &frame);
+  a->session.sending = a->session.unrepeated;
+  a->session.sending_count = link_encode(a->session.unrepeated, &frame);
 }
 
-/* Does a request and answers it, into one of the two places for answers. */
-static void perform(app *a, const link_frame *request, uint8_t *wire)
+/* Performs a request and encodes its answer into one of the two buffers. */
+static void answer_request(app *a, const link_frame *request, uint8_t *wire)
 {
   uint8_t payload[LINK_PAYLOAD_MOST];
   link_frame frame = {LINK_VERSION, 0, request->sequence, 0, 0, payload, 0};
@@ -145,54 +145,54 @@ static void perform(app *a, const link_frame *request, uint8_t *wire)
   a->session.sending = wire;
 }
 
-/* Does a new request. It alone shows that the PC is there: what is repeated may be a line that
-   echoes, and what is XCP may come from a master that only looks on. */
-static void perform_new(app *a, const link_frame *request)
+/* Performs a new request. Only new requests count as heartbeat: a repetition may be an echo of the
+   line. XCP packets do not count because their master may only measure. */
+static void answer_new_request(app *a, const link_frame *request)
 {
   if (request->type != (uint8_t)LINK_TYPE_XCP) {
     app_alive(a);
   }
-  perform(a, request, a->session.answer);
+  answer_request(a, request, a->session.answer);
   a->session.answer_count = a->session.sending_count;
 }
 
-/* Answers a valid frame, whatever it says. */
-static void take_request(app *a, const link_frame *request)
+/* Answers a valid frame of any type. */
+static void handle_request(app *a, const link_frame *request)
 {
   app_session *session = &a->session;
   if (request->version != LINK_VERSION) {
-    refuse(a, request, LINK_REASON_VERSION, LINK_VERSION);
+    refuse_request(a, request, LINK_REASON_VERSION, LINK_VERSION);
     return;
   }
-  switch (follow_sequence(session, request)) {
+  switch (classify_request(session, request)) {
   case SEQUENCE_NEW:
-    perform_new(a, request);
+    answer_new_request(a, request);
     break;
   case SEQUENCE_REPEATED:
     session->sending = session->answer;
     session->sending_count = session->answer_count;
     break;
   case SEQUENCE_OLD:
-    refuse(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
+    refuse_request(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
     break;
-  case SEQUENCE_ASIDE:
-    perform(a, request, session->aside);
+  case SEQUENCE_UNCHANGED:
+    answer_request(a, request, session->unrepeated);
     break;
   default:
-    refuse(a, request, LINK_REASON_SESSION, 0);
+    refuse_request(a, request, LINK_REASON_SESSION, 0);
     break;
   }
 }
 
-/* Offers the port what is left to send; 1 once nothing is left. */
-static int send_rest(app *a)
+/* Passes unsent bytes to the port. Returns 1 once all bytes are sent. */
+static int send_pending_bytes(app *a)
 {
   app_session *session = &a->session;
   if (session->sending_count > 0U) {
-    const uint16_t taken =
+    const uint16_t sent =
         a->port->link_write(a->port->context, session->sending, session->sending_count);
-    session->sending += taken;
-    session->sending_count = (uint16_t)(session->sending_count - taken);
+    session->sending += sent;
+    session->sending_count = (uint16_t)(session->sending_count - sent);
   }
   return session->sending_count == 0U;
 }
@@ -201,7 +201,7 @@ void app_poll(app *a)
 {
   app_session *session = &a->session;
   link_frame request;
-  if (!send_rest(a)) {
+  if (!send_pending_bytes(a)) {
     return;
   }
   if (session->chunk_at == session->chunk_count) {
@@ -211,8 +211,8 @@ void app_poll(app *a)
   }
   while (session->chunk_at < session->chunk_count) {
     if (link_receive(&session->receiver, session->chunk[session->chunk_at++], &request)) {
-      take_request(a, &request);
-      if (!send_rest(a)) {
+      handle_request(a, &request);
+      if (!send_pending_bytes(a)) {
         return;
       }
     }

@@ -13,9 +13,9 @@ void app_control_start(app_control *control, app_body *body, const app_board *bo
   app_body_start(body, board);
 }
 
-/* Follows the tick's number: ticks since the last one, 1 as a rule. Leaves init at the first tick,
-   for fault where the block built in is not valid. */
-static uint32_t follow_tick(app_control *control, const app_limits *limits, uint32_t tick)
+/* Returns the ticks since the last one, usually 1. Leaves init at the first tick; an invalid
+   built-in block then causes a fault. */
+static uint32_t update_tick(app_control *control, const app_limits *limits, uint32_t tick)
 {
   uint32_t ticks = tick - control->tick;
   control->tick = tick;
@@ -24,7 +24,7 @@ static uint32_t follow_tick(app_control *control, const app_limits *limits, uint
     if (app_body_compensator(control->body, 0)->words == NULL) {
       app_body_fail(control->body, ANHYST_FAULT_BLOCK);
     }
-    return 1; /* where a board begins to count is its own affair */
+    return 1; /* the first tick number is arbitrary */
   }
   if (ticks == 0U || ticks > (uint32_t)limits->missed_ticks + 1U) {
     app_body_fail(control->body, ANHYST_FAULT_MISSED_TICK);
@@ -36,8 +36,8 @@ static uint32_t follow_tick(app_control *control, const app_limits *limits, uint
   return ticks;
 }
 
-/* Goes to fault for what the hardware reports: for the first of these. */
-static void watch_hardware(app_control *control, uint32_t status)
+/* Enters the fault state for the first hardware fault that the port reports. */
+static void check_hardware(app_control *control, uint32_t status)
 {
   static const struct {
     uint16_t bit;
@@ -57,18 +57,18 @@ static void watch_hardware(app_control *control, uint32_t status)
   }
 }
 
-/* A PC may come and go as long as no current may flow. */
-static void watch_link(app_control *control, const int32_t *settings, uint32_t ticks)
+/* Monitors the heartbeat. A silent PC is a fault only while current may flow. */
+static void check_heartbeat(app_control *control, const int32_t *settings, uint32_t ticks)
 {
   const anhyst_supervisor *states = app_body_states(control->body);
-  const int live = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
+  const int is_current_allowed = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
   control->silent = control->silent > UINT32_MAX - ticks ? UINT32_MAX : control->silent + ticks;
-  if (live && control->silent > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {
+  if (is_current_allowed && control->silent > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {
     app_body_fail(control->body, ANHYST_FAULT_LINK_LOST);
   }
 }
 
-/* What the state itself says, as flags. */
+/* Returns the flags that follow from the supervisor state. */
 static uint16_t state_flags(const anhyst_supervisor *states)
 {
   uint16_t flags = 0;
@@ -84,9 +84,9 @@ static uint16_t state_flags(const anhyst_supervisor *states)
 void app_control_tick(app_control *control, const app_board *board, const int32_t *settings,
                       const port_sample *sample, int32_t *currents)
 {
-  const uint32_t ticks = follow_tick(control, board->limits, sample->tick);
-  watch_hardware(control, sample->status);
-  watch_link(control, settings, ticks);
+  const uint32_t ticks = update_tick(control, board->limits, sample->tick);
+  check_hardware(control, sample->status);
+  check_heartbeat(control, settings, ticks);
   control->flags = app_body_tick(control->body, settings, sample, ticks, currents);
   control->flags |= state_flags(app_body_states(control->body));
   if (currents[0] == 0 && currents[1] == 0) {
@@ -99,10 +99,10 @@ uint16_t app_control_command(app_control *control, uint16_t command)
   if (command == ANHYST_COMMAND_CLEAR && app_body_compensator(control->body, 0)->words == NULL) {
     return LINK_REASON_BLOCK;
   }
-  const uint16_t refused = app_body_command(control->body, command);
-  const uint16_t known = control->flags & (uint16_t)~(ANHYST_CONDITIONING | ANHYST_KNOWN);
-  control->flags = known | state_flags(app_body_states(control->body));
-  switch (refused) {
+  const uint16_t refusal = app_body_command(control->body, command);
+  const uint16_t other_flags = control->flags & (uint16_t)~(ANHYST_CONDITIONING | ANHYST_KNOWN);
+  control->flags = other_flags | state_flags(app_body_states(control->body));
+  switch (refusal) {
   case ANHYST_REFUSED_NOT:
     return LINK_REASON_NONE;
   case ANHYST_REFUSED_STATE:

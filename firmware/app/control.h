@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control task: ticks, link and hardware watched, commands done. What it controls is the affair
-   of its body (app/body.h); states, commands and faults are those of anhyst/control/supervisor.h.
-   Knows neither link nor port. */
+/* The control task: monitors ticks, link and hardware, and performs commands. The control itself is
+   in the body (app/body.h). States, commands and faults are in anhyst/control/supervisor.h. This
+   module does not depend on link or port. */
 #ifndef ANHYST_FIRMWARE_CONTROL_H
 #define ANHYST_FIRMWARE_CONTROL_H
 
@@ -9,24 +9,24 @@
 
 typedef struct {
   app_body *body;
-  uint32_t tick;   /* last one computed */
+  uint32_t tick;   /* number of the last tick */
   uint32_t silent; /* ticks since the last new request */
   uint16_t flags;
-  uint16_t missed; /* ticks left out since power on, modulo 65536 */
+  uint16_t missed; /* skipped ticks since power-on, modulo 65536 */
 } app_control;
 
-/* Starts in init with the board's block; if that is not valid, the first tick goes to fault. Not
-   for an interrupt: the block is checked. */
+/* Starts in init with the block of the board. If the block is invalid, the first tick enters the
+   fault state. Must not be called from an ISR, because it checks the block. */
 void app_control_start(app_control *control, app_body *body, const app_board *board);
 
-/* One tick: watches, lets the body judge the sample and find the currents to drive, q31.
-   sample: without values (PORT_NO_SAMPLE) all are PORT_RESERVED. settings: the values of the
-   settings, each within its range. */
+/* Runs one tick: monitors, and calls the body, which checks the sample and calculates the currents
+   (q31). Requires PORT_RESERVED for all values with PORT_NO_SAMPLE, and settings in their ranges.
+ */
 void app_control_tick(app_control *control, const app_board *board, const int32_t *settings,
                       const port_sample *sample, int32_t *currents);
 
-/* Does a command between two ticks: LINK_REASON_NONE, or why it cannot be done (state, value,
-   current, block); nothing has changed then. */
+/* Performs a command between two ticks. Returns LINK_REASON_NONE, or the reason of the refusal
+   (state, value, current, block); then nothing has changed. */
 uint16_t app_control_command(app_control *control, uint16_t command);
 
 #endif

@@ -8,54 +8,54 @@ void app_current_start(app_current *current)
 {
   app_sensor_start(&current->sensor);
   current->expected = 0;
-  current->off = 0;
+  current->failed = 0;
 }
 
-/* Moves the expected current towards the driven one by one tick; both q30. */
+/* Moves the expected current towards the driven current by one tick; both q30. */
 static int32_t next_expected(int32_t expected, int32_t drive, const int32_t *settings)
 {
-  const int32_t missing = anhyst_sub_q31(drive, expected);
-  const int32_t most = PORT_ONE / settings[LINK_SETTING_CURRENT_SWEEP_TICKS];
-  return expected + anhyst_clamp(missing / settings[LINK_SETTING_CURRENT_LAG_TICKS], -most, most);
+  const int32_t step = anhyst_sub_q31(drive, expected);
+  const int32_t limit = PORT_ONE / settings[LINK_SETTING_CURRENT_SWEEP_TICKS];
+  return expected + anhyst_clamp(step / settings[LINK_SETTING_CURRENT_LAG_TICKS], -limit, limit);
 }
 
 /* Returns the distance of a value from the interval between two others, q30. */
-static int32_t distance_from(int32_t value, int32_t a, int32_t b)
+static int32_t distance_from_interval(int32_t value, int32_t a, int32_t b)
 {
   const int32_t nearest = a < b ? anhyst_clamp(value, a, b) : anhyst_clamp(value, b, a);
   return anhyst_abs_q31(anhyst_sub_q31(value, nearest));
 }
 
-static void compare(app_current *current, const int32_t *settings, int is_told, int32_t drive)
+static void compare_drive(app_current *current, const int32_t *settings, int is_new, int32_t drive)
 {
   const int32_t value = current->sensor.value;
   current->expected = next_expected(current->expected, drive, settings);
-  if (!is_told) {
+  if (!is_new) {
     return;
   }
-  const int is_near = distance_from(value, current->expected, drive) <=
+  const int is_near = distance_from_interval(value, current->expected, drive) <=
                       settings[LINK_SETTING_CURRENT_TOLERANCE] / 2;
-  current->off = is_near ? 0 : anhyst_add_q31(current->off, 1);
+  current->failed = is_near ? 0 : anhyst_add_q31(current->failed, 1);
 }
 
 uint16_t app_current_judge(app_current *current, const app_limits *limits, const int32_t *settings,
                            int32_t value, uint32_t ticks, int32_t drive)
 {
   const uint16_t was_known = current->sensor.known;
-  const uint16_t wrong = app_sensor_judge(&current->sensor, &limits->current, limits->stuck_current,
+  const uint16_t error = app_sensor_judge(&current->sensor, &limits->current, limits->stuck_current,
                                           value, ticks, drive);
   if (was_known == 0U) {
     current->expected = current->sensor.value;
   }
   if (limits->has_current_sensor != 0U) {
-    compare(current, settings, current->sensor.age == 0U, drive / 2);
-    if (current->off > settings[LINK_SETTING_CURRENT_OFF_TICKS]) {
+    compare_drive(current, settings, current->sensor.age == 0U, drive / 2);
+    if (current->failed > settings[LINK_SETTING_CURRENT_OFF_TICKS]) {
       return ANHYST_FAULT_CURRENT_MISMATCH;
     }
   }
-  return wrong == APP_SENSOR_FINE
+  return error == APP_SENSOR_FINE
              ? ANHYST_FAULT_NONE
-             : (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + wrong);
+             : (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + error);
 }
 
 int app_current_is_certain(uint16_t fault)

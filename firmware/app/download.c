@@ -11,13 +11,13 @@ void app_download_start(app_download *download)
   download->announced = none;
   download->checksum = 0;
   download->received = 0;
-  download->place = 0;
-  download->under_way = APP_DOWNLOAD_NONE;
-  download->sealed = 0;
+  download->pending = 0;
+  download->state = APP_DOWNLOAD_NONE;
+  download->has_checksum = 0;
 }
 
-/* The place that the block in force does not stand in. */
-static uint16_t free_place(const app_download *download, const int16_t *in_force)
+/* Returns the buffer that does not contain the active block. */
+static uint16_t find_pending_buffer(const app_download *download, const int16_t *in_force)
 {
   return in_force == download->words[0] ? 1U : 0U;
 }
@@ -31,19 +31,19 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
   download->announced = *begin;
   download->checksum = 0;
   download->received = 0;
-  download->place = free_place(download, in_force);
-  download->under_way = APP_DOWNLOAD_ARRIVING;
+  download->pending = find_pending_buffer(download, in_force);
+  download->state = APP_DOWNLOAD_ARRIVING;
   return LINK_REASON_NONE;
 }
 
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count)
 {
-  if (download->under_way != APP_DOWNLOAD_ARRIVING || offset != download->received ||
+  if (download->state != APP_DOWNLOAD_ARRIVING || offset != download->received ||
       count > download->announced.words - download->received) {
     return LINK_REASON_ORDER;
   }
-  int16_t *to = download->words[download->place] + offset;
+  int16_t *to = download->words[download->pending] + offset;
   const uint8_t *from = bytes;
   for (uint16_t i = 0; i < count; i++, from += 2) {
     to[i] = link_get_i16(from);
@@ -56,35 +56,35 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
 uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
                            const uint8_t *bytes, uint16_t count)
 {
-  if (download->under_way == APP_DOWNLOAD_ARRIVING) {
+  if (download->state == APP_DOWNLOAD_ARRIVING) {
     return LINK_REASON_ORDER;
   }
-  if (download->under_way == APP_DOWNLOAD_NONE) {
+  if (download->state == APP_DOWNLOAD_NONE) {
     const uint16_t length = in_force != NULL ? (uint16_t)in_force[ANHYST_WORD_LENGTH] : 0U;
-    download->place = free_place(download, in_force);
+    download->pending = find_pending_buffer(download, in_force);
     for (uint16_t i = 0; i < (uint16_t)ANHYST_BLOCK_MOST_WORDS; i++) {
-      download->words[download->place][i] = i < length ? in_force[i] : 0;
+      download->words[download->pending][i] = i < length ? in_force[i] : 0;
     }
-    download->sealed = 0;
-    download->under_way = APP_DOWNLOAD_EDITED;
+    download->has_checksum = 0;
+    download->state = APP_DOWNLOAD_EDITED;
   }
   if (at > (uint16_t)ANHYST_BLOCK_MOST_WORDS ||
       count > (uint16_t)((uint16_t)ANHYST_BLOCK_MOST_WORDS - at)) {
     return LINK_REASON_VALUE;
   }
-  int16_t *to = download->words[download->place] + at;
+  int16_t *to = download->words[download->pending] + at;
   const uint8_t *from = bytes;
   for (uint16_t i = 0; i < count; i++, from += 2) {
     to[i] = link_get_i16(from);
   }
   if (at < (uint16_t)(ANHYST_WORD_CRC + 2) && at + count > (uint16_t)ANHYST_WORD_CRC) {
-    download->sealed = 1;
+    download->has_checksum = 1;
   }
   return LINK_REASON_NONE;
 }
 
-/* CRC-32 of words, low byte first, going on from `crc`. */
-static uint32_t checksum(uint32_t crc, const int16_t *words, uint16_t count)
+/* Returns the CRC-32 of words, low byte first, continued from `crc`. */
+static uint32_t add_words_to_crc(uint32_t crc, const int16_t *words, uint16_t count)
 {
   uint8_t bytes[2];
   uint32_t sum = crc;
@@ -97,33 +97,32 @@ static uint32_t checksum(uint32_t crc, const int16_t *words, uint16_t count)
 
 void app_download_seal(app_download *download)
 {
-  int16_t *words = download->words[download->place];
-  const uint16_t behind = (uint16_t)(ANHYST_WORD_CRC + 2);
+  int16_t *words = download->words[download->pending];
+  const uint16_t after_crc = (uint16_t)(ANHYST_WORD_CRC + 2);
   uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
   if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
-    length = ANHYST_BLOCK_LEAST_WORDS; /* no block has another; the check refuses it */
+    length = ANHYST_BLOCK_LEAST_WORDS; /* an invalid length; the check refuses the block */
   }
-  if (download->sealed == 0U) {
+  if (download->has_checksum == 0U) {
     uint8_t bytes[4];
-    const uint32_t head = checksum(0, words, ANHYST_WORD_CRC);
-    link_put_u32(bytes, checksum(head, words + behind, (uint16_t)(length - behind)));
+    const uint32_t head = add_words_to_crc(0, words, ANHYST_WORD_CRC);
+    link_put_u32(bytes, add_words_to_crc(head, words + after_crc, (uint16_t)(length - after_crc)));
     words[ANHYST_WORD_CRC] = link_get_i16(bytes);
     words[ANHYST_WORD_CRC + 1] = link_get_i16(bytes + 2);
   }
   download->announced.words = length;
   download->announced.generation = (uint16_t)words[ANHYST_WORD_GENERATION];
-  download->announced.checksum = checksum(0, words, length);
+  download->announced.checksum = add_words_to_crc(0, words, length);
   download->checksum = download->announced.checksum;
   download->received = length;
-  download->under_way = APP_DOWNLOAD_ARRIVING;
+  download->state = APP_DOWNLOAD_ARRIVING;
 }
 
 uint16_t app_download_check(const app_download *download, const app_board *board,
                             uint16_t generation, const int16_t **words, uint16_t *detail)
 {
-  const int16_t *block = download->words[download->place];
-  if (download->under_way != APP_DOWNLOAD_ARRIVING ||
-      download->received != download->announced.words) {
+  const int16_t *block = download->words[download->pending];
+  if (download->state != APP_DOWNLOAD_ARRIVING || download->received != download->announced.words) {
     return LINK_REASON_ORDER;
   }
   if (download->checksum != download->announced.checksum) {
@@ -132,8 +131,8 @@ uint16_t app_download_check(const app_download *download, const app_board *board
   if (anhyst_block_check(board->kernel, block, download->announced.words) != ANHYST_OK) {
     return LINK_REASON_BLOCK;
   }
-  const uint16_t own = (uint16_t)block[ANHYST_WORD_GENERATION];
-  if (own != generation || own != download->announced.generation) {
+  const uint16_t block_generation = (uint16_t)block[ANHYST_WORD_GENERATION];
+  if (block_generation != generation || block_generation != download->announced.generation) {
     return LINK_REASON_GENERATION;
   }
   const uint16_t misfit = anhyst_block_misfit(block, board->scales);

@@ -56,21 +56,22 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
   return reason;
 }
 
-/* Puts a checked block in force. The swap itself is between two ticks; the check, which is long, is
-   not: nobody else writes to where the block stands. */
-static void swap(app *a, const int16_t *words)
+/* Activates a checked block between two ticks. The long check ran before: only this task writes it.
+ */
+static void activate_block(app *a, const int16_t *words)
 {
-  anhyst_compensator fresh;
-  const int first = app_body_compensator(a->control.body, 0)->words == NULL;
-  if (first) {
-    (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
+  anhyst_compensator new_compensator;
+  const int is_first_block = app_body_compensator(a->control.body, 0)->words == NULL;
+  if (is_first_block) {
+    (void)anhyst_compensator_init(&new_compensator, a->board->kernel, words,
+                                  a->download.announced.words);
   }
   port_lock(a->port);
-  if (first) {
-    *app_body_compensator(a->control.body, 0) = fresh;
+  if (is_first_block) {
+    *app_body_compensator(a->control.body, 0) = new_compensator;
     anhyst_compensator *second = app_body_compensator(a->control.body, 1);
     if (second != NULL) {
-      *second = fresh;
+      *second = new_compensator;
     }
   } else {
     app_body_swap(a->control.body, words);
@@ -84,8 +85,8 @@ uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)
   *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
   const uint16_t reason = app_download_check(&a->download, a->board, generation, &words, detail);
   if (reason == LINK_REASON_NONE) {
-    swap(a, words);
-    a->download.under_way = APP_DOWNLOAD_NONE;
+    activate_block(a, words);
+    a->download.state = APP_DOWNLOAD_NONE;
     *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
   }
   return reason;
@@ -99,29 +100,29 @@ uint16_t app_block_edit(app *a, uint16_t at, const uint8_t *bytes, uint16_t coun
 
 const int16_t *app_block_edited(const app *a)
 {
-  return a->download.under_way == APP_DOWNLOAD_EDITED ? a->download.words[a->download.place] : NULL;
+  return a->download.state == APP_DOWNLOAD_EDITED ? a->download.words[a->download.pending] : NULL;
 }
 
 void app_block_forget(app *a)
 {
-  if (a->download.under_way == APP_DOWNLOAD_EDITED) {
-    a->download.under_way = APP_DOWNLOAD_NONE;
+  if (a->download.state == APP_DOWNLOAD_EDITED) {
+    a->download.state = APP_DOWNLOAD_NONE;
   }
 }
 
 uint16_t app_block_swap_edited(app *a, uint16_t *detail)
 {
   *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
-  if (a->download.under_way == APP_DOWNLOAD_ARRIVING) {
+  if (a->download.state == APP_DOWNLOAD_ARRIVING) {
     return LINK_REASON_ORDER;
   }
-  if (a->download.under_way == APP_DOWNLOAD_NONE) {
+  if (a->download.state == APP_DOWNLOAD_NONE) {
     return LINK_REASON_NONE;
   }
   app_download_seal(&a->download);
   const uint16_t reason = app_block_swap(a, a->download.announced.generation, detail);
   if (reason != LINK_REASON_NONE) {
-    a->download.under_way = APP_DOWNLOAD_EDITED;
+    a->download.state = APP_DOWNLOAD_EDITED;
   }
   return reason;
 }

@@ -8,38 +8,38 @@ void app_sensor_start(app_sensor *sensor)
   sensor->value = 0;
   sensor->anchor = 0;
   sensor->age = 0;
-  sensor->same = 0;
-  sensor->moved = 0;
+  sensor->same_ticks = 0;
+  sensor->has_moved = 0;
   sensor->known = 0;
 }
 
-static uint16_t count_on(uint16_t count, uint32_t more)
+static uint16_t add_saturated(uint16_t count, uint32_t more)
 {
   return more < (uint32_t)(UINT16_MAX - count) ? (uint16_t)(count + more) : UINT16_MAX;
 }
 
 static int32_t distance(int32_t a, int32_t b) { return anhyst_abs_q31(anhyst_sub_q31(a, b)); }
 
-/* Follows how long the code has been the same and whether the current moved meanwhile. */
-static void watch_noise(app_sensor *sensor, int32_t stuck_current, int32_t value, uint32_t ticks,
+/* Tracks for how long the code was equal and whether the current moved in this time. */
+static void track_noise(app_sensor *sensor, int32_t stuck_current, int32_t value, uint32_t ticks,
                         int32_t drive)
 {
   if (sensor->known == 0U || value != sensor->value) {
     sensor->anchor = drive;
-    sensor->same = 0;
-    sensor->moved = 0;
+    sensor->same_ticks = 0;
+    sensor->has_moved = 0;
     return;
   }
-  sensor->same = count_on(sensor->same, ticks);
+  sensor->same_ticks = add_saturated(sensor->same_ticks, ticks);
   if (distance(drive, sensor->anchor) >= stuck_current) {
-    sensor->moved = 1;
+    sensor->has_moved = 1;
   }
 }
 
 uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
                           int32_t stuck_current, int32_t value, uint32_t ticks, int32_t drive)
 {
-  sensor->age = count_on(sensor->age, ticks);
+  sensor->age = add_saturated(sensor->age, ticks);
   if (value == PORT_RESERVED) {
     return APP_SENSOR_RESERVED;
   }
@@ -49,11 +49,12 @@ uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
   if (sensor->known != 0U && distance(value, sensor->value) / (int32_t)sensor->age > limits->slew) {
     return APP_SENSOR_SLEW;
   }
-  watch_noise(sensor, stuck_current, value, ticks, drive);
+  track_noise(sensor, stuck_current, value, ticks, drive);
   sensor->value = value;
   sensor->age = 0;
   sensor->known = 1;
-  if (limits->stuck_ticks > 0U && sensor->same >= limits->stuck_ticks && sensor->moved != 0U) {
+  if (limits->stuck_ticks > 0U && sensor->same_ticks >= limits->stuck_ticks &&
+      sensor->has_moved != 0U) {
     return APP_SENSOR_STUCK;
   }
   return APP_SENSOR_FINE;

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Whether what a sensor shows can be. */
+/* Plausibility check of a sensor value. */
 #ifndef ANHYST_FIRMWARE_SENSOR_H
 #define ANHYST_FIRMWARE_SENSOR_H
 
 #include "app/board.h"
 
-/* What is wrong with a value; in the order of the reasons of a fault. */
+/* Result of the check, in the order of the fault reasons. */
 enum {
   APP_SENSOR_FINE = 0,
   APP_SENSOR_RESERVED = 1,
@@ -15,24 +15,24 @@ enum {
 };
 
 typedef struct {
-  int32_t value;  /* the last plausible one, q30 */
-  int32_t anchor; /* current driven when the code changed last, q31 */
-  uint16_t age;   /* ticks since the value was plausible; 0 with it, 65535 at most */
-  uint16_t same;  /* ticks for which the code has been the same, 65535 at most */
-  uint16_t moved; /* whether the current was moved enough in that time */
-  uint16_t known; /* whether there is a plausible value at all */
+  int32_t value;       /* last plausible value, q30 */
+  int32_t anchor;      /* driven current at the last change of the code, q31 */
+  uint16_t age;        /* ticks since the last plausible value, at most 65535 */
+  uint16_t same_ticks; /* ticks with an equal code, at most 65535 */
+  uint16_t has_moved;  /* whether the current moved enough in this time */
+  uint16_t known;      /* whether there was a plausible value */
 } app_sensor;
 
-/* A measured q30 as a q31; beyond full scale it saturates. */
+/* Converts a measured q30 to q31, with saturation. */
 static inline int32_t app_sensor_q31(int32_t value) { return anhyst_shl_q31(value, 1); }
 
-/* Forgets everything: the next value is judged by code and range alone. */
+/* Resets the check: the next value is checked for reserved code and range only. */
 void app_sensor_start(app_sensor *sensor);
 
-/* Judges the value of a tick that came `ticks` ticks after the one before (1 as a rule, never 0),
-   and keeps it if it is fine. drive: the current driven now, q31. Returns what is wrong, the first
-   that holds in the order above; a value that is stuck is kept too. A change may be as large as the
-   slew for each tick since the last plausible value, the fraction of a code for each given in. */
+/* Checks the value of a tick, `ticks` ticks after the last one (usually 1, never 0), and keeps it
+   if it is fine or stuck. drive: present driven current, q31. Returns the first error in the order
+   above. The allowed change is the slew times the ticks since the last plausible value; the
+   quotient is truncated. */
 uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
                           int32_t stuck_current, int32_t value, uint32_t ticks, int32_t drive);
 

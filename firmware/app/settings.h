@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The settings of contract/signals.toml: 32-bit numbers, each within its range at all times. */
+/* The settings of contract/signals.toml: 32-bit numbers that are always in their ranges. */
 #ifndef ANHYST_FIRMWARE_SETTINGS_H
 #define ANHYST_FIRMWARE_SETTINGS_H
 
 #include "app/board.h"
 #include "link/frames.h"
 
-/* Fills the values of the start. */
+/* Fills in the default values. */
 void app_settings_start(int32_t *values, const app_board *board);
 
-/* Why this setting cannot take this value now (value, state), or LINK_REASON_NONE. The range is
-   that of the table. A setting in ticks lasts at most heartbeat_ms of the board.
-   running: whether the state is run. */
+/* Returns why a setting cannot have this value now (value, state), or LINK_REASON_NONE. The range
+   is that of the table; a setting in ticks is also limited to heartbeat_ms of the board. running:
+   whether the state is run. */
 uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running);
 
 #endif

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The actuator that a firmware is built around, as its board describes it. */
+/* The built-in actuator of a firmware. */
 #ifndef BOARDS_ACTUATOR_H
 #define BOARDS_ACTUATOR_H
 
 #include "anhyst/actuator.h"
 
-/* What an app_board says, with limits and a plan (NULL of a body of force) of the board's own. */
+/* Initialiser of an app_board; limits and plan come from the board (plan: NULL for a force body).
+ */
 #define ACTUATOR_BOARD(its_rate, its_limits, its_plan)                                             \
   {                                                                                                \
       .name = ACTUATOR_CALLED,                                                                     \

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The position controller of the actuator that a program is built around, see actuator.h. Not
-   called after its contents: an actuator without a name has a file actuator_controller.h. */
+/* Position controller of the built-in actuator; see actuator.h. The name actuator_controller.h
+   would collide with the file of an actuator without a name. */
 #ifndef ANHYST_ACTUATOR_POSITION_H
 #define ANHYST_ACTUATOR_POSITION_H
 

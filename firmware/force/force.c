@@ -3,8 +3,8 @@
 
 #include <stddef.h>
 
-/* The next sample is judged by code and range alone. */
-static void forget_sensors(app_body *body)
+/* Resets the sensor checks: the next sample is checked for reserved code and range only. */
+static void reset_sensors(app_body *body)
 {
   app_sensor_start(&body->gap);
   app_sensor_start(&body->force);
@@ -19,11 +19,11 @@ void app_body_start(app_body *body, const app_board *board)
   body->demand = 0;
   body->drive = 0;
   body->flags = 0;
-  body->swapped = 0;
-  body->compensated = 1;
+  body->is_ramping = 0;
+  body->is_compensated = 1;
   body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
   anhyst_supervisor_start(&body->supervisor);
-  forget_sensors(body);
+  reset_sensors(body);
   if (anhyst_compensator_init(&body->compensator, board->kernel, board->words,
                               board->words_capacity) != ANHYST_OK ||
       anhyst_block_misfit(board->words, board->scales) != 0U) {
@@ -48,7 +48,7 @@ uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
   if (quantity != (uint16_t)LINK_BODY_FORCE) {
     return LINK_REASON_TYPE;
   }
-  body->target = value; /* `run` begins with zero, whatever came before */
+  body->target = value; /* the command `run` resets it to 0 */
   return LINK_REASON_NONE;
 }
 
@@ -57,7 +57,7 @@ int32_t app_body_goal(const app_body *body) { return body->target; }
 void app_body_swap(app_body *body, const int16_t *words)
 {
   anhyst_compensator_swap(&body->compensator, words);
-  body->swapped = 1;
+  body->is_ramping = 1;
   if (body->supervisor.conditioning != 0U) {
     body->supervisor.step = -1;
   }
@@ -70,21 +70,20 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   (void)value;
   const int is_gain =
       number >= (uint16_t)LINK_SETTING_GAINS && number <= (uint16_t)LINK_SETTING_GAIN_DD;
-  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position */
+  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position controller */
 }
 
-/* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
-   follows its own noise; the first that is wrong is reported. Without a sample all values are
-   PORT_RESERVED. */
-static uint16_t judge(app_body *body, const int32_t *settings, const port_sample *sample,
-                      uint32_t ticks)
+/* Returns the fault reason of this sample, or ANHYST_FAULT_NONE. All sensors are checked, because
+   each check tracks its own noise; the first error is reported. */
+static uint16_t find_fault(app_body *body, const int32_t *settings, const port_sample *sample,
+                           uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
-  const int32_t least = limits->stuck_current;
+  const int32_t stuck = limits->stuck_current;
   const int32_t drive = body->drive;
-  const uint16_t gap = app_sensor_judge(&body->gap, &limits->gap, least, sample->gap, ticks, drive);
+  const uint16_t gap = app_sensor_judge(&body->gap, &limits->gap, stuck, sample->gap, ticks, drive);
   const uint16_t force =
-      app_sensor_judge(&body->force, &limits->force, least, sample->force, ticks, drive);
+      app_sensor_judge(&body->force, &limits->force, stuck, sample->force, ticks, drive);
   const uint16_t current =
       app_current_judge(&body->current, limits, settings, sample->current[0], ticks, drive);
   if ((sample->status & PORT_NO_SAMPLE) != 0U) {
@@ -99,26 +98,26 @@ static uint16_t judge(app_body *body, const int32_t *settings, const port_sample
   return current;
 }
 
-/* Goes by the sample: to a fault, or on from selftest. */
-static void watch_sample(app_body *body, const int32_t *settings, const port_sample *sample,
+/* Checks the sample: enters the fault state, or advances the self-test. */
+static void check_sample(app_body *body, const int32_t *settings, const port_sample *sample,
                          uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
-  const uint16_t wrong = judge(body, settings, sample, ticks);
-  (void)anhyst_supervisor_sample(&body->supervisor, wrong, limits->max_implausible_samples,
+  const uint16_t fault = find_fault(body, settings, sample, ticks);
+  (void)anhyst_supervisor_sample(&body->supervisor, fault, limits->max_implausible_samples,
                                  limits->selftest_ticks);
-  if (wrong != ANHYST_FAULT_NONE) {
+  if (fault != ANHYST_FAULT_NONE) {
     body->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
   }
-  if (wrong == ANHYST_FAULT_GAP_STUCK || wrong == ANHYST_FAULT_FORCE_STUCK ||
-      app_current_is_certain(wrong)) {
-    anhyst_supervisor_fail(&body->supervisor, wrong);
+  if (fault == ANHYST_FAULT_GAP_STUCK || fault == ANHYST_FAULT_FORCE_STUCK ||
+      app_current_is_certain(fault)) {
+    anhyst_supervisor_fail(&body->supervisor, fault);
   }
 }
 
-/* demand*ratio of q31 and q30, as a q31; rounded downwards to the 16 upper bits of the ratio,
-   error below 2^-15 of the demand; saturates. */
-static int32_t constant_ratio(int32_t demand, int32_t ratio)
+/* Returns demand*ratio (q31 times q30) as a q31, saturated. Only the upper 16 bits of the ratio
+   count; rounded down, error below 2^-15 of the demand. */
+static int32_t multiply_by_ratio(int32_t demand, int32_t ratio)
 {
   return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
 }
@@ -128,7 +127,7 @@ static uint8_t is_compensated(const int32_t *settings)
   return (settings[LINK_SETTING_COMPENSATION] != 0) ? 1U : 0U;
 }
 
-/* The current for the demand at this gap, the demand having moved on by at most its slew. */
+/* Moves the demand by at most its slew and returns its current at this gap, q31. */
 static int32_t force_current(app_body *body, const int32_t *settings, int32_t gap)
 {
   const int32_t slew = settings[LINK_SETTING_DEMAND_SLEW];
@@ -138,52 +137,52 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
     body->flags |= ANHYST_DEMAND_SLEWING;
   }
   const uint8_t compensated = is_compensated(settings);
-  if (compensated != body->compensated) {
-    body->compensated = compensated;
-    body->swapped = 1;
+  if (compensated != body->is_compensated) {
+    body->is_compensated = compensated;
+    body->is_ramping = 1;
   }
   if (compensated == 0U) {
-    return constant_ratio(body->demand, settings[LINK_SETTING_RATIO]);
+    return multiply_by_ratio(body->demand, settings[LINK_SETTING_RATIO]);
   }
   const int32_t current = anhyst_compensator_solve_q31(&body->compensator, body->demand, gap);
   body->flags |= body->compensator.flags;
   return current;
 }
 
-/* A step along the ramp from the current driven towards another. */
-static int32_t ramp_to(const app_body *body, int32_t current)
+/* Returns the driven current, moved by at most one ramp step towards another current. */
+static int32_t ramp_towards(const app_body *body, int32_t current)
 {
   return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp),
                       anhyst_add_q31(body->drive, body->ramp));
 }
 
-/* The current of a state in which it may flow, or a step towards it as long as it has not been
-   reached since a block was swapped. */
-static int32_t after_swap(app_body *body, int32_t current)
+/* Ramps to the current after a change of block or method; later returns it unchanged. */
+static int32_t ramp_after_swap(app_body *body, int32_t current)
 {
-  if (body->swapped == 0U) {
+  if (body->is_ramping == 0U) {
     return current;
   }
-  const int32_t step = ramp_to(body, current);
-  body->swapped = step != current ? 1U : 0U;
+  const int32_t step = ramp_towards(body, current);
+  body->is_ramping = step != current ? 1U : 0U;
   return step;
 }
 
-/* The current that this state asks for, before the limits of the board. */
-static int32_t wanted_current(app_body *body, const int32_t *settings, int32_t gap)
+/* Returns the current that the state requires, before the limits of the board. */
+static int32_t state_current(app_body *body, const int32_t *settings, int32_t gap)
 {
   if (body->supervisor.state == ANHYST_STATE_RUN) {
-    return after_swap(body, force_current(body, settings, gap));
+    return ramp_after_swap(body, force_current(body, settings, gap));
   }
   if (body->supervisor.conditioning != 0U) {
     const int32_t length = anhyst_conditioning_length(&body->compensator);
     if (anhyst_supervisor_condition(&body->supervisor, length)) {
-      return after_swap(body, anhyst_conditioning_q31(&body->compensator, body->supervisor.step));
+      return ramp_after_swap(body,
+                             anhyst_conditioning_q31(&body->compensator, body->supervisor.step));
     }
   }
-  body->swapped = 0;
-  body->compensated = is_compensated(settings);
-  return ramp_to(body, 0);
+  body->is_ramping = 0;
+  body->is_compensated = is_compensated(settings);
+  return ramp_towards(body, 0);
 }
 
 uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,
@@ -193,7 +192,7 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   anhyst_compensator *compensator = &body->compensator;
   const int follow = settings[LINK_SETTING_FOLLOW] != 0;
   body->flags = 0;
-  watch_sample(body, settings, sample, ticks);
+  check_sample(body, settings, sample, ticks);
   const int32_t gap = app_sensor_q31(anhyst_clamp(body->gap.value, 0, PORT_ONE));
   if (body->gap.value < 0 || body->gap.value > PORT_ONE) {
     body->flags |= ANHYST_GAP_LIMITED;
@@ -201,12 +200,12 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   if (follow && compensator->words != NULL) {
     anhyst_compensator_commit_q31(compensator, app_sensor_q31(body->current.sensor.value), gap);
   }
-  const int32_t wanted = wanted_current(body, settings, gap);
-  body->drive = anhyst_clamp(wanted, limits->current_low, limits->current_high);
+  const int32_t required_current = state_current(body, settings, gap);
+  body->drive = anhyst_clamp(required_current, limits->current_low, limits->current_high);
   if (!follow && compensator->words != NULL) {
     anhyst_compensator_commit_q31(compensator, body->drive, gap);
   }
-  if (body->drive != wanted) {
+  if (body->drive != required_current) {
     body->flags |= ANHYST_CURRENT_LIMITED;
   }
   currents[0] = body->drive;
@@ -217,9 +216,9 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
 uint16_t app_body_command(app_body *body, uint16_t command)
 {
   const anhyst_body self = {0U, 1U, body->drive == 0 ? 1U : 0U};
-  const uint16_t refused = anhyst_supervisor_obstacle(&body->supervisor, command, &self);
-  if (refused != ANHYST_REFUSED_NOT) {
-    return refused;
+  const uint16_t refusal = anhyst_supervisor_obstacle(&body->supervisor, command, &self);
+  if (refusal != ANHYST_REFUSED_NOT) {
+    return refusal;
   }
   anhyst_supervisor_command(&body->supervisor, command, &self);
   switch (command) {
@@ -228,7 +227,7 @@ uint16_t app_body_command(app_body *body, uint16_t command)
     body->demand = 0;
     break;
   case ANHYST_COMMAND_CLEAR:
-    forget_sensors(body);
+    reset_sensors(body);
     break;
   case ANHYST_COMMAND_DEMAGNETISED:
     if (body->compensator.words != NULL) {

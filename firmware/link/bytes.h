@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Numbers in rows of bytes, low byte first, whatever the processor's own order. */
+/* Reads and writes numbers in byte arrays, low byte first, on any processor. */
 #ifndef ANHYST_LINK_BYTES_H
 #define ANHYST_LINK_BYTES_H
 
@@ -29,7 +29,7 @@ static inline uint32_t link_get_u32(const uint8_t *p)
   return link_get_u16(p) | ((uint32_t)link_get_u16(p + 2) << 16);
 }
 
-/* Two's complement without a conversion that C leaves to the compiler. */
+/* Two's complement without an implementation-defined conversion. */
 static inline int16_t link_get_i16(const uint8_t *p)
 {
   const uint16_t value = link_get_u16(p);

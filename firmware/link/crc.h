@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-/* CRC-32 of IEEE 802.3, as in zip: of these bytes, going on from `crc`, which is 0 at the start.
-   Finds every burst of up to 32 bits and misses one in 2^32 of any other damage. */
+/* Returns the CRC-32 of IEEE 802.3 (as in zip), continued from `crc`, which is 0 at the start.
+   Detects every burst of up to 32 bits, and all except one in 2^32 of other errors. */
 uint32_t link_crc32(uint32_t crc, const uint8_t *bytes, uint16_t count);
 
 #endif

@@ -9,8 +9,8 @@ void link_receiver_start(link_receiver *receiver)
   receiver->bad = 0;
 }
 
-/* Decodes COBS in place: the number of bytes that come out, 0 where the code is broken. What comes
-   out never overtakes what goes in. Precondition: none of the bytes is zero. */
+/* Decodes COBS in place and returns the number of decoded bytes, 0 if the code is invalid. The
+   write position never overtakes the read position. Requires nonzero bytes. */
 static uint16_t cobs_decode(uint8_t *bytes, uint16_t count)
 {
   uint16_t in = 0;
@@ -30,16 +30,16 @@ static uint16_t cobs_decode(uint8_t *bytes, uint16_t count)
   return out;
 }
 
-/* Makes a frame of decoded bytes: 1 where length and checksum agree. */
-static int parse(const uint8_t *bytes, uint16_t count, link_frame *frame)
+/* Parses decoded bytes as a frame. Returns 1 if length and checksum are right. */
+static int parse_frame(const uint8_t *bytes, uint16_t count, link_frame *frame)
 {
-  const uint16_t around = LINK_HEAD + LINK_CHECK;
-  if (count < around || count - around != bytes[3]) {
+  const uint16_t overhead = LINK_HEAD + LINK_CHECK;
+  if (count < overhead || count - overhead != bytes[3]) {
     return 0;
   }
-  const uint16_t covered = (uint16_t)(count - LINK_CHECK);
-  const uint32_t check = link_get_u32(bytes + covered);
-  if (link_crc32(0, bytes, covered) != check) {
+  const uint16_t crc_bytes = (uint16_t)(count - LINK_CHECK);
+  const uint32_t check = link_get_u32(bytes + crc_bytes);
+  if (link_crc32(0, bytes, crc_bytes) != check) {
     return 0;
   }
   frame->version = bytes[0];
@@ -54,12 +54,12 @@ static int parse(const uint8_t *bytes, uint16_t count, link_frame *frame)
 
 int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
 {
-  const uint16_t most = (uint16_t)sizeof receiver->bytes;
+  const uint16_t capacity = (uint16_t)sizeof receiver->bytes;
   if (byte != 0) {
-    if (receiver->count < most) {
+    if (receiver->count < capacity) {
       receiver->bytes[receiver->count] = byte;
     }
-    if (receiver->count <= most) {
+    if (receiver->count <= capacity) {
       receiver->count++;
     }
     return 0;
@@ -67,9 +67,10 @@ int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
   const uint16_t count = receiver->count;
   receiver->count = 0;
   if (count == 0) {
-    return 0; /* zeros between frames are allowed: a sender may clear the line with them */
+    return 0; /* zeros between frames are allowed; a sender may clear the line with them */
   }
-  if (count <= most && parse(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
+  if (count <= capacity &&
+      parse_frame(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
     return 1;
   }
   receiver->bad++;
@@ -78,10 +79,10 @@ int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
 
 uint16_t link_encode(uint8_t *wire, const link_frame *frame)
 {
-  /* The bytes stand one place further on than they would plain: where COBS wants its first code. */
+  /* The frame starts at the second byte; the first becomes the first COBS code. */
   uint8_t *plain = wire + 1;
-  const uint16_t covered = (uint16_t)(LINK_HEAD + frame->length);
-  const uint16_t count = (uint16_t)(covered + LINK_CHECK);
+  const uint16_t crc_bytes = (uint16_t)(LINK_HEAD + frame->length);
+  const uint16_t count = (uint16_t)(crc_bytes + LINK_CHECK);
   plain[0] = frame->version;
   plain[1] = frame->type;
   plain[2] = frame->sequence;
@@ -90,8 +91,8 @@ uint16_t link_encode(uint8_t *wire, const link_frame *frame)
   for (uint16_t i = 0; i < frame->length; i++) {
     plain[LINK_HEAD + i] = frame->payload[i];
   }
-  link_put_u32(plain + covered, link_crc32(0, plain, covered));
-  /* Each zero becomes the distance to the next one, from the end backwards. */
+  link_put_u32(plain + crc_bytes, link_crc32(0, plain, crc_bytes));
+  /* Each zero becomes the distance to the next zero, from the end backwards. */
   uint16_t next = (uint16_t)(count + 1);
   for (uint16_t i = count; i > 0; i--) {
     if (wire[i] == 0) {

@@ -6,7 +6,7 @@
 typedef char
     position_has_as_many_currents_as_the_port[ANHYST_POSITION_MAGNETS == PORT_CURRENTS ? 1 : -1];
 
-static void forget_sensors(app_body *body)
+static void reset_sensors(app_body *body)
 {
   body->still.code = PORT_RESERVED;
   body->still.ticks = 0;
@@ -18,11 +18,11 @@ static void forget_sensors(app_body *body)
 void app_body_start(app_body *body, const app_board *board)
 {
   const app_plan *plan = board->plan;
-  const anhyst_position_answer_q31 nothing = {{0, 0}, 0, 0, 0, 0};
+  const anhyst_position_answer_q31 no_output = {{0, 0}, 0, 0, 0, 0};
   body->board = board;
   body->target = 0;
-  body->answer = nothing;
-  forget_sensors(body);
+  body->answer = no_output;
+  reset_sensors(body);
   for (uint16_t i = 0; i < plan->magnets; i++) {
     anhyst_force_controller_q31 *magnet = &body->magnet[i];
     magnet->method = &anhyst_force_by_compensator_q31;
@@ -47,16 +47,16 @@ anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
 
 uint16_t app_body_command(app_body *body, uint16_t command)
 {
-  const uint16_t refused = anhyst_position_command_q31(&body->position, command);
-  if (refused == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_CLEAR) {
-    forget_sensors(body);
+  const uint16_t refusal = anhyst_position_command_q31(&body->position, command);
+  if (refusal == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_CLEAR) {
+    reset_sensors(body);
   }
-  return refused;
+  return refusal;
 }
 
-/* An armature cannot be landed without amplifiers that do as they are commanded: one magnet of a
-   pair alone would pull it to its side. A current that is not the driven one may be a fault of the
-   sensor or of the amplifier; the worse case decides. */
+/* A landing needs amplifiers that follow their commands: one magnet of a pair alone would pull the
+   armature to its side. A current that differs from the driven one may be a sensor fault or an
+   amplifier fault; the worse case is assumed. */
 void app_body_fail(app_body *body, uint16_t reason)
 {
   anhyst_levitation_fail(&body->position.levitation, reason,
@@ -85,23 +85,23 @@ void app_body_swap(app_body *body, const int16_t *words)
   anhyst_position_swap_q31(&body->position, words);
 }
 
-/* share*factor of a q30 share >= 0 and a factor, rounded to the nearest mantissa of 16 bits. */
-static anhyst_factor shared(anhyst_factor factor, int32_t share)
+/* Returns share*factor for a q30 share >= 0, rounded to the nearest 16-bit mantissa. */
+static anhyst_factor scale_factor(anhyst_factor factor, int32_t share)
 {
-  const int32_t product = anhyst_scale(share, factor.mantissa); /* q30: of at most 2^30 */
+  const int32_t product = anhyst_scale(share, factor.mantissa); /* q30, magnitude at most 2^30 */
   const int32_t mantissa = (product + 8192) >> 14;
-  anhyst_factor found = factor;
+  anhyst_factor scaled = factor;
   if (mantissa >= INT16_MIN && mantissa <= INT16_MAX) {
-    found.mantissa = (int16_t)mantissa;
+    scaled.mantissa = (int16_t)mantissa;
   } else {
-    found.mantissa = (int16_t)((product + 16384) >> 15);
-    found.shift++;
+    scaled.mantissa = (int16_t)((product + 16384) >> 15);
+    scaled.shift++;
   }
-  return found;
+  return scaled;
 }
 
-/* Controls the position with the gains built in, or with shares of them, from the next tick on. */
-static uint16_t retune(app_body *body, const int32_t *settings, int shares)
+/* Activates the built-in gains, or shares of them, from the next tick on. */
+static uint16_t apply_gains(app_body *body, const int32_t *settings, int use_tuned_gains)
 {
   const anhyst_position_settings_q31 *built_in = body->board->plan->settings;
   anhyst_position_settings_q31 *to = &body->tuned[0];
@@ -109,12 +109,12 @@ static uint16_t retune(app_body *body, const int32_t *settings, int shares)
     to = &body->tuned[1];
   }
   *to = *built_in;
-  if (shares) {
+  if (use_tuned_gains) {
     anhyst_pidd2_gains_q31 *gains = &to->gains;
-    gains->proportional = shared(gains->proportional, settings[LINK_SETTING_GAIN_P]);
-    gains->integral = shared(gains->integral, settings[LINK_SETTING_GAIN_I]);
-    gains->derivative = shared(gains->derivative, settings[LINK_SETTING_GAIN_D]);
-    gains->second = shared(gains->second, settings[LINK_SETTING_GAIN_DD]);
+    gains->proportional = scale_factor(gains->proportional, settings[LINK_SETTING_GAIN_P]);
+    gains->integral = scale_factor(gains->integral, settings[LINK_SETTING_GAIN_I]);
+    gains->derivative = scale_factor(gains->derivative, settings[LINK_SETTING_GAIN_D]);
+    gains->second = scale_factor(gains->second, settings[LINK_SETTING_GAIN_DD]);
   }
   return anhyst_position_retune_q31(&body->position, to) == ANHYST_OK ? LINK_REASON_NONE
                                                                       : LINK_REASON_VALUE;
@@ -122,9 +122,9 @@ static uint16_t retune(app_body *body, const int32_t *settings, int shares)
 
 uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t number, int32_t value)
 {
-  const int acts =
+  const int needs_block =
       number == (uint16_t)LINK_SETTING_COMPENSATION || number == (uint16_t)LINK_SETTING_GAINS;
-  if (acts && body->magnet[0].compensator.words == NULL) {
+  if (needs_block && body->magnet[0].compensator.words == NULL) {
     return LINK_REASON_BLOCK;
   }
   switch (number) {
@@ -133,32 +133,32 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
                ? LINK_REASON_NONE
                : LINK_REASON_TYPE;
   case LINK_SETTING_GAINS:
-    return retune(body, settings, value != 0);
+    return apply_gains(body, settings, value != 0);
   default:
     return LINK_REASON_NONE;
   }
 }
 
-/* Goes to fault if a measured current is implausible for too long or does not follow the driven
-   one: the true current is then unknown. */
-static void watch_currents(app_body *body, const int32_t *settings, const port_sample *sample,
+/* Enters the fault state if a measured current is implausible for too long or does not follow the
+   driven current: the true current is then unknown. */
+static void check_currents(app_body *body, const int32_t *settings, const port_sample *sample,
                            uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
   for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
-    const uint16_t wrong = app_current_judge(&body->current[i], limits, settings,
+    const uint16_t fault = app_current_judge(&body->current[i], limits, settings,
                                              sample->current[i], ticks, body->answer.current[i]);
     if (body->current[i].sensor.age > limits->max_implausible_samples ||
-        app_current_is_certain(wrong)) {
-      app_body_fail(body, wrong);
+        app_current_is_certain(fault)) {
+      app_body_fail(body, fault);
     }
   }
 }
 
-/* Whether the position stays on one code although force and current have moved: in the air nothing
-   does. A fine encoder may rest on a code for long as long as nothing moves, also while the current
-   of solid iron moves alone, or the wanted force alone, where another method begins.
-   An armature about to touch its rest is not in the air: there it stands still whatever flows. */
+/* Whether the position keeps its code although demanded force and current both changed. A levitated
+   armature never does. A fine encoder may keep its code while nothing moves, while only the current
+   of a solid core changes, or while only the demanded force changes (switch to another method).
+   Near its rest the armature is not levitated and may stand still at any current. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
@@ -175,10 +175,11 @@ static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
     still->ticks = 0;
     return 0;
   }
-  const int32_t wanted = anhyst_abs_q31(anhyst_sub_q31(demand, still->demand));
-  const int32_t driven = anhyst_abs_q31(anhyst_sub_q31(drive, still->drive));
-  const int moved = (wanted >= limits->stuck_demand) && (driven >= limits->stuck_current);
-  if (moved || still->ticks > 0U) {
+  const int32_t demand_change = anhyst_abs_q31(anhyst_sub_q31(demand, still->demand));
+  const int32_t current_change = anhyst_abs_q31(anhyst_sub_q31(drive, still->drive));
+  const int has_changed =
+      (demand_change >= limits->stuck_demand) && (current_change >= limits->stuck_current);
+  if (has_changed || still->ticks > 0U) {
     still->ticks += ticks;
   }
   return limits->still_ticks > 0U && still->ticks > limits->still_ticks;
@@ -189,7 +190,7 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
 {
   anhyst_position_sample_q31 in;
   if ((sample->status & PORT_NO_SAMPLE) == 0U) {
-    watch_currents(body, settings, sample, ticks);
+    check_currents(body, settings, sample, ticks);
   }
   if (is_stuck(body, sample, ticks)) {
     anhyst_levitation_fail(&body->position.levitation, ANHYST_FAULT_POSITION_STUCK, 0);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The body of a control task that holds an armature in the air: position in, currents out, by the
-   very controller that anhyst simulate runs (anhyst/control/position.h), with the limits and
-   settings that anhyst compile wrote. anhyst/control/levitation.h says what each phase does. */
+/* Body of a control task that levitates an armature: position in, currents out. It runs the same
+   controller as anhyst simulate (anhyst/control/position.h), with limits and settings from anhyst
+   compile. anhyst/control/levitation.h describes the phases. */
 #ifndef ANHYST_FIRMWARE_POSITION_H
 #define ANHYST_FIRMWARE_POSITION_H
 
@@ -15,21 +15,21 @@ struct app_plan {
   uint16_t magnets; /* 1 or 2 */
 };
 
-/* How long the position has been on one code although wanted force and current moved. */
+/* Detection of a stuck position: it keeps its code although demanded force and current changed. */
 typedef struct {
-  int32_t code;   /* of the position */
-  int32_t demand; /* force wanted when it was new, q31 */
-  int32_t drive;  /* current driven when it was new, q31 */
-  uint32_t ticks; /* since both have moved by stuck_demand and stuck_current of app_limits */
+  int32_t code;   /* last new code of the position */
+  int32_t demand; /* demanded force at the new code, q31 */
+  int32_t drive;  /* driven current at the new code, q31 */
+  uint32_t ticks; /* ticks since both changed by stuck_demand and stuck_current */
 } app_stillness;
 
 struct app_body {
   const app_board *board;
   anhyst_position_q31 position;
   anhyst_force_controller_q31 magnet[ANHYST_POSITION_MAGNETS];
-  anhyst_position_answer_q31 answer;     /* of the last tick */
-  anhyst_position_settings_q31 tuned[2]; /* with gains of the operator; one of them is free */
-  int32_t target;                        /* position to go to */
+  anhyst_position_answer_q31 answer;     /* output of the last tick */
+  anhyst_position_settings_q31 tuned[2]; /* tuned gains: active and free buffer */
+  int32_t target;                        /* target position, q31 */
   app_stillness still;
   app_current current[PORT_CURRENTS];
 };

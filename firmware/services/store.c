@@ -7,16 +7,16 @@
 #define AT_NUMBER 1U
 #define AT_COUNT 2U
 #define AT_SET 3U
-#define NONE 2U
+#define NO_COPY 2U
 
-static uint32_t crc_of(uint32_t crc, uint32_t word)
+static uint32_t add_word_to_crc(uint32_t crc, uint32_t word)
 {
   const uint8_t bytes[4] = {(uint8_t)(word & 0xFFU), (uint8_t)((word >> 8) & 0xFFU),
                             (uint8_t)((word >> 16) & 0xFFU), (uint8_t)((word >> 24) & 0xFFU)};
   return link_crc32(crc, bytes, 4);
 }
 
-static int valid(const store_flash *flash, uint16_t copy)
+static int is_valid(const store_flash *flash, uint16_t copy)
 {
   const volatile uint32_t *words = flash->copy[copy];
   const uint32_t count = words[AT_COUNT];
@@ -25,16 +25,17 @@ static int valid(const store_flash *flash, uint16_t copy)
   }
   uint32_t crc = 0;
   for (uint32_t i = 0; i < AT_SET + count; i++) {
-    crc = crc_of(crc, words[i]);
+    crc = add_word_to_crc(crc, words[i]);
   }
   return words[AT_SET + count] == crc;
 }
 
-/* The copy that counts, or NONE. Numbers go round: the newer is less than half a round ahead. */
-static uint16_t newest(const store_flash *flash)
+/* Returns the index of the newer valid copy, or NONE. Set numbers wrap around: the newer number is
+   ahead by less than 2^31. */
+static uint16_t find_newest_copy(const store_flash *flash)
 {
-  const int first = valid(flash, 0);
-  const int second = valid(flash, 1);
+  const int first = is_valid(flash, 0);
+  const int second = is_valid(flash, 1);
   if (first && second) {
     const uint32_t ahead = flash->copy[1][AT_NUMBER] - flash->copy[0][AT_NUMBER];
     return ahead < 0x80000000U ? 1U : 0U;
@@ -42,13 +43,13 @@ static uint16_t newest(const store_flash *flash)
   if (first) {
     return 0U;
   }
-  return second ? 1U : (uint16_t)NONE;
+  return second ? 1U : (uint16_t)NO_COPY;
 }
 
 const volatile uint32_t *store_read(const store_flash *flash, uint32_t *count)
 {
-  const uint16_t copy = newest(flash);
-  if (copy == NONE) {
+  const uint16_t copy = find_newest_copy(flash);
+  if (copy == NO_COPY) {
     *count = 0;
     return 0;
   }
@@ -61,17 +62,17 @@ int store_write(const store_flash *flash, const uint32_t *words, uint32_t count)
   if (count > flash->words - (uint32_t)STORE_EXTRA) {
     return 0;
   }
-  const uint16_t old = newest(flash);
-  const uint16_t copy = old == 0U ? 1U : 0U;
-  const uint32_t number = old == NONE ? 0U : flash->copy[old][AT_NUMBER] + 1U;
+  const uint16_t old_copy = find_newest_copy(flash);
+  const uint16_t copy = old_copy == 0U ? 1U : 0U;
+  const uint32_t number = old_copy == NO_COPY ? 0U : flash->copy[old_copy][AT_NUMBER] + 1U;
   const uint32_t head[AT_SET] = {STORE_MAGIC, number, count};
   uint32_t crc = 0;
-  int kept = flash->erase(copy);
+  int is_stored = flash->erase(copy);
   for (uint32_t i = 0; i < AT_SET + count; i++) {
     const uint32_t word = i < AT_SET ? head[i] : words[i - AT_SET];
-    crc = crc_of(crc, word);
-    kept = kept && flash->program(copy, i, word);
+    crc = add_word_to_crc(crc, word);
+    is_stored = is_stored && flash->program(copy, i, word);
   }
-  kept = kept && flash->program(copy, AT_SET + count, crc);
-  return kept && newest(flash) == copy;
+  is_stored = is_stored && flash->program(copy, AT_SET + count, crc);
+  return is_stored && find_newest_copy(flash) == copy;
 }

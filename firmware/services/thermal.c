@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "services/thermal.h"
 
-#define NORMAL ((uint32_t)536870912) /* 2^29 */
+#define MIN_MANTISSA ((uint32_t)536870912) /* 2^29: smallest mantissa */
 
-/* Of a current of either sign; at most 2^62. */
+/* Returns the square of a current of either sign; at most 2^62. */
 static uint64_t square(int32_t current)
 {
-  const uint64_t size = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;
-  return size * size;
+  const uint64_t magnitude = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;
+  return magnitude * magnitude;
 }
 
 int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears)
@@ -17,14 +17,14 @@ int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clea
   }
   /* 2^bits/ticks by long division, until the quotient has 30 bits. */
   uint32_t quotient = 0;
-  uint64_t rest = 1;
+  uint64_t remainder = 1;
   uint16_t bits = 0;
-  while (quotient < NORMAL) {
-    rest <<= 1;
+  while (quotient < MIN_MANTISSA) {
+    remainder <<= 1;
     quotient <<= 1;
     bits++;
-    if (rest >= ticks) {
-      rest -= ticks;
+    if (remainder >= ticks) {
+      remainder -= ticks;
       quotient++;
     }
   }
@@ -41,26 +41,26 @@ void thermal_start(thermal *t, const thermal_plan *plan)
   t->tripped = 0;
 }
 
-/* Its share of a difference; less than 2^33 times at most 2^30, so below 2^63. */
-static uint64_t part(const thermal_plan *plan, uint64_t difference)
+/* Returns a difference of warmth times the share of one tick. The product is below 2^63. */
+static uint64_t scale_by_share(const thermal_plan *plan, uint64_t difference)
 {
   return ((difference >> 30) * plan->mantissa) >> plan->shift;
 }
 
 int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
 {
-  const uint64_t aim = square(current);
-  if (aim >= t->warmth) {
-    t->warmth += part(plan, aim - t->warmth);
+  const uint64_t squared_current = square(current);
+  if (squared_current >= t->warmth) {
+    t->warmth += scale_by_share(plan, squared_current - t->warmth);
   } else {
-    t->warmth -= part(plan, t->warmth - aim);
+    t->warmth -= scale_by_share(plan, t->warmth - squared_current);
   }
   if (t->warmth > plan->trips) {
     t->tripped = 1;
   } else if (t->warmth < plan->clears) {
     t->tripped = 0;
   } else {
-    /* between the two it stays as it is */
+    /* between the limits: no change */
   }
   return t->tripped;
 }

@@ -1,25 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* I^2 t: how warm a winding is, as far as its current shows.
+/* I^2 t protection: estimates how warm a winding is from its current.
 
-   The warmth follows the square of the current as a body of one heat capacity does,
+   The warmth models the temperature rise of one heat capacity that the square of the current heats:
 
-     warmth += share*(current^2 - warmth)   at every tick, share = ticks of the time constant^-1
+       warmth += share*(current^2 - warmth)   in each tick; share = 1/(time constant in ticks)
 
-   and stands for the temperature above the surroundings: a current that flows for ever ends at its
-   own square. It trips above the square of the current that may flow for ever, and clears below
-   the square of a lower one. That is the explicit step; against the exponential it is warm too
-   early by less than half a tick.
+   A constant current brings the warmth to its square. The protection trips above the square of the
+   continuous current limit and clears below the square of a lower current. The explicit Euler step
+   leads the exact exponential by less than half a tick.
 
-   Format     currents q30 of full scale, any number; warmth q60, 0 .. 4.0.
-   Rounding   towards the warmth there is: each step falls short by less than 2^-30*share. A
-              standing current ends within 2^-30 of its square.
-   Saturation none is needed: the warmth lies between 0 and the largest square. */
+   - Format: currents are any q30 of full scale; the warmth is q60, 0..4.0.
+   - Rounding: towards the present warmth. Each step is too small by less than 2^-30*share, so a
+     constant current ends within 2^-30 of its square.
+   - Saturation: not needed, because the warmth stays between 0 and the largest square. */
 #ifndef ANHYST_SERVICES_THERMAL_H
 #define ANHYST_SERVICES_THERMAL_H
 
 #include <stdint.h>
 
-/* Shares of one time constant and limits; made by thermal_plan. */
+/* Step size and limits; filled by thermal_make. */
 typedef struct {
   uint32_t mantissa; /* share = mantissa/2^(30 + shift), mantissa 2^29..2^30 */
   uint16_t shift;    /* 0..32 */
@@ -32,14 +31,14 @@ typedef struct {
   int tripped;
 } thermal;
 
-/* Prepares for a time constant of so many ticks, 2 or more, and two currents, q30, 0 < clears <
-   trips. 1, or 0 where they are not so. */
+/* Prepares a plan for a time constant in ticks and two currents (q30). Requires ticks >= 2 and 0 <
+   clears < trips; returns 1, or 0 if this is not true. */
 int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears);
 
-/* Starts as warm as at the current that clears: nobody knows how long the power was off. */
+/* Starts at the warmth of the current that clears, because the time without power is unknown. */
 void thermal_start(thermal *t, const thermal_plan *plan);
 
-/* One tick with the current that flows. Whether it is too warm. */
+/* Updates the warmth by one tick of measured current. Returns 1 while the winding is too warm. */
 int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/daq.h"
 
-/* Stages of allocation: each may be gone on with, or left for the next. */
+/* Stages of allocation. Each call repeats the present stage or advances to the next one. */
 enum { STAGE_FREE, STAGE_LISTS, STAGE_PARTS, STAGE_ENTRIES };
 
 void xcp_daq_free(xcp_daq *d)
@@ -33,40 +33,38 @@ void xcp_daq_start(xcp_daq *d)
 
 int xcp_daq_runs(const xcp_daq *d)
 {
-  int runs = 0;
+  int is_running = 0;
   for (uint8_t i = 0; i < d->lists; i++) {
-    runs = runs || d->list[i].running != 0U;
+    is_running = is_running || d->list[i].running != 0U;
   }
-  return runs;
+  return is_running;
 }
 
-/* The queue. */
+static uint16_t next_index(uint16_t at) { return at + 1U < (uint16_t)XCP_QUEUE ? at + 1U : 0U; }
 
-static uint16_t behind(uint16_t at) { return at + 1U < (uint16_t)XCP_QUEUE ? at + 1U : 0U; }
-
-static uint16_t room(const xcp_daq *d)
+static uint16_t free_bytes(const xcp_daq *d)
 {
   const uint16_t used = d->head >= d->tail ? (uint16_t)(d->head - d->tail)
                                            : (uint16_t)(d->head + (uint16_t)XCP_QUEUE - d->tail);
   return (uint16_t)((uint16_t)XCP_QUEUE - 1U - used);
 }
 
-static void put(xcp_daq *d, uint8_t byte)
+static void queue_byte(xcp_daq *d, uint8_t byte)
 {
   d->queue[d->head] = byte;
-  d->head = behind(d->head);
+  d->head = next_index(d->head);
 }
 
-static void put_u32(xcp_daq *d, uint32_t value)
+static void queue_u32(xcp_daq *d, uint32_t value)
 {
   uint8_t bytes[4];
   link_put_u32(bytes, value);
   for (uint8_t i = 0; i < 4U; i++) {
-    put(d, bytes[i]);
+    queue_byte(d, bytes[i]);
   }
 }
 
-uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t size)
 {
   port_lock(d->port);
   const uint16_t head = d->head;
@@ -76,13 +74,13 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
     return 0;
   }
   const uint8_t length = d->queue[at];
-  if (length > most) {
+  if (length > size) {
     return 0;
   }
-  at = behind(at);
+  at = next_index(at);
   for (uint8_t i = 0; i < length; i++) {
     packet[i] = d->queue[at];
-    at = behind(at);
+    at = next_index(at);
   }
   port_lock(d->port);
   d->tail = at;
@@ -90,36 +88,34 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
   return length;
 }
 
-/* Sampling. */
-
-static uint8_t size_of(const xcp_daq *d, uint8_t list, uint8_t part)
+static uint8_t packet_size(const xcp_daq *d, uint8_t list, uint8_t part)
 {
   const uint8_t number = (uint8_t)(d->list[list].parts.first + part);
   const uint8_t stamp = part == 0U ? (uint8_t)XCP_DAQ_STAMP : 0U;
   return (uint8_t)(XCP_DAQ_HEAD + stamp + 4U * d->part[number].count);
 }
 
-static void sample(xcp_daq *d, uint8_t number, uint32_t tick, const int32_t *signals)
+static void queue_sample(xcp_daq *d, uint8_t number, uint32_t tick, const int32_t *signals)
 {
   const xcp_list *list = &d->list[number];
-  uint16_t wanted = 0;
+  uint16_t needed_bytes = 0;
   for (uint8_t part = 0; part < list->parts.count; part++) {
-    wanted = (uint16_t)(wanted + 1U + size_of(d, number, part));
+    needed_bytes = (uint16_t)(needed_bytes + 1U + packet_size(d, number, part));
   }
-  if (wanted > room(d)) {
+  if (needed_bytes > free_bytes(d)) {
     d->lost++;
     return;
   }
   for (uint8_t part = 0; part < list->parts.count; part++) {
     const xcp_range *entries = &d->part[list->parts.first + part];
-    put(d, size_of(d, number, part));
-    put(d, part);
-    put(d, number);
+    queue_byte(d, packet_size(d, number, part));
+    queue_byte(d, part);
+    queue_byte(d, number);
     if (part == 0U) {
-      put_u32(d, tick);
+      queue_u32(d, tick);
     }
     for (uint8_t i = 0; i < entries->count; i++) {
-      put_u32(d, (uint32_t)signals[d->signal[entries->first + i]]);
+      queue_u32(d, (uint32_t)signals[d->signal[entries->first + i]]);
     }
   }
 }
@@ -135,15 +131,13 @@ void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals)
       list->skip--;
     } else {
       list->skip = (uint8_t)(list->prescaler - 1U);
-      sample(d, i, tick, signals);
+      queue_sample(d, i, tick, signals);
     }
   }
 }
 
-/* Allocation. Nothing is changed while a list runs. */
-
-/* Whether allocation may go on with this stage, or why not. */
-static uint8_t enter(xcp_daq *d, uint8_t stage)
+/* Checks that no list runs and that allocation may continue with this stage. */
+static uint8_t check_allocation(xcp_daq *d, uint8_t stage)
 {
   if (xcp_daq_runs(d)) {
     return XCP_DAQ_ACTIVE;
@@ -163,8 +157,8 @@ uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count)
     return XCP_NO_ROOM;
   }
   for (uint16_t i = 0; i < count; i++) {
-    const xcp_list fresh = {{0, 0}, 1, 0, 0, 0};
-    d->list[i] = fresh;
+    const xcp_list new_list = {{0, 0}, 1, 0, 0, 0};
+    d->list[i] = new_list;
   }
   d->lists = (uint8_t)count;
   d->stage = STAGE_LISTS;
@@ -173,9 +167,9 @@ uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count)
 
 uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count)
 {
-  const uint8_t wrong = enter(d, STAGE_PARTS);
-  if (wrong != XCP_FINE) {
-    return wrong;
+  const uint8_t error = check_allocation(d, STAGE_PARTS);
+  if (error != XCP_FINE) {
+    return error;
   }
   if (list >= d->lists) {
     return XCP_RANGE;
@@ -199,9 +193,9 @@ uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count)
 
 uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t count)
 {
-  const uint8_t wrong = enter(d, STAGE_ENTRIES);
-  if (wrong != XCP_FINE) {
-    return wrong;
+  const uint8_t error = check_allocation(d, STAGE_ENTRIES);
+  if (error != XCP_FINE) {
+    return error;
   }
   if (list >= d->lists || part >= d->list[list].parts.count) {
     return XCP_RANGE;
@@ -251,7 +245,7 @@ uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal)
   return XCP_FINE;
 }
 
-static void run(xcp_daq *d, uint16_t list, uint8_t running)
+static void set_running(xcp_daq *d, uint16_t list, uint8_t running)
 {
   port_lock(d->port);
   d->list[list].skip = 0;
@@ -264,7 +258,7 @@ uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list)
   if (list >= d->lists) {
     return XCP_RANGE;
   }
-  run(d, list, 0);
+  set_running(d, list, 0);
   for (uint8_t i = 0; i < d->list[list].parts.count; i++) {
     const xcp_range *entries = &d->part[d->list[list].parts.first + i];
     for (uint8_t j = 0; j < entries->count; j++) {
@@ -286,18 +280,18 @@ uint8_t xcp_daq_set_prescaler(xcp_daq *d, uint16_t list, uint8_t prescaler)
   return XCP_FINE;
 }
 
-/* Whether a list has something to send, and nothing that was never written. */
+/* Whether a list has packets, and all its entries were written. */
 static int is_complete(const xcp_daq *d, uint16_t list)
 {
   const xcp_range *parts = &d->list[list].parts;
-  int complete = parts->count > 0U;
+  int is_list_complete = parts->count > 0U;
   for (uint8_t i = 0; i < parts->count; i++) {
     const xcp_range *entries = &d->part[parts->first + i];
     for (uint8_t j = 0; j < entries->count; j++) {
-      complete = complete && d->signal[entries->first + j] != XCP_NO_SIGNAL;
+      is_list_complete = is_list_complete && d->signal[entries->first + j] != XCP_NO_SIGNAL;
     }
   }
-  return complete;
+  return is_list_complete;
 }
 
 uint8_t xcp_daq_start_stop(xcp_daq *d, uint16_t list, uint8_t mode)
@@ -314,7 +308,7 @@ uint8_t xcp_daq_start_stop(xcp_daq *d, uint16_t list, uint8_t mode)
   if (mode == 2U) {
     d->list[list].selected = 1;
   } else {
-    run(d, list, mode);
+    set_running(d, list, mode);
   }
   return XCP_FINE;
 }
@@ -324,7 +318,7 @@ uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
   if (mode > 2U) {
     return XCP_MODE;
   }
-  /* In one piece, so that all lists begin with the same tick. */
+  /* One lock, so that all lists start with the same tick. */
   port_lock(d->port);
   for (uint8_t i = 0; i < d->lists; i++) {
     xcp_list *list = &d->list[i];

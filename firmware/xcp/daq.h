@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lists of signals that are sampled at the end of a tick and wait in a queue until they are sent.
+/* Lists of signals (DAQ lists) that are sampled at the end of a tick and queued for sending.
 
-   A list has parts (ODTs), one packet each, and a part has entries, one signal each. They are
-   allocated anew by every master: lists, then parts, then entries. A sample of a list is its
-   packets, whole: where the queue has no room for all of them none is kept, and that is counted.
+   A list has parts (ODTs) of one packet each; a part has entries of one signal each. Each master
+   allocates lists, then parts, then entries. A sample of a list is complete: if the queue has no
+   space for all its packets, the sample is dropped and counted.
 
-   The tick writes the queue, the poll reads it; the tick may interrupt the poll. */
+   The tick writes the queue and the poll reads it; the tick may interrupt the poll. */
 #ifndef ANHYST_XCP_DAQ_H
 #define ANHYST_XCP_DAQ_H
 
@@ -13,7 +13,7 @@
 #include "port/port.h"
 #include "xcp/map.h"
 
-/* Answers of XCP to a command that is not done. */
+/* XCP error codes. */
 #define XCP_FINE 0U
 #define XCP_DAQ_ACTIVE 0x11U
 #define XCP_UNKNOWN 0x20U
@@ -29,9 +29,9 @@
 #define XCP_DAQ_CONFIG 0x2AU
 #define XCP_NO_ROOM 0x30U
 
-/* Bytes in front of the signals of a packet: number of the part, number of the list. */
+/* Bytes of a packet before the signals: number of the part, number of the list. */
 #define XCP_DAQ_HEAD 2U
-#define XCP_DAQ_STAMP 4U /* in a list's first packet: the tick */
+#define XCP_DAQ_STAMP 4U /* in the first packet of a list: the tick */
 
 typedef char xcp_all_entries_fit_into_a_packet[2 + 4 + 4 * XCP_ENTRIES <= XCP_PACKET ? 1 : -1];
 
@@ -49,38 +49,38 @@ typedef struct {
 } xcp_list;
 
 typedef struct {
-  const struct port *port; /* keeps the tick out */
+  const struct port *port; /* lock against the tick */
   xcp_list list[XCP_LISTS];
-  xcp_range part[XCP_ODTS];    /* its entries */
-  uint8_t signal[XCP_ENTRIES]; /* number of the signal, or XCP_NO_SIGNAL */
-  uint8_t stage;               /* of allocation */
+  xcp_range part[XCP_ODTS];    /* entries of each part */
+  uint8_t signal[XCP_ENTRIES]; /* signal number of each entry, or XCP_NO_SIGNAL */
+  uint8_t stage;               /* stage of allocation */
   uint8_t lists;
   uint8_t parts;
   uint8_t entries;
-  uint8_t at_list; /* where the next entry is written */
+  uint8_t at_list; /* position of the next written entry */
   uint8_t at_part;
   uint8_t at_entry;
-  uint16_t lost; /* samples that found no room, modulo 65536 */
-  uint16_t head; /* where the tick writes */
-  uint16_t tail; /* where the poll reads */
+  uint16_t lost; /* dropped samples, modulo 65536 */
+  uint16_t head; /* write position of the tick */
+  uint16_t tail; /* read position of the poll */
   uint8_t queue[XCP_QUEUE];
 } xcp_daq;
 
 #define XCP_NO_SIGNAL 0xFFU
 
-/* Nothing allocated, nothing waits. */
+/* Resets to no lists and an empty queue. */
 void xcp_daq_start(xcp_daq *d);
 
-/* In the tick: samples the lists that run. */
+/* Samples the running lists. Call it in the tick. */
 void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals);
 
-/* The oldest packet that waits, if it has `most` bytes at the most: its length, or 0. */
-uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most);
+/* Moves the oldest packet to `packet` if it has at most `size` bytes. Returns its length, or 0. */
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t size);
 
-/* Stops all lists and frees them. */
+/* Stops and frees all lists. */
 void xcp_daq_free(xcp_daq *d);
 
-/* The rest answer XCP_FINE or why not; nothing has changed then. */
+/* The following functions return XCP_FINE, or an error; then nothing has changed. */
 uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count);
 uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count);
 uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t count);
@@ -89,10 +89,10 @@ uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal);
 uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list);
 uint8_t xcp_daq_set_prescaler(xcp_daq *d, uint16_t list, uint8_t prescaler);
 
-/* mode: 0 stops, 1 starts, 2 selects for xcp_daq_synchronise. */
+/* mode: 0 stops the list, 1 starts it, 2 selects it for xcp_daq_synchronise. */
 uint8_t xcp_daq_start_stop(xcp_daq *d, uint16_t list, uint8_t mode);
 
-/* mode: 0 stops all, 1 starts the selected lists, 2 stops them; none is selected afterwards. */
+/* mode: 0 stops all lists, 1 starts the selected lists, 2 stops them. Clears the selection. */
 uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode);
 
 int xcp_daq_runs(const xcp_daq *d);

@@ -23,11 +23,11 @@ void xcp_line_start(xcp_line *line, app *firmware, int checked)
 
 void xcp_line_tick(xcp_line *line) { xcp_tick(&line->slave); }
 
-/* Bytes in front of the checksum, of a packet of this length. */
-static uint16_t covered(const xcp_line *line, uint16_t length)
+/* Returns the number of bytes before the checksum, for a packet of this length. */
+static uint16_t packet_end(const xcp_line *line, uint16_t length)
 {
-  const uint16_t filling = (line->checked != 0U) ? (uint16_t)(length % 2U) : 0U;
-  return (uint16_t)(XCP_LINE_HEAD + length + filling);
+  const uint16_t padding = (line->checked != 0U) ? (uint16_t)(length % 2U) : 0U;
+  return (uint16_t)(XCP_LINE_HEAD + length + padding);
 }
 
 static uint16_t sum_of_words(const uint8_t *bytes, uint16_t count)
@@ -39,8 +39,8 @@ static uint16_t sum_of_words(const uint8_t *bytes, uint16_t count)
   return sum;
 }
 
-/* Puts around a packet, which stands in its place, what belongs there. */
-static void send(xcp_line *line, uint16_t length)
+/* Adds header and checksum to a packet in the output buffer. */
+static void wrap_packet(xcp_line *line, uint16_t length)
 {
   line->out_at = 0;
   line->out_count = 0;
@@ -48,45 +48,45 @@ static void send(xcp_line *line, uint16_t length)
     link_put_u16(line->out, length);
     link_put_u16(&line->out[2], line->counter);
     line->counter++;
-    line->out_count = covered(line, length);
+    line->out_count = packet_end(line, length);
   }
   if ((length > 0U) && (line->checked != 0U)) {
-    line->out[XCP_LINE_HEAD + length] = 0; /* the filling, or where the checksum comes */
+    line->out[XCP_LINE_HEAD + length] = 0; /* padding, or overwritten by the checksum */
     link_put_u16(&line->out[line->out_count], sum_of_words(line->out, line->out_count));
     line->out_count += XCP_LINE_CHECK;
   }
 }
 
-/* There is a head, and perhaps all that belongs to it. A command whose checksum is wrong is not
-   done, and not answered: the master asks again. */
-static void look(xcp_line *line)
+/* Processes the command once it is complete. A command with a wrong checksum is neither performed
+   nor answered; the master repeats it. */
+static void process_command(xcp_line *line)
 {
   const uint16_t length = link_get_u16(line->in);
-  const uint16_t end = covered(line, length);
+  const uint16_t end = packet_end(line, length);
   const uint16_t tail = (line->checked != 0U) ? XCP_LINE_CHECK : 0U;
   line->broken = ((length == 0U) || (length > (uint16_t)XCP_PACKET)) ? 1U : 0U;
   if ((line->broken == 0U) && (line->in_count == (uint16_t)(end + tail))) {
     line->in_count = 0;
     if ((line->checked == 0U) || (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
-      send(line,
-           xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length, &line->out[XCP_LINE_HEAD]));
+      wrap_packet(line, xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length,
+                                   &line->out[XCP_LINE_HEAD]));
     }
   }
 }
 
-static void take_byte(xcp_line *line, uint8_t byte)
+static void receive_byte(xcp_line *line, uint8_t byte)
 {
   if (line->broken == 0U) {
     line->in[line->in_count] = byte;
     line->in_count++;
     if (line->in_count >= XCP_LINE_HEAD) {
-      look(line);
+      process_command(line);
     }
   }
 }
 
-/* After a silence a command begins, whatever came before. */
-static void hear(xcp_line *line)
+/* Discards an incomplete command after a silence of the line. */
+static void reset_after_silence(xcp_line *line)
 {
   const app *firmware = line->slave.firmware;
   const uint32_t now = app_last_tick(firmware);
@@ -102,10 +102,10 @@ uint16_t xcp_line_take(xcp_line *line, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;
   if ((count > 0U) && (line->out_count == 0U)) {
-    hear(line);
+    reset_after_silence(line);
   }
   while ((taken < count) && (line->out_count == 0U)) {
-    take_byte(line, bytes[taken]);
+    receive_byte(line, bytes[taken]);
     taken++;
   }
   return taken;
@@ -114,7 +114,7 @@ uint16_t xcp_line_take(xcp_line *line, const uint8_t *bytes, uint16_t count)
 const uint8_t *xcp_line_offer(xcp_line *line, uint16_t *count)
 {
   if (line->out_count == 0U) {
-    send(line, xcp_take(&line->slave, &line->out[XCP_LINE_HEAD], XCP_PACKET));
+    wrap_packet(line, xcp_take(&line->slave, &line->out[XCP_LINE_HEAD], XCP_PACKET));
   }
   *count = (uint16_t)(line->out_count - line->out_at);
   return &line->out[line->out_at];

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* XCP on a row of bytes. In front of a packet stand its length and a counter of the sender's
-   packets, 16 bits each, low byte first: the form of TCP, and on a serial port the one that SxI
-   calls HEADER_LEN_CTR_WORD. There a checksum may follow, CHECKSUM_WORD: behind a packet of odd
-   length a zero, then the sum of all words.
+/* XCP on a byte stream. Each packet starts with its length and a counter of the sender's packets,
+   16 bits each, low byte first. This is the format of XCP on TCP and, on a serial port, of SxI
+   HEADER_LEN_CTR_WORD. The serial port may add CHECKSUM_WORD: a zero after a packet of odd length,
+   then the sum of all words.
 
-     static xcp_line line;
-     xcp_line_start(&line, &firmware, ...);    once
-     app_tick(&firmware); xcp_line_tick(&line) at every tick
-     xcp_line_take(&line, ...)                 what has arrived
-     xcp_line_offer(&line, ...), xcp_line_sent(...)
+       static xcp_line line;
+       xcp_line_start(&line, &firmware, ...);    once
+       app_tick(&firmware); xcp_line_tick(&line) in every tick
+       xcp_line_take(&line, ...)                 received bytes
+       xcp_line_offer(&line, ...), xcp_line_sent(...)
 
-   A length that cannot be breaks the line: nothing of what follows is looked at. Who can hang up
-   does so and starts anew; on a line that cannot be hung up all is well again after a silence. */
+   After an invalid length all bytes are ignored. A transport with connections closes the
+   connection; a serial line recovers after a silence. */
 #ifndef ANHYST_XCP_LINE_H
 #define ANHYST_XCP_LINE_H
 
@@ -21,40 +21,40 @@
 #define XCP_LINE_CHECK 2U
 #define XCP_LINE_MOST (XCP_LINE_HEAD + XCP_PACKET + 1U + XCP_LINE_CHECK)
 
-/* For which a line is silent before what had begun is forgotten. */
+/* Silence after which an incomplete command is discarded, ms. */
 #define XCP_LINE_SILENCE_MS 100U
 
 typedef struct {
   xcp_slave slave;
-  uint8_t checked;   /* whether there are checksums */
-  uint8_t broken;    /* nothing is looked at until the silence */
-  uint16_t in_count; /* bytes of the command under way */
+  uint8_t checked;   /* whether packets have checksums */
+  uint8_t broken;    /* bytes are ignored until a silence */
+  uint16_t in_count; /* received bytes of the command */
   uint16_t out_count;
-  uint16_t out_at;   /* of these, sent */
-  uint16_t counter;  /* of packets sent */
-  uint32_t heard_at; /* tick of the last byte */
+  uint16_t out_at;   /* sent bytes of out */
+  uint16_t counter;  /* number of sent packets */
+  uint32_t heard_at; /* tick of the last received bytes */
   uint8_t in[XCP_LINE_MOST];
   uint8_t out[XCP_LINE_MOST];
 } xcp_line;
 
-/* checked: whether both ends put a checksum behind every packet. */
+/* checked: whether both ends add a checksum to each packet. */
 void xcp_line_start(xcp_line *line, app *firmware, int checked);
 
-/* Behind app_tick, which it must not interrupt. */
+/* Call it after app_tick; it must not interrupt app_tick. */
 void xcp_line_tick(xcp_line *line);
 
-/* Takes bytes in their order and does the commands in them; how many it took. Once an answer waits
-   it takes none until all of it was sent. */
+/* Processes bytes and performs the commands in them. Returns the number of processed bytes: none
+   while an answer is not completely sent. */
 uint16_t xcp_line_take(xcp_line *line, const uint8_t *bytes, uint16_t count);
 
-/* What is to be sent next: an answer, or else an event or a sample. *count: bytes, 0 where there is
-   nothing. Good until the next call for this line. */
+/* Returns the next bytes to be sent: an answer, or else an event or a sample. *count: their number,
+   or 0. Valid until the next call for this line. */
 const uint8_t *xcp_line_offer(xcp_line *line, uint16_t *count);
 
-/* So many of the bytes offered are on their way. */
+/* Removes `count` sent bytes from the offered bytes. */
 void xcp_line_sent(xcp_line *line, uint16_t count);
 
-/* The master is gone, and what was on its way with it. */
+/* Ends the session: the master is disconnected, and unfinished packets are discarded. */
 void xcp_line_hang_up(xcp_line *line);
 
 #endif

@@ -5,12 +5,12 @@
 
 #include "app/request.h"
 
-static uint16_t area_of(uint32_t address) { return (uint16_t)(address >> 16); }
+static uint16_t address_area(uint32_t address) { return (uint16_t)(address >> 16); }
 
-static uint16_t offset_of(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
+static uint16_t address_offset(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
 
-/* Bytes of a value of an area. */
-static uint16_t width_of(uint16_t area)
+/* Returns the bytes per value of an area. */
+static uint16_t value_width(uint16_t area)
 {
   switch (area) {
   case XCP_AREA_SIGNAL:
@@ -24,7 +24,7 @@ static uint16_t width_of(uint16_t area)
   }
 }
 
-static uint8_t fetch_signal(const xcp_slave *x, uint16_t number, uint32_t *value)
+static uint8_t read_signal(const xcp_slave *x, uint16_t number, uint32_t *value)
 {
   if (number >= (uint16_t)LINK_SIGNAL_COUNT) {
     return XCP_RANGE;
@@ -35,14 +35,14 @@ static uint8_t fetch_signal(const xcp_slave *x, uint16_t number, uint32_t *value
   return XCP_FINE;
 }
 
-/* Whether the body takes this input: a force, a position. */
-static int takes(const xcp_slave *x, uint16_t number)
+/* Whether the body accepts this input: a force or a position. */
+static int accepts_input(const xcp_slave *x, uint16_t number)
 {
   const int levitates = x->firmware->board->plan != NULL;
   return number == (uint16_t)XCP_INPUT_SET_TARGET ? levitates : !levitates;
 }
 
-static uint8_t fetch_input(const xcp_slave *x, uint16_t number, uint32_t *value)
+static uint8_t read_input(const xcp_slave *x, uint16_t number, uint32_t *value)
 {
   if (number >= (uint16_t)XCP_INPUT_COUNT) {
     return XCP_RANGE;
@@ -51,7 +51,7 @@ static uint8_t fetch_input(const xcp_slave *x, uint16_t number, uint32_t *value)
     *value = ANHYST_COMMAND_NONE;
     return XCP_FINE;
   }
-  if (!takes(x, number)) {
+  if (!accepts_input(x, number)) {
     return XCP_DENIED;
   }
   port_lock(x->firmware->port);
@@ -60,19 +60,19 @@ static uint8_t fetch_input(const xcp_slave *x, uint16_t number, uint32_t *value)
   return XCP_FINE;
 }
 
-static uint8_t fetch_word(const xcp_slave *x, uint16_t number, uint32_t *value)
+static uint8_t read_block_word(const xcp_slave *x, uint16_t number, uint32_t *value)
 {
-  const int16_t *next = x->page == 1U ? app_block_edited(x->firmware) : NULL;
-  const uint16_t length = next != NULL ? (uint16_t)ANHYST_BLOCK_MOST_WORDS
-                                       : app_word_in_force(x->firmware, ANHYST_WORD_LENGTH);
+  const int16_t *edited = x->page == 1U ? app_block_edited(x->firmware) : NULL;
+  const uint16_t length = edited != NULL ? (uint16_t)ANHYST_BLOCK_MOST_WORDS
+                                         : app_word_in_force(x->firmware, ANHYST_WORD_LENGTH);
   if (number >= length) {
     return XCP_RANGE;
   }
-  *value = next != NULL ? (uint16_t)next[number] : app_word_in_force(x->firmware, number);
+  *value = edited != NULL ? (uint16_t)edited[number] : app_word_in_force(x->firmware, number);
   return XCP_FINE;
 }
 
-static uint8_t fetch_letter(const char *text, uint16_t number, uint32_t *value)
+static uint8_t read_character(const char *text, uint16_t number, uint32_t *value)
 {
   for (uint16_t i = 0; i <= number; i++) {
     if (text[i] == '\0') {
@@ -83,12 +83,12 @@ static uint8_t fetch_letter(const char *text, uint16_t number, uint32_t *value)
   return XCP_FINE;
 }
 
-/* The value with this number in an area. */
-static uint8_t fetch(const xcp_slave *x, uint16_t area, uint16_t number, uint32_t *value)
+/* Reads the value with this number in an area. */
+static uint8_t read_value(const xcp_slave *x, uint16_t area, uint16_t number, uint32_t *value)
 {
   switch (area) {
   case XCP_AREA_SIGNAL:
-    return fetch_signal(x, number, value);
+    return read_signal(x, number, value);
   case XCP_AREA_SETTING:
     if (number >= (uint16_t)LINK_SETTING_COUNT) {
       return XCP_RANGE;
@@ -96,13 +96,13 @@ static uint8_t fetch(const xcp_slave *x, uint16_t area, uint16_t number, uint32_
     *value = (uint32_t)x->firmware->settings[number];
     return XCP_FINE;
   case XCP_AREA_INPUT:
-    return fetch_input(x, number, value);
+    return read_input(x, number, value);
   case XCP_AREA_BLOCK:
-    return fetch_word(x, number, value);
+    return read_block_word(x, number, value);
   case XCP_AREA_NAME:
-    return fetch_letter(x->firmware->board->name, number, value);
+    return read_character(x->firmware->board->name, number, value);
   case XCP_AREA_EVENT:
-    return fetch_letter(XCP_EVENT, number, value);
+    return read_character(XCP_EVENT, number, value);
   default:
     return XCP_DENIED;
   }
@@ -110,21 +110,21 @@ static uint8_t fetch(const xcp_slave *x, uint16_t area, uint16_t number, uint32_
 
 uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t count)
 {
-  const uint16_t area = area_of(address);
-  const uint16_t width = width_of(area);
+  const uint16_t area = address_area(address);
+  const uint16_t width = value_width(area);
   uint32_t value = 0;
-  if (count > 0x10000U - offset_of(address)) {
+  if (count > 0x10000U - address_offset(address)) {
     return XCP_RANGE;
   }
   for (uint32_t i = 0; i < count; i++) {
-    const uint16_t at = (uint16_t)(offset_of(address) + i);
+    const uint16_t at = (uint16_t)(address_offset(address) + i);
     const uint16_t byte = at % width;
-    if (i == 0U || byte == 0U) { /* a value in one piece */
-      const uint8_t wrong = fetch(x, area, at / width, &value);
-      if (wrong != XCP_FINE) {
-        return wrong;
+    if (i == 0U || byte == 0U) { /* fetched once, so that it is consistent */
+      const uint8_t error = read_value(x, area, at / width, &value);
+      if (error != XCP_FINE) {
+        return error;
       }
-      for (uint16_t left = byte; left > 0U; left--) {
+      for (uint16_t shifts = byte; shifts > 0U; shifts--) {
         value >>= 8;
       }
     }
@@ -155,12 +155,12 @@ static uint16_t write_input(xcp_slave *x, uint16_t number, int32_t value)
 uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t count,
                   uint16_t *reason)
 {
-  const uint16_t area = area_of(address);
-  const uint16_t width = width_of(area);
-  const uint16_t number = offset_of(address) / width;
+  const uint16_t area = address_area(address);
+  const uint16_t width = value_width(area);
+  const uint16_t number = address_offset(address) / width;
   uint16_t state = 0;
   *reason = LINK_REASON_NONE;
-  if (offset_of(address) % width != 0U || count % width != 0U || count == 0U ||
+  if (address_offset(address) % width != 0U || count % width != 0U || count == 0U ||
       (width == 4U && count != 4U)) {
     return XCP_RANGE;
   }
@@ -175,7 +175,7 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
     if (x->page != 1U) {
       return XCP_WRITE_PROTECTED;
     }
-    x->swapped = 0;
+    x->is_swapped = 0;
     *reason = app_block_edit(x->firmware, number, bytes, count / 2U);
     break;
   default:
@@ -189,8 +189,8 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
 
 uint8_t xcp_signal_at(uint32_t address)
 {
-  const uint16_t number = offset_of(address) / 4U;
-  if (area_of(address) != (uint16_t)XCP_AREA_SIGNAL || offset_of(address) % 4U != 0U ||
+  const uint16_t number = address_offset(address) / 4U;
+  if (address_area(address) != (uint16_t)XCP_AREA_SIGNAL || address_offset(address) % 4U != 0U ||
       number >= (uint16_t)LINK_SIGNAL_COUNT) {
     return XCP_NO_SIGNAL;
   }

@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Virtual addresses of XCP: what is read and written there. */
+/* Access to the virtual addresses of XCP. */
 #ifndef ANHYST_XCP_MEMORY_H
 #define ANHYST_XCP_MEMORY_H
 
 #include "xcp/xcp.h"
 
-/* Bytes from an address on: XCP_FINE, or XCP_RANGE or XCP_DENIED. */
+/* Reads bytes from an address on. Returns XCP_FINE, XCP_RANGE or XCP_DENIED. */
 uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t count);
 
-/* Writes one value of four bytes, or whole words of the next block: XCP_FINE, or XCP_RANGE,
-   XCP_DENIED, XCP_WRITE_PROTECTED; *reason is what the firmware says, one of LINK_REASON_... */
+/* Writes one value of four bytes, or complete words of page 1. Returns XCP_FINE, XCP_RANGE,
+   XCP_DENIED or XCP_WRITE_PROTECTED. *reason: answer of the firmware, LINK_REASON_... */
 uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t count,
                   uint16_t *reason);
 
-/* The signal at an address, or XCP_NO_SIGNAL. */
+/* Returns the signal number of an address, or XCP_NO_SIGNAL. */
 uint8_t xcp_signal_at(uint32_t address);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Commands of XCP for lists of samples: one function each. */
+/* XCP commands for sample lists, one function per command. */
 #include <stddef.h>
 
 #include "app/request.h"
@@ -10,20 +10,20 @@
 #define DAQ_HAS_PRESCALER 0x02U
 #define DAQ_HAS_STAMP 0x10U
 #define DAQ_OVERLOAD_IS_EVENT 0x80U
-#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes in front of a sample */
+#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes before a sample */
 #define STAMP_IS_FIXED_4_BYTES 0x0CU
 #define EVENT_IS_DAQ 0x04U
 #define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
 #define LIST_STIM_OR_NO_HEAD 0x23U
 
-/* The period of a tick as a number up to `most` and the power of ten of nanoseconds it counts in:
-   exact where that can be, else the nearest. */
-static uint16_t period(uint32_t rate, uint16_t most, uint8_t *power)
+/* Returns the tick period as a number up to `max_value` times 10^power ns, rounded to the nearest.
+ */
+static uint16_t find_tick_period(uint32_t rate, uint16_t max_value, uint8_t *power)
 {
   uint32_t second = 1000000000U;
   uint32_t ticks = (second + rate / 2U) / rate;
   *power = 0;
-  while (ticks > most) {
+  while (ticks > max_value) {
     second /= 10U;
     ticks = (second + rate / 2U) / rate;
     (*power)++;
@@ -35,7 +35,7 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
 {
   r->answer[1] = DAQ_IS_DYNAMIC | DAQ_HAS_PRESCALER | DAQ_HAS_STAMP | DAQ_OVERLOAD_IS_EVENT;
   link_put_u16(r->answer + 2, x->daq.lists);
-  link_put_u16(r->answer + 4, 1); /* events */
+  link_put_u16(r->answer + 4, 1); /* number of events */
   r->answer[7] = DAQ_RELATIVE_PART_BYTE_LIST;
   r->length = 8;
   return XCP_FINE;
@@ -44,8 +44,8 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
 static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
-  const uint16_t ticks = period(x->firmware->board->rate, UINT16_MAX, &power);
-  r->answer[1] = 4; /* an entry is a signal */
+  const uint16_t ticks = find_tick_period(x->firmware->board->rate, UINT16_MAX, &power);
+  r->answer[1] = 4; /* size of an entry: one signal */
   r->answer[2] = 4;
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
   link_put_u16(r->answer + 6, ticks);
@@ -59,7 +59,7 @@ static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
   if (link_get_u16(r->command + 2) != 0U) {
     return XCP_RANGE;
   }
-  const uint16_t cycle = period(x->firmware->board->rate, 255, &power);
+  const uint16_t cycle = find_tick_period(x->firmware->board->rate, 255, &power);
   x->address = (uint32_t)XCP_AREA_EVENT << 16;
   r->answer[1] = EVENT_IS_DAQ | EVENT_WHOLE;
   r->answer[2] = XCP_LISTS;
@@ -109,7 +109,7 @@ static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
   const uint8_t signal = xcp_signal_at(link_get_u32(r->command + 4));
   if (r->command[1] != 0xFFU || r->command[2] != 4U || r->command[3] != 0U ||
       signal == XCP_NO_SIGNAL) {
-    return XCP_RANGE; /* no bits, whole signals */
+    return XCP_RANGE; /* only complete signals, no single bits */
   }
   return xcp_daq_write(&x->daq, signal);
 }
@@ -132,7 +132,7 @@ static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_start_stop(xcp_slave *x, xcp_request *r)
 {
-  r->length = 2; /* parts are counted in each list anew */
+  r->length = 2; /* first packet number of a list: always 0 */
   return xcp_daq_start_stop(&x->daq, link_get_u16(r->command + 2), r->command[1]);
 }
 

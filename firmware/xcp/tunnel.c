@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/tunnel.h"
 
-/* Puts the length in front of a packet that stands behind it; bytes that are taken then. */
-static uint16_t put(uint8_t *packets, uint16_t at, uint16_t length)
+/* Writes the length before a packet that is already in place. Returns the new number of bytes. */
+static uint16_t put_length(uint8_t *packets, uint16_t at, uint16_t length)
 {
   uint16_t end = at;
   if (length > 0U) {
@@ -14,14 +14,15 @@ static uint16_t put(uint8_t *packets, uint16_t at, uint16_t length)
 
 uint16_t xcp_tunnel(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *packets)
 {
-  const uint16_t most = LINK_PAYLOAD_MOST - 1U;
-  uint16_t count = put(packets, 0, xcp_answer(x, command, length, &packets[1]));
-  uint16_t before;
+  const uint16_t size = LINK_PAYLOAD_MOST - 1U;
+  uint16_t count = put_length(packets, 0, xcp_answer(x, command, length, &packets[1]));
+  uint16_t last_count;
   do {
-    before = count;
-    if (count < most) {
-      count = put(packets, count, xcp_take(x, &packets[count + 1U], (uint16_t)(most - count)));
+    last_count = count;
+    if (count < size) {
+      count =
+          put_length(packets, count, xcp_take(x, &packets[count + 1U], (uint16_t)(size - count)));
     }
-  } while (count > before);
+  } while (count > last_count);
   return count;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Session, memory and pages: one function a command. Numbers are low byte first. */
+/* XCP commands for session, memory and pages, one function per command. Numbers: low byte first. */
 #include "xcp/xcp.h"
 
 #include <stddef.h>
@@ -14,10 +14,10 @@
 #define PACKET_EVENT 0xFDU
 #define EVENT_OVERLOAD 0x06U
 
-#define MORE_TO_BE_ASKED 0x80U
+#define OPTIONAL_COMM_MODE 0x80U
 #define RESOURCE_CALIBRATION 0x01U
 #define RESOURCE_DAQ 0x04U
-#define STATUS_DAQ_RUNS 0x40U
+#define STATUS_DAQ_RUNNING 0x40U
 
 #define PAGE_OF_ECU 0x01U
 #define PAGE_OF_MASTER 0x02U
@@ -30,7 +30,7 @@ void xcp_hang_up(xcp_slave *x)
 {
   x->connected = 0;
   x->unlocked = 0;
-  x->asked = 0;
+  x->has_seed = 0;
   x->page = 0;
   x->reported = 0;
   xcp_daq_start(&x->daq);
@@ -42,7 +42,7 @@ void xcp_start(xcp_slave *x, app *firmware)
   x->daq.port = firmware->port;
   x->address = 0;
   x->seed = 0;
-  x->swapped = 0;
+  x->is_swapped = 0;
   xcp_hang_up(x);
 }
 
@@ -51,28 +51,27 @@ void xcp_tick(xcp_slave *x)
   xcp_daq_tick(&x->daq, x->firmware->control.tick, x->firmware->signals);
 }
 
-uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
+uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t size)
 {
   port_lock(x->firmware->port);
   const uint16_t lost = x->daq.lost;
   port_unlock(x->firmware->port);
-  if ((lost != x->reported) && (most >= 2U)) {
+  if ((lost != x->reported) && (size >= 2U)) {
     x->reported = lost;
     packet[0] = PACKET_EVENT;
     packet[1] = EVENT_OVERLOAD;
     return 2;
   }
-  return xcp_daq_take(&x->daq, packet, most);
+  return xcp_daq_take(&x->daq, packet, size);
 }
-
-/* Session. */
 
 static uint8_t on_connect(xcp_slave *x, xcp_request *r)
 {
-  xcp_hang_up(x); /* a master that connects again begins anew */
+  xcp_hang_up(x); /* a second connect restarts the session */
   x->connected = 1;
   r->answer[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
-  r->answer[2] = MORE_TO_BE_ASKED; /* low byte first, addresses count bytes, no blocks */
+  r->answer[2] =
+      OPTIONAL_COMM_MODE; /* byte order low first, address unit byte, no block transfer */
   r->answer[3] = XCP_PACKET;
   link_put_u16(r->answer + 4, XCP_PACKET);
   r->answer[6] = 1; /* versions of protocol and transport */
@@ -88,20 +87,20 @@ static uint8_t on_disconnect(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-static uint8_t protection(const xcp_slave *x)
+static uint8_t protected_resources(const xcp_slave *x)
 {
   return (uint8_t)(x->unlocked != 0U ? 0U : RESOURCE_CALIBRATION);
 }
 
 static uint8_t on_status(xcp_slave *x, xcp_request *r)
 {
-  r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNS : (uint8_t)0;
-  r->answer[2] = protection(x);
+  r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNNING : (uint8_t)0;
+  r->answer[2] = protected_resources(x);
   r->length = 6;
   return XCP_FINE;
 }
 
-/* The one command whose answer is always an error: it shows that both are in step again. */
+/* SYNCH always gets an error packet as answer. It shows that both sides are synchronised again. */
 static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;
@@ -110,15 +109,15 @@ static uint8_t on_synch(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* No blocks of packets, no commands ahead of their answers. */
-static uint8_t on_more(xcp_slave *x, xcp_request *r)
+/* No block mode and no interleaved mode. */
+static uint8_t on_comm_mode_info(xcp_slave *x, xcp_request *r)
 {
   r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
   r->length = 8;
   return XCP_FINE;
 }
 
-static uint32_t length_of(const char *text)
+static uint32_t text_length(const char *text)
 {
   uint32_t length = 0;
   while (text[length] != '\0') {
@@ -127,11 +126,11 @@ static uint32_t length_of(const char *text)
   return length;
 }
 
-/* The name is fetched by UPLOAD. Types 0 and 1: text, and name of the file without its ending. */
+/* The master reads the name with UPLOAD. Types 0 and 1: text, and file name without extension. */
 static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
   x->address = (uint32_t)XCP_AREA_NAME << 16;
-  link_put_u32(r->answer + 4, r->command[1] <= 1U ? length_of(x->firmware->board->name) : 0U);
+  link_put_u32(r->answer + 4, r->command[1] <= 1U ? text_length(x->firmware->board->name) : 0U);
   r->length = 8;
   return XCP_FINE;
 }
@@ -139,7 +138,7 @@ static uint8_t on_id(xcp_slave *x, xcp_request *r)
 static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U) {
-    return XCP_SEQUENCE; /* there is no second part */
+    return XCP_SEQUENCE; /* the seed has no second part */
   }
   r->length = 2;
   if (x->unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
@@ -148,7 +147,7 @@ static uint8_t on_seed(xcp_slave *x, xcp_request *r)
   uint8_t tick[KEY_BYTES];
   link_put_u32(tick, app_last_tick(x->firmware));
   x->seed = link_crc32(x->seed + 1U, tick, KEY_BYTES);
-  x->asked = 1;
+  x->has_seed = 1;
   r->answer[1] = KEY_BYTES;
   link_put_u32(r->answer + 2, x->seed);
   r->length = 2U + KEY_BYTES;
@@ -159,10 +158,10 @@ static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
 {
   uint8_t seed[KEY_BYTES];
-  if (x->asked == 0U) {
+  if (x->has_seed == 0U) {
     return XCP_SEQUENCE;
   }
-  x->asked = 0;
+  x->has_seed = 0;
   link_put_u32(seed, x->seed);
   if (r->command[1] != KEY_BYTES || r->count < 2U + KEY_BYTES ||
       link_get_u32(r->command + 2) != link_crc32(XCP_SECRET, seed, KEY_BYTES)) {
@@ -170,17 +169,15 @@ static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
     return XCP_LOCKED;
   }
   x->unlocked = 1;
-  r->answer[1] = protection(x);
+  r->answer[1] = protected_resources(x);
   r->length = 2;
   return XCP_FINE;
 }
 
-/* Memory. */
-
 static uint8_t on_address(xcp_slave *x, xcp_request *r)
 {
   if (r->command[3] != 0U) {
-    return XCP_RANGE; /* no extensions */
+    return XCP_RANGE; /* no address extensions */
   }
   x->address = link_get_u32(r->command + 4);
   return XCP_FINE;
@@ -192,41 +189,41 @@ static uint8_t on_upload(xcp_slave *x, xcp_request *r)
   if (count == 0U || count > XCP_PACKET - 1U) {
     return XCP_RANGE;
   }
-  const uint8_t wrong = xcp_read(x, x->address, r->answer + 1, count);
-  if (wrong == XCP_FINE) {
+  const uint8_t error = xcp_read(x, x->address, r->answer + 1, count);
+  if (error == XCP_FINE) {
     x->address += count;
     r->length = (uint16_t)(count + 1U);
   }
-  return wrong;
+  return error;
 }
 
 static uint8_t on_short_upload(xcp_slave *x, xcp_request *r)
 {
-  const uint8_t wrong = on_address(x, r);
-  return wrong == XCP_FINE ? on_upload(x, r) : wrong;
+  const uint8_t error = on_address(x, r);
+  return error == XCP_FINE ? on_upload(x, r) : error;
 }
 
-/* Writes the bytes that stand in the command from a place on. */
+/* Writes the bytes of the command from index `from` on. */
 static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 {
   const uint16_t count = r->command[1];
-  uint8_t wrong = XCP_SYNTAX;
+  uint8_t error = XCP_SYNTAX;
   if (count <= (uint16_t)(r->count - from)) {
-    wrong = xcp_write(x, x->address, r->command + from, count, &r->reason);
+    error = xcp_write(x, x->address, r->command + from, count, &r->reason);
   }
-  if (wrong == XCP_FINE) {
+  if (error == XCP_FINE) {
     x->address += count;
   }
-  return wrong;
+  return error;
 }
 
 static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r, 2); }
 
-/* Address and bytes in one command: half the way there and back for a demand. */
+/* Address and bytes in one command: a demand needs one round trip instead of two. */
 static uint8_t on_short_download(xcp_slave *x, xcp_request *r)
 {
-  const uint8_t wrong = on_address(x, r);
-  return wrong == XCP_FINE ? download(x, r, 8) : wrong;
+  const uint8_t error = on_address(x, r);
+  return error == XCP_FINE ? download(x, r, 8) : error;
 }
 
 static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
@@ -238,12 +235,12 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
     return XCP_RANGE;
   }
   for (uint32_t at = 0; at < size; at += sizeof bytes) {
-    const uint16_t part = (uint16_t)(size - at < sizeof bytes ? size - at : sizeof bytes);
-    const uint8_t wrong = xcp_read(x, x->address + at, bytes, part);
-    if (wrong != XCP_FINE) {
-      return wrong;
+    const uint16_t chunk = (uint16_t)(size - at < sizeof bytes ? size - at : sizeof bytes);
+    const uint8_t error = xcp_read(x, x->address + at, bytes, chunk);
+    if (error != XCP_FINE) {
+      return error;
     }
-    sum = link_crc32(sum, bytes, part);
+    sum = link_crc32(sum, bytes, chunk);
   }
   x->address += size;
   r->answer[1] = CHECKSUM_CRC_32;
@@ -251,8 +248,6 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
   r->length = 8;
   return XCP_FINE;
 }
-
-/* Pages of the one segment. */
 
 static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
 {
@@ -273,7 +268,7 @@ static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
         return XCP_PAGE;
       }
     }
-    x->swapped = r->command[3];
+    x->is_swapped = r->command[3];
   }
   if ((r->command[1] & PAGE_OF_MASTER) != 0U) {
     x->page = r->command[3];
@@ -289,7 +284,7 @@ static uint8_t on_page(xcp_slave *x, xcp_request *r)
   if (r->command[1] != PAGE_OF_ECU && r->command[1] != PAGE_OF_MASTER) {
     return XCP_MODE;
   }
-  r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->swapped : x->page;
+  r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->is_swapped : x->page;
   r->length = 4;
   return XCP_FINE;
 }
@@ -297,12 +292,12 @@ static uint8_t on_page(xcp_slave *x, xcp_request *r)
 static uint8_t on_page_info(xcp_slave *x, xcp_request *r)
 {
   (void)x;
-  r->answer[1] = 1; /* segments */
+  r->answer[1] = 1; /* number of segments */
   r->length = 3;
   return XCP_FINE;
 }
 
-/* Page 0 to page 1: what was changed there is forgotten. */
+/* Copies page 0 to page 1; this discards the edits of page 1. */
 static uint8_t on_copy_page(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U || r->command[3] != 0U) {
@@ -320,14 +315,14 @@ static uint8_t on_copy_page(xcp_slave *x, xcp_request *r)
 
 static const xcp_command commands[] = {
     {0xFF, 2, 0, on_connect},  {0xFE, 1, 0, on_disconnect},     {0xFD, 1, 0, on_status},
-    {0xFC, 1, 0, on_synch},    {0xFB, 1, 0, on_more},           {0xFA, 2, 0, on_id},
+    {0xFC, 1, 0, on_synch},    {0xFB, 1, 0, on_comm_mode_info}, {0xFA, 2, 0, on_id},
     {0xF8, 3, 0, on_seed},     {0xF7, 2, 0, on_unlock},         {0xF6, 8, 0, on_address},
     {0xF5, 2, 0, on_upload},   {0xF4, 8, 0, on_short_upload},   {0xF3, 8, 0, on_checksum},
     {0xF0, 2, 1, on_download}, {0xED, 8, 1, on_short_download}, {0xEB, 4, 1, on_set_page},
     {0xEA, 3, 0, on_page},     {0xE9, 1, 0, on_page_info},      {0xE4, 5, 1, on_copy_page},
 };
 
-static uint8_t act_on(xcp_slave *x, xcp_request *r)
+static uint8_t perform_command(xcp_slave *x, xcp_request *r)
 {
   const xcp_command *found = xcp_daq_command(r->command[0]);
   for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
@@ -338,10 +333,10 @@ static uint8_t act_on(xcp_slave *x, xcp_request *r)
   if (found == NULL) {
     return XCP_UNKNOWN;
   }
-  if (r->count < found->least || r->count > XCP_PACKET) {
+  if (r->count < found->min_bytes || r->count > XCP_PACKET) {
     return XCP_SYNTAX;
   }
-  if (found->wants_key != 0U && x->unlocked == 0U) {
+  if (found->needs_key != 0U && x->unlocked == 0U) {
     return XCP_LOCKED;
   }
   return found->act(x, r);
@@ -360,12 +355,12 @@ uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8
   for (uint16_t i = 1; i < XCP_ANSWER_HEAD; i++) {
     answer[i] = 0;
   }
-  const uint8_t wrong = act_on(x, &r);
-  if (wrong == XCP_FINE) {
+  const uint8_t error = perform_command(x, &r);
+  if (error == XCP_FINE) {
     return r.length;
   }
   answer[0] = PACKET_ERROR;
-  answer[1] = wrong;
+  answer[1] = error;
   link_put_u16(answer + 2, r.reason);
   return r.reason != LINK_REASON_NONE ? 4U : 2U;
 }

@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-/* From the linker script: where initial values lie and where they belong, and what starts as 0. */
+/* From the linker script: source and target of initial values, and the zeroed range. */
 extern uint32_t startup_data_stored;
 extern uint32_t startup_data_begin;
 extern uint32_t startup_data_end;
@@ -12,7 +12,7 @@ extern uint32_t startup_zero_end;
 
 int main(void);
 
-/* The address of a symbol of the linker script, as a number: it lies between variables. */
+/* Address of a symbol of the linker script as a number. */
 #define ADDRESS(symbol) ((uintptr_t)&(symbol))
 
 void startup_reset(void)
@@ -37,9 +37,9 @@ void startup_trap(void)
   }
 }
 
-/* A compiler may ask for these by itself, also where there is no C library: by their names in C and
-   by those of Arm's run-time interface. volatile, or a compiler would see through the loop and call
-   the function from within itself. */
+/* A compiler may call these functions by itself, also without a C library: by their C names and by
+   the names of Arm's run-time ABI. volatile keeps a loop from becoming a call of its own function.
+ */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 void *memcpy(void *to, const void *from, size_t n);
 void *memset(void *to, int value, size_t n);

@@ -1,41 +1,40 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the Cortex-M boards share: the way from reset to main, and the core's own registers. */
+/* Startup code from reset to main, and registers of the core, for all Cortex-M boards. */
 #ifndef STARTUP_H
 #define STARTUP_H
 
 #include <stdint.h>
 
-/* A register at an address. */
+/* Register at an address. */
 #define REGISTER(address) (*(volatile uint32_t *)(address))
 
 #define NVIC_ENABLE(n) REGISTER(0xE000E100U + 4U * ((uint32_t)(n) / 32U))
 #define NVIC_CLEAR_PENDING(n) REGISTER(0xE000E280U + 4U * ((uint32_t)(n) / 32U))
 #define NVIC_BIT(n) (1U << ((uint32_t)(n) % 32U))
 #define NVIC_PRIORITY(n) (*(volatile uint8_t *)(0xE000E400U + (uint32_t)(n)))
-#define SCB_CPACR REGISTER(0xE000ED88U) /* access to the floating-point unit */
+#define SCB_CPACR REGISTER(0xE000ED88U) /* access to the FPU */
 
 typedef void (*startup_vector)(void);
 
-/* The first word of a vector table: where the stack begins. Set by the linker script. */
+/* First word of a vector table: top of the stack. Defined by the linker script. */
 extern uint32_t startup_stack_top;
 
-/* Second word of a vector table: fills memory as C expects it, then calls main, which does not
-   return. */
+/* Second word of a vector table: initialises the memory and calls main, which does not return. */
 void startup_reset(void);
 
-/* For every exception that should not happen: calls board_panic and stops. */
+/* Handler of unexpected exceptions: calls board_panic and stops. */
 void startup_trap(void);
 
-/* The first 16 entries of a vector table, which belongs into the section .vectors; and where in it
-   interrupt n stands. Interrupts that a board does not enable need no entry. */
+/* The first 16 entries of a vector table in the section .vectors, and the index of interrupt n.
+   Disabled interrupts need no entry. */
 #define STARTUP_VECTORS                                                                            \
   [0] = (startup_vector) & startup_stack_top, [1] = startup_reset, [2] = startup_trap,             \
   [3] = startup_trap, [4] = startup_trap, [5] = startup_trap, [6] = startup_trap,                  \
   [11] = startup_trap, [12] = startup_trap, [14] = startup_trap, [15] = startup_trap
 #define STARTUP_INTERRUPT(n) (16 + (n))
 
-/* Each board's own: brings the actuator to where it does no harm, with interrupts off and the
-   stack possibly spoilt. Must not wait for anything. */
+/* Brings the actuator to a safe state; defined by each board. Interrupts are off, and the stack may
+   be corrupt. Must not wait. */
 void board_panic(void);
 
 static inline void startup_wait_for_interrupt(void) { __asm volatile("wfi" ::: "memory"); }

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The board that is a process: the firmware on a PC, bit for bit the one that a controller runs.
+/* Host board: the firmware as a process on a PC, with the source code of a real controller.
 
-     firmware LINK PLANT [--xcp PORT]
+       firmware LINK PLANT [--xcp PORT]
 
-   LINK: pty for a new pseudo-terminal, whose name is printed; the path of a terminal; or tcp:PORT
-   to listen on, where port 0 takes a free one, which is printed. PLANT, which gives the ticks: fd:N
-   for an inherited stream, or tcp:PORT to connect to. --xcp offers XCP on TCP; port 0 takes a free
-   one, which is printed. Ports are those of 127.0.0.1. Ends when the plant hangs up. */
+   LINK: pty creates a pseudo-terminal and prints its name; a path opens a terminal; tcp:PORT
+   listens. PLANT gives the ticks: fd:N is an inherited stream; tcp:PORT connects. --xcp listens for
+   XCP on TCP. Port 0 selects a free port, which is printed. Ports are on 127.0.0.1. The process
+   ends when the plant disconnects. */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
 #define _XOPEN_SOURCE 700
 #define _DEFAULT_SOURCE  /* cfmakeraw */
-#define _DARWIN_C_SOURCE /* that and INADDR_LOOPBACK, on macOS */
+#define _DARWIN_C_SOURCE /* cfmakeraw and INADDR_LOOPBACK on macOS */
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include <arpa/inet.h>
 #include <errno.h>
@@ -30,26 +30,26 @@
 #include "xcp_port.h"
 
 #ifndef B921600
-#define B921600 921600 /* macOS names no speed above 230400, and takes each as a number */
+#define B921600 921600 /* macOS defines no constants above 230400 and accepts any number */
 #endif
 
 #define BAD_USAGE 2
 #define NONE (-1)
 
 static lockstep controller;
-static int listener = NONE; /* where a link on TCP comes in */
+static int listener = NONE; /* listening socket of a link on TCP */
 static int link_fd = NONE;
 static int plant_fd = NONE;
-static int more_to_send; /* the link took less than was offered */
-static int more_to_read; /* it has something that was not taken yet */
+static int more_to_send; /* the link accepted less than was offered */
+static int more_to_read; /* the link has unread bytes */
 
-static void quit(const char *what, const char *why)
+static void exit_with_error(const char *subject, const char *reason)
 {
-  (void)fprintf(stderr, "firmware: %s: %s\n", what, why);
+  (void)fprintf(stderr, "firmware: %s: %s\n", subject, reason);
   exit(BAD_USAGE);
 }
 
-/* The number after a prefix such as "tcp:", or NONE. */
+/* Returns the number after a prefix such as "tcp:", or NONE. */
 static int number_after(const char *prefix, const char *text)
 {
   const size_t length = strlen(prefix);
@@ -59,7 +59,7 @@ static int number_after(const char *prefix, const char *text)
   char *end = NULL;
   const long value = strtol(text + length, &end, 10);
   if (end == text + length || *end != '\0' || value < 0 || value > 65535) {
-    quit(text, "not a number");
+    exit_with_error(text, "not a number");
   }
   return (int)value;
 }
@@ -68,12 +68,12 @@ static int new_socket(void)
 {
   const int fd = socket(AF_INET, SOCK_STREAM, 0);
   if (fd < 0) {
-    quit("socket", strerror(errno));
+    exit_with_error("socket", strerror(errno));
   }
   return fd;
 }
 
-static struct sockaddr_in local(int port)
+static struct sockaddr_in local_address(int port)
 {
   struct sockaddr_in address;
   memset(&address, 0, sizeof address);
@@ -83,53 +83,53 @@ static struct sockaddr_in local(int port)
   return address;
 }
 
-/* Frames are small and wait for each other: sent at once. */
-static void send_at_once(int fd)
+/* Sends small frames without delay, because the other side waits for each. */
+static void disable_send_delay(int fd)
 {
   const int yes = 1;
   (void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
 }
 
-/* A socket that listens, whose port is printed. */
+/* Returns a listening socket and prints its port. */
 static int listen_on(int port)
 {
-  struct sockaddr_in address = local(port);
+  struct sockaddr_in address = local_address(port);
   socklen_t size = sizeof address;
   const int fd = new_socket();
-  const int yes = 1; /* a port whose last process was killed can be taken again at once */
+  const int yes = 1; /* reuse the port of a process that was killed */
   if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
       getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
-    quit("port", strerror(errno));
+    exit_with_error("port", strerror(errno));
   }
   (void)printf("%d\n", ntohs(address.sin_port));
   (void)fflush(stdout);
   return fd;
 }
 
-/* A terminal that passes bytes on as they are. */
+/* Opens a terminal in raw mode. */
 static int open_terminal(const char *path)
 {
   struct termios raw;
   const int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK);
   if (fd < 0 || tcgetattr(fd, &raw) != 0) {
-    quit(path, strerror(errno));
+    exit_with_error(path, strerror(errno));
   }
   cfmakeraw(&raw);
   (void)cfsetspeed(&raw, B921600);
   if (tcsetattr(fd, TCSANOW, &raw) != 0) {
-    quit(path, strerror(errno));
+    exit_with_error(path, strerror(errno));
   }
   return fd;
 }
 
-/* The far end is opened here too and kept, so that a PC may come and go. */
+/* Opens a pseudo-terminal. Its other end stays open, so that a PC may connect and disconnect. */
 static void open_pty(void)
 {
   link_fd = posix_openpt(O_RDWR | O_NOCTTY);
   if (link_fd < 0 || grantpt(link_fd) != 0 || unlockpt(link_fd) != 0 ||
       fcntl(link_fd, F_SETFL, O_NONBLOCK) != 0) {
-    quit("pty", strerror(errno));
+    exit_with_error("pty", strerror(errno));
   }
   (void)open_terminal(ptsname(link_fd));
   (void)printf("%s\n", ptsname(link_fd));
@@ -154,16 +154,16 @@ static void open_plant(const char *where)
   if (port == NONE) {
     plant_fd = number_after("fd:", where);
     if (plant_fd == NONE) {
-      quit(where, "the plant is fd:N or tcp:PORT");
+      exit_with_error(where, "the plant is fd:N or tcp:PORT");
     }
     return;
   }
-  const struct sockaddr_in address = local(port);
+  const struct sockaddr_in address = local_address(port);
   plant_fd = new_socket();
   if (connect(plant_fd, (const struct sockaddr *)&address, sizeof address) != 0) {
-    quit(where, strerror(errno));
+    exit_with_error(where, strerror(errno));
   }
-  send_at_once(plant_fd);
+  disable_send_delay(plant_fd);
 }
 
 static void accept_link(void)
@@ -171,11 +171,12 @@ static void accept_link(void)
   link_fd = accept(listener, NULL, NULL);
   if (link_fd >= 0) {
     (void)fcntl(link_fd, F_SETFL, O_NONBLOCK);
-    send_at_once(link_fd);
+    disable_send_delay(link_fd);
   }
 }
 
-/* Another client may come on TCP; a terminal that hung up stays silent, as a cable pulled out. */
+/* Closes the link. On TCP another client may connect; a terminal stays silent, like a pulled cable.
+ */
 static void drop_link(void)
 {
   (void)close(link_fd);
@@ -185,14 +186,14 @@ static void drop_link(void)
 
 static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
 
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 {
   (void)context;
   if (link_fd == NONE || !more_to_read) {
     return 0;
   }
-  more_to_read = 0; /* until the system says so again: a tick costs one call less */
-  const ssize_t count = read(link_fd, bytes, most);
+  more_to_read = 0; /* until poll reports input; this saves one call per tick */
+  const ssize_t count = read(link_fd, bytes, size);
   if (count > 0) {
     return (uint16_t)count;
   }
@@ -206,7 +207,7 @@ static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
   if (link_fd == NONE) {
-    return count; /* into the air */
+    return count; /* discarded */
   }
   const ssize_t taken = write(link_fd, bytes, count);
   if (taken < 0 && !would_block()) {
@@ -226,7 +227,7 @@ static void answer_plant(const uint8_t *drive)
       continue;
     }
     if (taken <= 0) {
-      exit(EXIT_SUCCESS); /* the plant hung up */
+      exit(EXIT_SUCCESS); /* the plant disconnected */
     }
     drive += taken;
     count -= (size_t)taken;
@@ -249,24 +250,24 @@ static void receive_plant(void)
   }
 }
 
-/* Sleeps until the link, XCP or the plant has something. */
+/* Sleeps until link, XCP or plant has input, then processes it. */
 static void wait_and_serve(void)
 {
-  struct pollfd ends[3];
-  ends[0].fd = link_fd != NONE ? link_fd : listener;
-  ends[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
-  ends[1].fd = plant_fd;
-  ends[1].events = POLLIN;
-  ends[2] = xcp_port_wanted();
-  if (poll(ends, 3, -1) < 0) {
+  struct pollfd descriptors[3];
+  descriptors[0].fd = link_fd != NONE ? link_fd : listener;
+  descriptors[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
+  descriptors[1].fd = plant_fd;
+  descriptors[1].events = POLLIN;
+  descriptors[2] = xcp_port_wanted();
+  if (poll(descriptors, 3, -1) < 0) {
     return;
   }
-  if (link_fd == NONE && listener != NONE && (ends[0].revents & POLLIN) != 0) {
+  if (link_fd == NONE && listener != NONE && (descriptors[0].revents & POLLIN) != 0) {
     accept_link();
   } else {
-    more_to_read = ends[0].revents != 0;
+    more_to_read = descriptors[0].revents != 0;
   }
-  if (ends[1].revents != 0) {
+  if (descriptors[1].revents != 0) {
     receive_plant();
   }
   xcp_port_serve();
@@ -276,16 +277,16 @@ int main(int argc, char **argv)
 {
   const int with_xcp = argc == 5 && strcmp(argv[3], "--xcp") == 0;
   if (argc != 3 && !with_xcp) {
-    quit("usage", "firmware LINK PLANT [--xcp PORT]");
+    exit_with_error("usage", "firmware LINK PLANT [--xcp PORT]");
   }
-  (void)signal(SIGPIPE, SIG_IGN); /* write reports who hung up */
+  (void)signal(SIGPIPE, SIG_IGN); /* write reports a disconnection */
   open_link(argv[1]);
   open_plant(argv[2]);
   lockstep_start(&controller, link_read, link_write);
   if (with_xcp) {
     const int fd = listen_on(number_after("", argv[4]));
     if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
-      quit("xcp", strerror(errno));
+      exit_with_error("xcp", strerror(errno));
     }
     xcp_port_start(&controller.firmware, fd);
   }

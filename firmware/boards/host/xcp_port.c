@@ -19,10 +19,10 @@
 static xcp_line line;
 static int listener = NONE;
 static int master = NONE;
-static uint8_t in[256]; /* what has arrived and was not taken yet */
+static uint8_t in[256]; /* received bytes that are not processed yet */
 static uint16_t in_count;
 static uint16_t in_at;
-static uint8_t out[16U * XCP_LINE_MOST]; /* packets that the socket has not taken yet */
+static uint8_t out[16U * XCP_LINE_MOST]; /* packets that the socket has not accepted yet */
 static size_t out_count;
 static size_t out_at;
 
@@ -56,7 +56,7 @@ static void accept_master(void)
 
 static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
 
-static void send_rest(void)
+static void send_pending_bytes(void)
 {
   while (master != NONE && out_at < out_count) {
     const ssize_t taken = write(master, out + out_at, out_count - out_at);
@@ -72,8 +72,8 @@ static void send_rest(void)
   out_at = 0;
 }
 
-/* Fetches packets as long as another one fits; whether there were any. */
-static int gather(void)
+/* Collects packets while another one fits. Returns whether there were any. */
+static int collect_packets(void)
 {
   const size_t before = out_count;
   uint16_t count = 1;
@@ -86,7 +86,7 @@ static int gather(void)
   return out_count > before;
 }
 
-static void receive(void)
+static void receive_bytes(void)
 {
   if (master == NONE || in_at < in_count) {
     return;
@@ -99,10 +99,10 @@ static void receive(void)
   }
 }
 
-/* Whether anything moved; a line that broke is given up. */
-static int move(void)
+/* Sends and processes bytes; closes a broken line. Returns whether any byte moved. */
+static int transfer_bytes(void)
 {
-  send_rest();
+  send_pending_bytes();
   if (master == NONE) {
     return 0;
   }
@@ -112,19 +112,19 @@ static int move(void)
     hang_up();
     return 0;
   }
-  const int gathered = gather();
-  return taken > 0U || gathered;
+  const int has_packets = collect_packets();
+  return taken > 0U || has_packets;
 }
 
 struct pollfd xcp_port_wanted(void)
 {
-  /* What is not read is not waited for either. */
-  struct pollfd end = {master != NONE ? master : listener,
-                       (short)(master == NONE || in_at == in_count ? POLLIN : 0), 0};
+  /* Do not wait for input while old input is unprocessed. */
+  struct pollfd descriptor = {master != NONE ? master : listener,
+                              (short)(master == NONE || in_at == in_count ? POLLIN : 0), 0};
   if (master != NONE && out_count > 0U) {
-    end.events |= POLLOUT;
+    descriptor.events |= POLLOUT;
   }
-  return end;
+  return descriptor;
 }
 
 void xcp_port_serve(void)
@@ -135,8 +135,8 @@ void xcp_port_serve(void)
   if (master == NONE) {
     accept_master();
   }
-  receive();
-  while (move()) {
+  receive_bytes();
+  while (transfer_bytes()) {
   }
 }
 

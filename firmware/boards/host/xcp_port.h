@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* XCP on TCP for the board that is a process. One master at a time. */
+/* XCP on TCP for the host board. One master at a time. */
 #ifndef HOST_XCP_PORT_H
 #define HOST_XCP_PORT_H
 
@@ -7,16 +7,16 @@
 
 #include "app/app.h"
 
-/* Takes over a socket that listens. */
+/* Takes ownership of a listening socket. */
 void xcp_port_start(app *firmware, int listening);
 
-/* What to wait for: the descriptor -1 where there is no port. */
+/* Returns the events to poll for; descriptor -1 if there is no port. */
 struct pollfd xcp_port_wanted(void);
 
-/* Takes in what has come and sends what waits, without waiting itself. */
+/* Processes received bytes and sends packets, without waiting. */
 void xcp_port_serve(void);
 
-/* A tick is over. */
+/* Must be called after each tick. */
 void xcp_port_tick(void);
 
 #endif

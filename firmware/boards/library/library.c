@@ -7,16 +7,16 @@
 
 typedef struct {
   lockstep lockstep;
-  const uint8_t *in; /* what the caller has for the link, and how much of it is left */
+  const uint8_t *in; /* unread bytes of the caller */
   uint16_t in_count;
   uint16_t out_count;
-  uint8_t out[16384]; /* what the firmware has said and nobody took; more stays with it */
+  uint8_t out[16384]; /* sent bytes that the caller has not fetched; more stay in the firmware */
 } library;
 
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 {
   library *l = context;
-  const uint16_t count = l->in_count < most ? l->in_count : most;
+  const uint16_t count = l->in_count < size ? l->in_count : size;
   if (count > 0U) {
     memcpy(bytes, l->in, count);
     l->in += count;
@@ -28,8 +28,8 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   library *l = context;
-  const uint16_t room = (uint16_t)(sizeof l->out - l->out_count);
-  const uint16_t taken = count < room ? count : room;
+  const uint16_t free_bytes = (uint16_t)(sizeof l->out - l->out_count);
+  const uint16_t taken = count < free_bytes ? count : free_bytes;
   memcpy(l->out + l->out_count, bytes, taken);
   l->out_count = (uint16_t)(l->out_count + taken);
   return taken;
@@ -54,8 +54,8 @@ void library_tick(void *controller, const void *sample, void *drive)
   app_poll(&l->firmware);
 }
 
-uint16_t library_link(void *controller, const uint8_t *bytes, uint16_t count, uint8_t *said,
-                      uint16_t most)
+uint16_t library_link(void *controller, const uint8_t *bytes, uint16_t count, uint8_t *sent,
+                      uint16_t size)
 {
   library *l = controller;
   uint16_t before = 0;
@@ -65,8 +65,8 @@ uint16_t library_link(void *controller, const uint8_t *bytes, uint16_t count, ui
     before = (uint16_t)(l->in_count + l->out_count);
     app_poll(&l->lockstep.firmware);
   } while (l->in_count + l->out_count != before);
-  const uint16_t taken = l->out_count < most ? l->out_count : most;
-  memcpy(said, l->out, taken);
+  const uint16_t taken = l->out_count < size ? l->out_count : size;
+  memcpy(sent, l->out, taken);
   memmove(l->out, l->out + taken, (size_t)(l->out_count - taken));
   l->out_count = (uint16_t)(l->out_count - taken);
   return taken;

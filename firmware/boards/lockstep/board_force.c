@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a virtual magnet is to a controller of force. */
+/* Limits of a virtual magnet for a force controller. */
 #include <stddef.h>
 
 #include "boards/actuator.h"
 #include "lockstep.h"
 
-/* A virtual plant is trusted to show noise, as a real one does: a code that repeats for 256 ticks
-   while the current moves by a twentieth is no noise. What a jump of the demand does in one tick,
-   force and current from end to end, is plausible here. */
+/* A virtual plant has noise, as a real one: a code that repeats for 256 ticks while the current
+   moves by a twentieth is a fault. Full-scale steps of force and current in one tick are plausible.
+ */
 static const app_limits limits = {
     .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
     .force = {-PORT_ONE / 4, PORT_ONE / 4 * 5, PORT_ONE, 256},

@@ -21,11 +21,11 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   l->drive.state = state;
 }
 
-/* app_tick and app_poll are called in turn. */
-static void nothing(void *context) { (void)context; }
+/* No lock is needed: app_tick and app_poll are called in turn. */
+static void skip_lock(void *context) { (void)context; }
 
-/* A process and an emulator forget all when they end. */
-static int keep(void *context, const int16_t *block, uint16_t words)
+/* Processes and emulators have no non-volatile memory. */
+static int refuse_to_store(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;
   (void)block;
@@ -34,7 +34,7 @@ static int keep(void *context, const int16_t *block, uint16_t words)
 }
 
 void lockstep_start(lockstep *l,
-                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most),
+                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t size),
                     uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count))
 {
   const struct port port = {.context = l,
@@ -42,9 +42,9 @@ void lockstep_start(lockstep *l,
                             .drive = drive,
                             .link_read = link_read,
                             .link_write = link_write,
-                            .lock = nothing,
-                            .unlock = nothing,
-                            .keep = keep};
+                            .lock = skip_lock,
+                            .unlock = skip_lock,
+                            .keep = refuse_to_store};
   l->port = port;
   l->arrived = 0;
   app_start(&l->firmware, &l->body, &lockstep_board, &l->port);

@@ -1,43 +1,43 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The firmware on a board without hardware: a virtual plant gives the ticks.
+/* Firmware on a board without hardware: a virtual plant gives the ticks.
 
-   A tick begins when the plant's sample has arrived and is over when the drive has been sent back;
-   the plant waits for it, so that virtual time stands still while either side computes. All of the
-   port but the two ends of the link is here; records as in link/frames.h. */
+   A tick begins when the plant's sample has arrived and ends when the drive was sent. The plant
+   waits, so virtual time stands still while either side computes. This is the complete port except
+   the functions of the link; link/frames.h defines the records. */
 #ifndef LOCKSTEP_H
 #define LOCKSTEP_H
 
 #include <stdint.h>
 
 #include "app/app.h"
-#include BOARD_BODY /* force/force.h or position/position.h: what the firmware is built with */
+#include BOARD_BODY /* force/force.h or position/position.h */
 
-/* A controller and its end of the plant's bus. A board that wants more begins its own struct with
-   it: its address is the context of the port. */
+/* A controller with its end of the plant's bus. A board with more state starts its own struct with
+   this one, because the context of the port is its address. */
 typedef struct {
   app firmware;
   app_body body;
   struct port port;
-  link_plant_sample sample;                 /* of the tick that began last */
-  link_plant_drive drive;                   /* what follows from it */
-  uint8_t arriving[LINK_SIZE_PLANT_SAMPLE]; /* a record, as far as it has come */
+  link_plant_sample sample;                 /* sample of the last tick */
+  link_plant_drive drive;                   /* drive of the last tick */
+  uint8_t arriving[LINK_SIZE_PLANT_SAMPLE]; /* received part of a record */
   uint16_t arrived;
 } lockstep;
 
-/* Constants of the board: board_force.c or board_position.c. */
+/* Constants of the board; board_force.c or board_position.c. */
 extern const app_board lockstep_board;
 
-/* Starts a controller whose link these are, members of its port. */
+/* Starts a controller with these functions of the link. */
 void lockstep_start(lockstep *l,
-                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most),
+                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t size),
                     uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count));
 
-/* Runs the tick of the sample; the drive is what follows. */
+/* Runs the tick of l->sample and writes l->drive. */
 void lockstep_tick(lockstep *l);
 
-/* Takes a byte from the plant. When it completes a valid record, runs the tick, writes the record
-   of LINK_SIZE_PLANT_DRIVE bytes that is to be sent back, and returns 1; else 0. After a slip of
-   the stream it finds the next valid record by itself. */
+/* Processes a byte of the plant. When it completes a valid record, runs the tick, writes the answer
+   of LINK_SIZE_PLANT_DRIVE bytes and returns 1; else returns 0. After lost bytes it synchronises to
+   the next valid record. */
 int lockstep_receive(lockstep *l, uint8_t byte, uint8_t *answer);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the magnet on a Nucleo is to a controller of force. */
+/* Limits of the magnet on a Nucleo for a force controller. */
 #include <stddef.h>
 
 #include "boards/actuator.h"

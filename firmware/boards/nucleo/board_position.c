@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the bearing on a Nucleo is to a controller of position. The range of the position and how
-   fast it can move stand in the controller that anhyst compile wrote. */
+/* Limits of the magnetic bearing on a Nucleo for a position controller. Range and speed limits of
+   the position come from the controller that anhyst compile wrote. */
 #include "boards/actuator_position.h"
 #include "nucleo.h"
 
-/* An encoder may rest on one code as long as nothing moves; for 2 ms, while force and current move
-   by a tenth, an armature in the air does not. */
+/* An encoder may keep its code while nothing moves. A levitated armature does not keep it for 2 ms
+   after demanded force and current changed by a tenth. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 0},
     .stuck_current = INT32_MAX / 10,

@@ -1,20 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board ST Nucleo-F446RE (STM32F446RE, Cortex-M4F at 166 MHz), registers only.
 
-   Timer 2 begins a tick: its update starts three converters at the same instant (gap, force,
-   current) and puts out the current computed in the tick before, without any instruction, so that
-   neither jitters. The end of conversion is the interrupt in which the tick is computed; frames are
-   handled in between.
+   Timer 2 starts a tick. Its update starts three ADCs at the same instant (gap, force, current) and
+   outputs the current of the last tick, both in hardware, so that neither jitters. The
+   end-of-conversion interrupt computes the tick. The main loop handles frames between ticks.
 
-     PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
-     PA1 (A1)  force sensor; of a controller of position, the second current sensor
-     PC0 (A5)  current sensor    PA5       LED: run
+       PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
+       PA1 (A1)  force sensor; of a position controller, the second current sensor
+       PC0 (A5)  current sensor    PA5       LED: run
 
-   Power stage, pulses as references and the inputs of faults are in stage.h, encoder and converter
-   of a position in place.h, the lines to a PC in serial.h, what outlives the power in memory.h.
-
-   The sensors' outputs have a live zero, so that a broken wire is no value: 0.33 V is 0, 2.97 V
-   is 1.0, unless a set in flash says otherwise. docs/boards.md has the rest. */
+   Other pins: stage.h (power stage, pulse references, fault inputs), place.h (position), serial.h
+   (lines to a PC). The sensors have a live zero, so that a broken wire gives no valid value: 0.33 V
+   is 0 and 2.97 V is 1.0, unless the set in flash differs. See docs/boards.md. */
 #include <stddef.h>
 #include <stdint.h>
 
@@ -30,7 +27,7 @@
 #include "stage.h"
 #include "xcp/line.h"
 
-/* Of about 8 kHz: 5 ms and four ticks. */
+/* Counts of about 8 kHz: 5 ms plus four ticks. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
 
 #define GAP_ADC 1U
@@ -42,15 +39,15 @@
 
 #define PIN_LED 5U
 
-/* Codes of a sensor: 10 % of 3.3 V is 0, 90 % is 1.0; below and above the others is no value. */
-#define CODE_ZERO 410
-#define CODE_ONE 3686
-#define CODE_LEAST 80
-#define CODE_MOST 4015
-#define Q30_OF_CODE (PORT_ONE / (CODE_ONE - CODE_ZERO))
-#define LIVE_ZERO {CODE_ZERO, Q30_OF_CODE, 0, CODE_LEAST, CODE_MOST}
+/* Sensor codes: 10 % of 3.3 V is 0, 90 % is 1.0. Others than MIN_CODE..MAX_CODE have no value. */
+#define ZERO_CODE 410
+#define FULL_SCALE_CODE 3686
+#define MIN_CODE 80
+#define MAX_CODE 4015
+#define Q30_OF_CODE (PORT_ONE / (FULL_SCALE_CODE - ZERO_CODE))
+#define LIVE_ZERO {ZERO_CODE, Q30_OF_CODE, 0, MIN_CODE, MAX_CODE}
 
-/* The winding: time constant, current that may flow for ever, current at which it is cool again. */
+/* Winding: time constant (s), current that trips and current that clears (q30). */
 #define WINDING_S 60U
 #define WINDING_TRIPS (PORT_ONE / 10 * 7)
 #define WINDING_CLEARS (PORT_ONE / 2)
@@ -62,8 +59,8 @@ static app firmware;
 static app_body body;
 static xcp_line xcp;
 
-/* What counts until a set is kept: a code of the encoder is 2^-16 of the position's full scale. */
-static memory_set set = {
+/* Default until a set is stored: one encoder code is 2^-16 of the full-scale position. */
+static memory_set stored_set = {
     .layout = MEMORY_LAYOUT,
     .gap = LIVE_ZERO,
     .force = LIVE_ZERO,
@@ -72,34 +69,34 @@ static memory_set set = {
     .source = PLACE_ENCODER,
 };
 
-static app_board in_use;
+static app_board active_board;
 static thermal_plan winding_plan;
 static thermal windings[PORT_CURRENTS];
 
 static void sense_position(port_sample *sample)
 {
-  int32_t code = place_encoder(); /* at every tick, or edges are lost */
-  if (set.source == PLACE_CONVERTER) {
+  int32_t code = place_encoder(); /* in every tick; otherwise edges are lost */
+  if (stored_set.source == PLACE_CONVERTER) {
     code = place_converter();
     if (code < 0) {
       sample->status |= PORT_NO_SAMPLE;
     }
   }
-  sample->position = calibration_value(&set.position, code);
+  sample->position = calibration_value(&stored_set.position, code);
 }
 
-static int32_t found(uint32_t adc) { return (int32_t)(ADC_JDR1(adc) & 0xFFFU); }
+static int32_t read_adc(uint32_t adc) { return (int32_t)(ADC_JDR1(adc) & 0xFFFU); }
 
 static void sense(void *context, port_sample *sample)
 {
   (void)context;
   sample->tick = tick;
   sample->status = stage_status();
-  sample->gap = calibration_value(&set.gap, found(GAP_ADC));
-  sample->force = calibration_value(&set.force, found(FORCE_ADC));
-  sample->current[0] = calibration_value(&set.current, found(CURRENT_ADC));
+  sample->gap = calibration_value(&stored_set.gap, read_adc(GAP_ADC));
+  sample->force = calibration_value(&stored_set.force, read_adc(FORCE_ADC));
+  sample->current[0] = calibration_value(&stored_set.current, read_adc(CURRENT_ADC));
   sample->current[1] =
-      nucleo_board.plan != NULL ? calibration_value(&set.current, found(FORCE_ADC)) : 0;
+      nucleo_board.plan != NULL ? calibration_value(&stored_set.current, read_adc(FORCE_ADC)) : 0;
   sense_position(sample);
   for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
     if (thermal_tick(&windings[i], &winding_plan, sample->current[i])) {
@@ -108,7 +105,7 @@ static void sense(void *context, port_sample *sample)
   }
 }
 
-/* The converter holds the code back until the next tick begins. */
+/* The DAC outputs the code when the next tick begins. */
 static void drive(void *context, const int32_t *currents, uint32_t state)
 {
   (void)context;
@@ -121,7 +118,7 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   IWDG_KR = IWDG_KR_FEED;
 }
 
-/* The pin of the converter goes to 0 V at once: without its trigger, the code is taken over. */
+/* Without its trigger the DAC outputs the code immediately: 0 V. */
 void board_panic(void)
 {
   stage_panic();
@@ -141,21 +138,21 @@ static void unlock(void *context)
   startup_interrupts_on();
 }
 
-/* The counter of ticks goes back to where it was: none has begun, for all that anybody saw. */
-static int keep(void *context, const int16_t *block, uint16_t words)
+/* Restores the tick counter, so that the erase time counts as no tick. */
+static int store_block(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;
   startup_interrupts_off();
-  set.words = words;
+  stored_set.words = words;
   for (uint16_t i = 0; i < words; i++) {
-    set.block[i] = block[i];
+    stored_set.block[i] = block[i];
   }
-  const int kept = memory_save(&set);
+  const int is_stored = memory_save(&stored_set);
   TIM5_CNT = tick;
   ADC_SR(GAP_ADC) = ~ADC_SR_JEOC;
   NVIC_CLEAR_PENDING(ADC_IRQ) = NVIC_BIT(ADC_IRQ);
   startup_interrupts_on();
-  return kept;
+  return is_stored;
 }
 
 static const struct port port = {.context = &serial_link,
@@ -165,36 +162,36 @@ static const struct port port = {.context = &serial_link,
                                  .link_write = serial_write,
                                  .lock = lock,
                                  .unlock = unlock,
-                                 .keep = keep};
+                                 .keep = store_block};
 
-/* The three values are there: computes the tick. One that began meanwhile is missed: what it
-   converted is left alone, and the number of the next sample shows it. */
-static void converted(void)
+/* Computes the tick after the three conversions. If another tick began meanwhile, it is missed: its
+   conversion is ignored, and the next sample's tick number shows it. */
+static void on_conversion_done(void)
 {
-  const uint32_t none = ~ADC_SR_JEOC;
-  const uint32_t began = DWT_CYCCNT;
-  ADC_SR(GAP_ADC) = none;
+  const uint32_t cleared_flags = ~ADC_SR_JEOC;
+  const uint32_t start_cycles = DWT_CYCCNT;
+  ADC_SR(GAP_ADC) = cleared_flags;
   tick = TIM5_CNT;
   app_tick(&firmware);
   xcp_line_tick(&xcp);
-  const uint32_t took = DWT_CYCCNT - began;
-  if (took > firmware.cycles) {
-    firmware.cycles = took;
+  const uint32_t cycles = DWT_CYCCNT - start_cycles;
+  if (cycles > firmware.cycles) {
+    firmware.cycles = cycles;
   }
   if (TIM5_CNT != tick) {
-    ADC_SR(GAP_ADC) = none;
+    ADC_SR(GAP_ADC) = cleared_flags;
     NVIC_CLEAR_PENDING(ADC_IRQ) = NVIC_BIT(ADC_IRQ);
   }
 }
 
-/* A byte at a time, as far as the line takes them; then what waits for it. */
+/* Sends a waiting packet, or processes one received byte. */
 static void poll_xcp(void)
 {
   uint8_t byte = 0;
   uint16_t count = 0;
-  const uint8_t *waiting = xcp_line_offer(&xcp, &count);
+  const uint8_t *packet = xcp_line_offer(&xcp, &count);
   if (count > 0U) {
-    xcp_line_sent(&xcp, serial_write(&serial_xcp, waiting, count));
+    xcp_line_sent(&xcp, serial_write(&serial_xcp, packet, count));
   } else if (serial_read(&serial_xcp, &byte, 1) > 0U) {
     (void)xcp_line_take(&xcp, &byte, 1);
   }
@@ -202,12 +199,13 @@ static void poll_xcp(void)
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
     STARTUP_VECTORS,
-    [STARTUP_INTERRUPT(ADC_IRQ)] = converted,
+    [STARTUP_INTERRUPT(ADC_IRQ)] = on_conversion_done,
     [STARTUP_INTERRUPT(USART2_IRQ)] = serial_link_ready,
     [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
 
-/* Without the ST-Link's clock nothing here would be on time: then it waits here, current off. */
+/* Starts the clocks. Without the ST-Link's clock no timing would be right, so it waits here,
+   current off. */
 static void start_clocks(void)
 {
   RCC_CR |= RCC_CR_HSEBYP;
@@ -274,17 +272,18 @@ static void start_watchdog(void)
   IWDG_RLR = WATCHDOG_COUNTS;
 }
 
-/* The block in flash stands for the one built in where it is of this kind and for these signals. */
+/* Starts the app. A stored block replaces the built-in block if kernel and units fit. */
 static void start_app(void)
 {
-  in_use = nucleo_board;
-  if (memory_load(&set) && set.words > 0U &&
-      anhyst_block_check(nucleo_board.kernel, set.block, (uint16_t)set.words) == ANHYST_OK &&
-      anhyst_block_misfit(set.block, nucleo_board.scales) == 0U) {
-    in_use.words = set.block;
-    in_use.words_capacity = (uint16_t)set.words;
+  active_board = nucleo_board;
+  if (memory_load(&stored_set) && stored_set.words > 0U &&
+      anhyst_block_check(nucleo_board.kernel, stored_set.block, (uint16_t)stored_set.words) ==
+          ANHYST_OK &&
+      anhyst_block_misfit(stored_set.block, nucleo_board.scales) == 0U) {
+    active_board.words = stored_set.block;
+    active_board.words_capacity = (uint16_t)stored_set.words;
   }
-  app_start(&firmware, &body, &in_use, &port);
+  app_start(&firmware, &body, &active_board, &port);
   xcp_line_start(&xcp, &firmware, 1);
 }
 
@@ -300,7 +299,7 @@ static void start_services(void)
 
 int main(void)
 {
-  SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the floating-point unit */
+  SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the FPU */
   start_clocks();
   start_pins();
   start_services();

@@ -4,16 +4,16 @@
 #include "registers.h"
 #include "services/store.h"
 
-#define SECTOR 6U /* and the one after it, 128 KiB each; board.ld keeps the program out of them */
+#define SECTOR 6U /* and sector 7, 128 KiB each; board.ld excludes them from the program */
 #define SECTOR_ADDRESS 0x08040000U
 #define SECTOR_BYTES 0x20000U
 #define WORDS (sizeof(memory_set) / sizeof(uint32_t))
 
-/* Run from RAM: the flash cannot be read while it works. */
+/* Places a function in RAM, because the flash cannot be read while it is written. */
 #define IN_RAM(name) __attribute__((section(".data.memory_" name), noinline))
 
-/* One command to the flash, to its end. Whether it was carried out. */
-IN_RAM("work") static int work(uint32_t command, volatile uint32_t *at, uint32_t word)
+/* Executes one flash command to its end. Returns 1 if it succeeded. */
+IN_RAM("work") static int run_command(uint32_t command, volatile uint32_t *at, uint32_t word)
 {
   FLASH_SR = FLASH_SR_ERRORS;
   FLASH_CR = command;
@@ -40,8 +40,9 @@ static void unlock(void)
 static int erase(uint16_t copy)
 {
   unlock();
-  const int done = work(FLASH_CR_PSIZE_32 | FLASH_CR_SER | FLASH_CR_SNB(SECTOR + copy), 0, 0);
-  /* What the caches hold of the sector is no longer so. */
+  const int done =
+      run_command(FLASH_CR_PSIZE_32 | FLASH_CR_SER | FLASH_CR_SNB(SECTOR + copy), 0, 0);
+  /* Invalidates the caches, which may contain old data of the sector. */
   const uint32_t access = FLASH_ACR;
   FLASH_ACR = access & ~(FLASH_ACR_DCEN | FLASH_ACR_ICEN);
   FLASH_ACR = (access & ~(FLASH_ACR_DCEN | FLASH_ACR_ICEN)) | FLASH_ACR_DCRST | FLASH_ACR_ICRST;
@@ -57,16 +58,17 @@ static volatile uint32_t *sector(uint16_t copy)
 static int program(uint16_t copy, uint32_t at, uint32_t word)
 {
   unlock();
-  return work(FLASH_CR_PSIZE_32 | FLASH_CR_PG, sector(copy) + at, word);
+  return run_command(FLASH_CR_PSIZE_32 | FLASH_CR_PG, sector(copy) + at, word);
 }
 
-static store_flash flash(void)
+static store_flash flash_access(void)
 {
-  const store_flash two = {{sector(0), sector(1)}, SECTOR_BYTES / sizeof(uint32_t), erase, program};
-  return two;
+  const store_flash flash = {
+      {sector(0), sector(1)}, SECTOR_BYTES / sizeof(uint32_t), erase, program};
+  return flash;
 }
 
-static int valid(const memory_set *set)
+static int is_valid(const memory_set *set)
 {
   return set->layout == MEMORY_LAYOUT && calibration_is_valid(&set->gap) &&
          calibration_is_valid(&set->force) && calibration_is_valid(&set->current) &&
@@ -75,20 +77,20 @@ static int valid(const memory_set *set)
 
 int memory_load(memory_set *set)
 {
-  const store_flash two = flash();
+  const store_flash flash = flash_access();
   uint32_t count;
-  const volatile uint32_t *kept = store_read(&two, &count);
-  if (kept == 0 || count != WORDS || !valid((const memory_set *)(uintptr_t)kept)) {
+  const volatile uint32_t *stored = store_read(&flash, &count);
+  if (stored == 0 || count != WORDS || !is_valid((const memory_set *)(uintptr_t)stored)) {
     return 0;
   }
   for (uint32_t i = 0; i < WORDS; i++) {
-    ((uint32_t *)set)[i] = kept[i];
+    ((uint32_t *)set)[i] = stored[i];
   }
   return 1;
 }
 
 int memory_save(const memory_set *set)
 {
-  const store_flash two = flash();
-  return store_write(&two, (const uint32_t *)set, WORDS);
+  const store_flash flash = flash_access();
+  return store_write(&flash, (const uint32_t *)set, WORDS);
 }

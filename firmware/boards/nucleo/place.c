@@ -4,17 +4,17 @@
 #include "nucleo.h"
 #include "registers.h"
 
-/* What is sent while the converter is read: it does not listen. */
-static const uint16_t nothing = 0;
+/* Word that is sent while the ADC is read; the ADC ignores it. */
+static const uint16_t dummy_word = 0;
 
-static uint16_t last;
+static uint16_t last_count;
 static uint32_t edges;
 
-/* By this stream of DMA words are sent to the converter. */
+/* DMA stream that sends words to the ADC. */
 #define STREAM DMA1_STREAM(1U)
 
-/* The encoder, then the converter: channel 3 of timer 2 is high from the tick to the end of the
-   conversion; there DMA sends a word, and with it comes the answer. */
+/* Starts encoder and ADC. Channel 3 of timer 2 is high from the tick to the end of the conversion.
+   Then DMA sends a word, and the SPI receives the code at the same time. */
 void place_start(void)
 {
   GPIOB_AFRL |= GPIO_FUNCTION(2U, 6U) | GPIO_FUNCTION(2U, 7U);
@@ -29,7 +29,7 @@ void place_start(void)
   SPI2_CR2 = 0;
   SPI2_CR1 = SPI_CR1_DFF | SPI_CR1_SSM | SPI_CR1_SSI | SPI_CR1_MSTR | SPI_CR1_SPE;
   DMA_PAR(STREAM) = SPI2_DR_ADDRESS;
-  DMA_M0AR(STREAM) = (uint32_t)(uintptr_t)&nothing;
+  DMA_M0AR(STREAM) = (uint32_t)(uintptr_t)&dummy_word;
   DMA_NDTR(STREAM) = 1;
   DMA_CR(STREAM) =
       DMA_CR_CHANNEL(3U) | DMA_CR_HALF_WORDS | DMA_CR_CIRC | DMA_CR_TO_PERIPHERAL | DMA_CR_EN;
@@ -43,10 +43,10 @@ void place_start(void)
 
 int32_t place_encoder(void)
 {
-  const uint16_t now = (uint16_t)TIM4_CNT;
-  const uint16_t step = (uint16_t)(now - last);
+  const uint16_t count = (uint16_t)TIM4_CNT;
+  const uint16_t step = (uint16_t)(count - last_count);
   edges += step < 0x8000U ? step : step - 0x10000U;
-  last = now;
+  last_count = count;
   return edges <= 0x7FFFFFFFU ? (int32_t)edges : -(int32_t)(0xFFFFFFFFU - edges) - 1;
 }
 
@@ -54,7 +54,7 @@ int32_t place_converter(void)
 {
   int32_t code = -1;
   if ((SPI2_SR & SPI_SR_RXNE) != 0U) {
-    code = (int32_t)(SPI2_DR & 0xFFFFU); /* reading takes the flag away */
+    code = (int32_t)(SPI2_DR & 0xFFFFU); /* the read clears the flag */
   }
   return code;
 }

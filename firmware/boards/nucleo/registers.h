@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The registers of the STM32F446 that this board uses, by their names in the reference manual
-   (RM0390). */
+/* Registers of the STM32F446 that this board uses, named as in the reference manual (RM0390). */
 #ifndef REGISTERS_H
 #define REGISTERS_H
 
@@ -49,7 +48,7 @@
 #define FLASH_KEY_1 0x45670123U
 #define FLASH_KEY_2 0xCDEF89ABU
 #define FLASH_SR REGISTER(0x40023C0CU)
-#define FLASH_SR_ERRORS 0x1F2U /* written to as ones they go away */
+#define FLASH_SR_ERRORS 0x1F2U /* cleared by writing ones */
 #define FLASH_SR_BSY (1U << 16)
 #define FLASH_CR REGISTER(0x40023C10U)
 #define FLASH_CR_PG (1U << 0)
@@ -90,7 +89,7 @@
 #define TIM1_CCMR1 REGISTER(0x40010018U)
 #define TIM1_CCMR1_1_LOW (4U << 4)
 #define TIM1_CCMR1_1_HIGH (5U << 4)
-#define TIM1_CCMR1_2_PULSES ((6U << 12) | (1U << 11)) /* in force with the next pulse */
+#define TIM1_CCMR1_2_PULSES ((6U << 12) | (1U << 11)) /* preloaded: used from the next pulse */
 #define TIM1_CCMR2 REGISTER(0x4001001CU)
 #define TIM1_CCMR2_3_PULSES ((6U << 4) | (1U << 3))
 #define TIM1_CCER REGISTER(0x40010020U)
@@ -101,11 +100,11 @@
 #define TIM1_CCR2 REGISTER(0x40010038U)
 #define TIM1_CCR3 REGISTER(0x4001003CU)
 #define TIM1_BDTR REGISTER(0x40010044U)
-#define TIM1_BDTR_OSSI (1U << 10) /* cut means low, not floating */
-#define TIM1_BDTR_BKE (1U << 12)  /* by a low input */
+#define TIM1_BDTR_OSSI (1U << 10) /* outputs are low, not floating, after a break */
+#define TIM1_BDTR_BKE (1U << 12)  /* break by a low input */
 #define TIM1_BDTR_MOE (1U << 15)
 
-/* Timer 2: the tick, and by channel 3 the converter of 16 bits. */
+/* Timer 2: the tick; channel 3 starts the 16-bit ADC. */
 #define TIM2_CR1 REGISTER(0x40000000U)
 #define TIM2_CR1_CEN 1U
 #define TIM2_CR2 REGISTER(0x40000004U)
@@ -126,7 +125,7 @@
 #define TIM4_SMCR REGISTER(0x40000808U)
 #define TIM4_SMCR_ENCODER 3U /* every edge of both lines */
 #define TIM4_CCMR1 REGISTER(0x40000818U)
-#define TIM4_CCMR1_FILTERED 0x3131U /* inputs, as they come; 8 samples of one kind are an edge */
+#define TIM4_CCMR1_FILTERED 0x3131U /* direct inputs; 8 equal samples are an edge */
 #define TIM4_CNT REGISTER(0x40000824U)
 #define TIM4_ARR REGISTER(0x4000082CU)
 
@@ -137,7 +136,7 @@
 #define TIM5_SMCR_COUNT_TIM2 7U /* external clock, internal trigger 0 */
 #define TIM5_CNT REGISTER(0x40000C24U)
 
-/* Converters 1, 2, 3 of one kind, 0x100 apart. */
+/* ADCs 1, 2 and 3, 0x100 apart. */
 #define ADC_SR(n) REGISTER(0x40012000U + 0x100U * ((n) - 1U))
 #define ADC_SR_JEOC (1U << 2)
 #define ADC_CR1(n) REGISTER(0x40012004U + 0x100U * ((n) - 1U))
@@ -164,7 +163,7 @@
 #define DAC_CR_TSEL1_TIM2 (4U << 3)
 #define DAC_DHR12R1 REGISTER(0x40007408U)
 
-/* Serial ports of one kind. */
+/* Serial ports. */
 #define USART2 0x40004400U
 #define UART4 0x40004C00U
 #define USART_SR(port) REGISTER((port) + 0x00U)
@@ -208,14 +207,14 @@
 #define SPI2_DR_ADDRESS 0x4000380CU
 #define SPI2_DR REGISTER(SPI2_DR_ADDRESS)
 
-/* The processor's own counter of cycles. */
+/* Cycle counter of the processor. */
 #define DEMCR REGISTER(0xE000EDFCU)
 #define DEMCR_TRCENA (1U << 24)
 #define DWT_CTRL REGISTER(0xE0001000U)
 #define DWT_CTRL_CYCCNTENA 1U
 #define DWT_CYCCNT REGISTER(0xE0001004U)
 
-/* Independent watchdog: about 32 kHz of its own. */
+/* Independent watchdog with its own clock of about 32 kHz. */
 #define IWDG_KR REGISTER(0x40003000U)
 #define IWDG_KR_UNLOCK 0x5555U
 #define IWDG_KR_START 0xCCCCU

@@ -7,18 +7,18 @@
 #define BAUD 921600U
 #define PRIORITY 0x80U
 
-#define ON (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
+#define PORT_ENABLED (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
 
-/* Begin as zeros, so that the rings take no flash. */
+/* Zero-initialised, so that the buffers need no flash. */
 serial serial_link;
 serial serial_xcp;
 
-uint16_t serial_read(void *context, uint8_t *bytes, uint16_t most)
+uint16_t serial_read(void *context, uint8_t *bytes, uint16_t size)
 {
   serial *s = context;
   const uint16_t write_at = (uint16_t)((SERIAL_RING - DMA_NDTR(s->stream)) % SERIAL_RING);
   uint16_t count = 0;
-  while (count < most && s->read_at != write_at) {
+  while (count < size && s->read_at != write_at) {
     bytes[count++] = s->received[s->read_at];
     s->read_at = (uint16_t)((s->read_at + 1U) % SERIAL_RING);
   }
@@ -33,14 +33,14 @@ uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count)
     s->to_send[s->send_head % SERIAL_RING] = bytes[taken++];
     ++s->send_head;
   }
-  USART_CR1(s->port) = ON | USART_CR1_TXEIE;
+  USART_CR1(s->port) = PORT_ENABLED | USART_CR1_TXEIE;
   return taken;
 }
 
-static void send_next(serial *s)
+static void send_next_byte(serial *s)
 {
   if (s->send_tail == s->send_head) {
-    USART_CR1(s->port) = ON;
+    USART_CR1(s->port) = PORT_ENABLED;
     return;
   }
   if ((USART_SR(s->port) & USART_SR_TXE) != 0U) {
@@ -49,11 +49,11 @@ static void send_next(serial *s)
   }
 }
 
-void serial_link_ready(void) { send_next(&serial_link); }
-void serial_xcp_ready(void) { send_next(&serial_xcp); }
+void serial_link_ready(void) { send_next_byte(&serial_link); }
+void serial_xcp_ready(void) { send_next_byte(&serial_xcp); }
 
-/* Both receive by channel 4 of their streams. */
-static void start(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
+/* Starts a port. Both ports receive on channel 4 of their streams. */
+static void start_port(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
 {
   s->port = port;
   s->stream = stream;
@@ -63,7 +63,7 @@ static void start(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
   DMA_CR(s->stream) = DMA_CR_CHANNEL(4U) | DMA_CR_MINC | DMA_CR_CIRC | DMA_CR_EN;
   USART_BRR(s->port) = (APB1_HZ + BAUD / 2U) / BAUD;
   USART_CR3(s->port) = USART_CR3_DMAR;
-  USART_CR1(s->port) = ON;
+  USART_CR1(s->port) = PORT_ENABLED;
   NVIC_PRIORITY(irq) = PRIORITY;
   NVIC_ENABLE(irq) = NVIC_BIT(irq);
 }
@@ -75,8 +75,8 @@ void serial_start(void)
   GPIOA_AFRL |= GPIO_FUNCTION(7U, 2U) | GPIO_FUNCTION(7U, 3U);
   GPIOA_MODER |= GPIO_ALTERNATE(2U) | GPIO_ALTERNATE(3U);
   GPIOC_AFRH |= GPIO_FUNCTION(8U, 10U) | GPIO_FUNCTION(8U, 11U);
-  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* without a cable the line is at rest */
+  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* idle level without a cable */
   GPIOC_MODER |= GPIO_ALTERNATE(10U) | GPIO_ALTERNATE(11U);
-  start(&serial_link, USART2, DMA1_STREAM(5U), USART2_IRQ);
-  start(&serial_xcp, UART4, DMA1_STREAM(2U), UART4_IRQ);
+  start_port(&serial_link, USART2, DMA1_STREAM(5U), USART2_IRQ);
+  start_port(&serial_xcp, UART4, DMA1_STREAM(2U), UART4_IRQ);
 }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The two serial ports, 921600 baud, 8N1. Bytes arrive by DMA, since a tick takes longer than a
-   byte, and are sent by interrupt.
+/* The two serial ports, 921600 baud, 8N1. They receive by DMA, because a tick takes longer than a
+   byte, and send by interrupt.
 
-     PA2, PA3    link, serial port 2, through the USB port of the board's ST-Link
-     PC10, PC11  XCP, serial port 4: what the board sends, and what it receives (CN7) */
+       PA2, PA3    link, USART2, through the USB port of the board's ST-Link
+       PC10, PC11  XCP, UART4: transmit, receive (CN7) */
 #ifndef SERIAL_H
 #define SERIAL_H
 
@@ -12,26 +12,26 @@
 #define SERIAL_RING 2048U /* a power of two; 22 ms of the line */
 
 typedef struct {
-  uint32_t port;                          /* where its registers begin */
-  uint32_t stream;                        /* where those of its DMA begin */
-  volatile uint8_t received[SERIAL_RING]; /* written by DMA, round and round */
+  uint32_t port;                          /* base address of its registers */
+  uint32_t stream;                        /* base address of its DMA stream */
+  volatile uint8_t received[SERIAL_RING]; /* circular buffer, written by DMA */
   uint16_t read_at;
   volatile uint8_t to_send[SERIAL_RING];
-  volatile uint16_t send_head; /* only main moves it */
-  volatile uint16_t send_tail; /* only the interrupt does */
+  volatile uint16_t send_head; /* written only by main */
+  volatile uint16_t send_tail; /* written only by the interrupt */
 } serial;
 
 extern serial serial_link;
 extern serial serial_xcp;
 
-/* Once, both: pins, clocks, interrupts. */
+/* Starts both ports: pins, clocks, interrupts. Call it once. */
 void serial_start(void);
 
-/* As link_read and link_write of a struct port whose context is one of the two. */
-uint16_t serial_read(void *context, uint8_t *bytes, uint16_t most);
+/* link_read and link_write of a struct port; context: one of the two ports. */
+uint16_t serial_read(void *context, uint8_t *bytes, uint16_t size);
 uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count);
 
-/* Interrupts of the ports. */
+/* Interrupt handlers of the ports. */
 void serial_link_ready(void);
 void serial_xcp_ready(void);
 

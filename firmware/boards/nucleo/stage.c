@@ -7,18 +7,18 @@
 #define PIN_STOP 4U
 #define PIN_AMPLIFIER 5U
 #define PIN_OVER_CURRENT 12U
-#define FULL 4096U /* counts of a pulse: 12 bits, as many as the analogue reference has */
+#define PULSE_COUNTS 4096U /* counts per pulse: 12 bits, as the analogue reference */
 
 void stage_start(void)
 {
   GPIOB_PUPDR |=
       GPIO_PULL_DOWN(PIN_STOP) | GPIO_PULL_DOWN(PIN_AMPLIFIER) | GPIO_PULL_DOWN(PIN_OVER_CURRENT);
-  /* Pin 4 wakes as part of the debugger's port, which pulls it up. */
+  /* After reset, pin 4 belongs to the debug port, with a pull-up. */
   GPIOB_PUPDR &= ~GPIO_PULL_UP(PIN_STOP);
   GPIOB_MODER = (GPIOB_MODER & ~GPIO_MODE(PIN_STOP)) | GPIO_ALTERNATE(PIN_OVER_CURRENT);
   GPIOB_AFRH |= GPIO_FUNCTION(1U, PIN_OVER_CURRENT);
   GPIOA_AFRH |= GPIO_FUNCTION(1U, 8U) | GPIO_FUNCTION(1U, 9U) | GPIO_FUNCTION(1U, 10U);
-  TIM1_ARR = FULL - 1U;
+  TIM1_ARR = PULSE_COUNTS - 1U;
   TIM1_CCMR1 = TIM1_CCMR1_1_LOW | TIM1_CCMR1_2_PULSES;
   TIM1_CCMR2 = TIM1_CCMR2_3_PULSES;
   TIM1_CCER = TIM1_CCER_CC1E | TIM1_CCER_CC2E | TIM1_CCER_CC3E;
@@ -27,15 +27,16 @@ void stage_start(void)
   GPIOA_MODER |= GPIO_ALTERNATE(8U) | GPIO_ALTERNATE(9U) | GPIO_ALTERNATE(10U);
 }
 
-/* The share of a pulse; FULL - 1 at most, so that it never stays high. */
-static uint32_t counts(int32_t current) { return current > 0 ? (uint32_t)current >> 19 : 0U; }
+/* Returns the duty cycle in counts; at most PULSE_COUNTS - 1, so that the output never stays high.
+ */
+static uint32_t duty_cycle(int32_t current) { return current > 0 ? (uint32_t)current >> 19 : 0U; }
 
 static int is_high(uint32_t pin) { return (GPIOB_IDR & (1U << pin)) != 0U; }
 
 void stage_drive(const int32_t *currents, int on)
 {
-  TIM1_CCR2 = counts(currents[0]);
-  TIM1_CCR3 = counts(currents[1]);
+  TIM1_CCR2 = duty_cycle(currents[0]);
+  TIM1_CCR3 = duty_cycle(currents[1]);
   TIM1_CCMR1 = (on ? TIM1_CCMR1_1_HIGH : TIM1_CCMR1_1_LOW) | TIM1_CCMR1_2_PULSES;
   if (currents[0] == 0 && currents[1] == 0 && is_high(PIN_OVER_CURRENT)) {
     TIM1_SR = ~TIM1_SR_BIF;

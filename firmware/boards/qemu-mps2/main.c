@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Board of the Arm MPS2 (AN385, Cortex-M3) as QEMU models it: UART0 is the link, UART1 the bus of
-   the virtual plant, which gives the ticks, UART2 carries XCP; where QEMU offers it as a socket,
-   that is XCP on TCP. Static memory; sleeps while there is nothing to do. */
+/* Board Arm MPS2 (AN385, Cortex-M3) in QEMU. UART0 is the link, UART1 the bus of the virtual plant,
+   which gives the ticks, and UART2 carries XCP (XCP on TCP if QEMU connects it to a socket). Static
+   memory; the processor sleeps while idle. */
 #include <stdint.h>
 
 #include "lockstep.h"
 #include "startup.h"
 #include "xcp/line.h"
 
-/* CMSDK UART: one byte of buffer each way. */
+/* CMSDK UART: one byte of buffer in each direction. */
 #define UART_LINK 0x40004000U
 #define UART_PLANT 0x40005000U
 #define UART_XCP 0x40006000U
@@ -34,9 +34,9 @@
 #define IRQ_XCP_RX 4
 #define IRQ_XCP_TX 5
 
-#define RING 1024U /* a power of two: indices wrap with it */
+#define RING 1024U /* a power of two, because indices wrap around */
 
-/* Filled by an interrupt, emptied by main. */
+/* Written by an interrupt, read by main. */
 typedef struct {
   volatile uint16_t head;
   volatile uint16_t tail;
@@ -49,7 +49,7 @@ static ring from_plant;
 static ring from_xcp;
 static xcp_line xcp;
 
-/* Takes what the UART has; what does not fit into the ring is lost, as on any line. */
+/* Reads all bytes of the UART. Bytes that do not fit into the ring are lost, as on any line. */
 static void receive(uint32_t uart, ring *to)
 {
   UART_INTERRUPT(uart) = UART_RX_INTERRUPT;
@@ -66,15 +66,15 @@ static void receive_link(void) { receive(UART_LINK, &from_link); }
 static void receive_plant(void) { receive(UART_PLANT, &from_plant); }
 static void receive_xcp(void) { receive(UART_XCP, &from_xcp); }
 
-/* Only wakes main, which has more to send. */
-static void sent(uint32_t uart)
+/* Only wakes main, which has more bytes to send. */
+static void stop_tx_interrupt(uint32_t uart)
 {
   UART_CONTROL(uart) &= ~UART_TX_INTERRUPT_ENABLE;
   UART_INTERRUPT(uart) = UART_TX_INTERRUPT;
 }
 
-static void sent_link(void) { sent(UART_LINK); }
-static void sent_xcp(void) { sent(UART_XCP); }
+static void sent_link(void) { stop_tx_interrupt(UART_LINK); }
+static void sent_xcp(void) { stop_tx_interrupt(UART_XCP); }
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
     STARTUP_VECTORS,
@@ -85,8 +85,8 @@ __attribute__((section(".vectors"), used)) static const startup_vector vectors[]
     [STARTUP_INTERRUPT(IRQ_XCP_TX)] = sent_xcp,
 };
 
-/* The line is as long as it needs to be: QEMU takes a byte at once unless the PC does not read. */
-static void send(uint32_t uart, uint8_t byte)
+/* Waits until the UART accepts a byte. QEMU accepts it immediately unless the PC does not read. */
+static void send_byte(uint32_t uart, uint8_t byte)
 {
   while ((UART_STATE(uart) & UART_TX_FULL) != 0U) {
   }
@@ -98,25 +98,25 @@ static void receive_from_plant(uint8_t byte)
   uint8_t drive[LINK_SIZE_PLANT_DRIVE];
   if (lockstep_receive(&controller, byte, drive)) {
     for (uint16_t i = 0; i < LINK_SIZE_PLANT_DRIVE; ++i) {
-      send(UART_PLANT, drive[i]);
+      send_byte(UART_PLANT, drive[i]);
     }
     xcp_line_tick(&xcp);
   }
 }
 
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 {
   (void)context;
   uint16_t count = 0;
-  while (count < most && from_link.tail != from_link.head) {
+  while (count < size && from_link.tail != from_link.head) {
     bytes[count++] = from_link.bytes[from_link.tail % RING];
     ++from_link.tail;
   }
   return count;
 }
 
-/* Sends what the UART takes without waiting; the interrupt wakes main for the rest. */
-static uint16_t write(uint32_t uart, const uint8_t *bytes, uint16_t count)
+/* Sends the bytes that the UART accepts without waiting; the interrupt wakes main for the rest. */
+static uint16_t write_available(uint32_t uart, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;
   while (taken < count && (UART_STATE(uart) & UART_TX_FULL) == 0U) {
@@ -131,29 +131,29 @@ static uint16_t write(uint32_t uart, const uint8_t *bytes, uint16_t count)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
-  return write(UART_LINK, bytes, count);
+  return write_available(UART_LINK, bytes, count);
 }
 
-/* Takes what has come and sends what waits; to be called again while it returns 1. */
+/* Processes received bytes and sends packets. Call it again while it returns 1. */
 static int serve_xcp(void)
 {
   uint16_t count = 0;
-  int moved = 0;
+  int has_moved = 0;
   const uint8_t byte = from_xcp.bytes[from_xcp.tail % RING];
   if (from_xcp.tail != from_xcp.head && xcp_line_take(&xcp, &byte, 1) > 0U) {
     ++from_xcp.tail;
-    moved = 1;
+    has_moved = 1;
   }
-  const uint8_t *waiting = xcp_line_offer(&xcp, &count);
-  count = write(UART_XCP, waiting, count);
+  const uint8_t *packet = xcp_line_offer(&xcp, &count);
+  count = write_available(UART_XCP, packet, count);
   xcp_line_sent(&xcp, count);
-  return moved || count > 0U;
+  return has_moved || count > 0U;
 }
 
-/* The plant waits for the drive, so that there is nothing to bring to rest. */
+/* The plant waits for the drive, so there is no current to switch off. */
 void board_panic(void) {}
 
-/* What came before the UART was open QEMU's multiplexer keeps until a byte is fetched. */
+/* Opens a UART. QEMU's multiplexer holds earlier bytes until one byte is read. */
 static void open_uart(uint32_t uart)
 {
   UART_DIVIDER(uart) = UART_FASTEST;
@@ -181,10 +181,10 @@ int main(void)
     }
     while (serve_xcp()) {
     }
-    startup_interrupts_off(); /* or a byte could arrive between the question and the sleep */
+    startup_interrupts_off(); /* otherwise a byte could arrive between check and sleep */
     if (from_plant.tail == from_plant.head && from_link.tail == from_link.head &&
         (from_xcp.tail == from_xcp.head || xcp.out_count > 0U)) {
-      startup_wait_for_interrupt(); /* wakes on a pending interrupt, although they are off */
+      startup_wait_for_interrupt(); /* a pending interrupt wakes it although interrupts are off */
     }
     startup_interrupts_on();
   }
