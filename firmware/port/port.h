@@ -1,45 +1,46 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Interface between board and firmware (port contract): functions of a board and their semantics.
 
-   A board fills a struct port for each controller. It calls app_start once, app_tick in every tick,
-   and app_poll between ticks as often as possible (firmware/app/app.h). app_tick may interrupt
-   app_poll, never the other way round; a board without interrupts calls them in turn. Controllers
-   share nothing, and each has its own ticks.
+   A board fills a struct port for each controller. The board calls app_start once, app_tick in every
+   tick, and app_poll as often as possible (firmware/app/app.h). app_tick may interrupt app_poll,
+   never the other way round; a board without interrupts calls them in turn. Controllers share
+   nothing, and each has its own ticks.
 
    Time: tick n begins at t_n = n/rate. The board samples all sensors at t_n and calls app_tick. The
-   driven current starts to flow at t_n+1, never earlier, and is constant until t_n+2. So a tick may
-   compute for a full period, and the delay from sample to current is always one tick.
+   reference current of this tick applies from t_(n+1) to t_(n+2), never earlier. Therefore, a tick
+   may compute for a full period, and the delay from sample to current is always one tick.
 
-   If app_tick is still running when the next tick begins, that tick is missed. It is not repeated;
-   the current stays constant for one more tick, and the next sample's tick number shows the
-   firmware how many were missed. If app_tick is not called any more, the board itself must bring
-   the current to zero (hardware watchdog of a few ticks). */
+   If app_tick is still running when the next tick begins, that tick is missed. It is not repeated,
+   and the reference current remains for one more tick. The board counts ticks independently of
+   app_tick, so that the next sample's tick number shows how many were missed. If app_tick is not
+   called any more, a hardware watchdog of the board must bring the current to zero. */
 #ifndef ANHYST_FIRMWARE_PORT_H
 #define ANHYST_FIRMWARE_PORT_H
 
 #include <stdint.h>
 
-/* 1.0 of a measured value. Values are q30, so that a sensor can exceed full scale. A value outside
-   the range saturates, but never at PORT_RESERVED. */
+/* 1.0 of a measured value. Gap, force and current are q30, so that a sensor can exceed full scale.
+   Position and driven currents are q31. The board saturates values outside the range of int32_t; the
+   lowest value is INT32_MIN + 1, because INT32_MIN is PORT_RESERVED. */
 #define PORT_ONE ((int32_t)0x40000000)
 
-/* Replaces a value: the sensor sent an error code, or a code without a value. */
+/* Replaces a value if the sensor sent an error code or an undefined code. */
 #define PORT_RESERVED INT32_MIN
 
-/* Bits of port_sample.status. A hardware bit is set as long as its cause exists, or until the power
-   stage is switched on again. */
+/* Bits of port_sample.status. All bits except PORT_NO_SAMPLE are set at least as long as their cause
+   exists. The hardware may latch them until the power stage is switched on again. */
 #define PORT_NO_SAMPLE 1U      /* no values; the tick number is valid */
 #define PORT_AMPLIFIER 2U      /* an amplifier reports a fault, or does not answer */
 #define PORT_EMERGENCY_STOP 4U /* the emergency stop is open */
 #define PORT_OVER_CURRENT 8U   /* the hardware detected over-current and switched the current off */
-#define PORT_SUPPLY 16U        /* supply undervoltage: the demanded current cannot be sustained */
+#define PORT_SUPPLY 16U        /* the supply voltage is too low */
 #define PORT_TOO_WARM 32U      /* I^2 t limit of winding or power stage exceeded */
 
 /* Number of currents: one magnet, or two that pull against each other. */
 #define PORT_CURRENTS 2
 
-/* A force controller needs gap and force, a position controller needs position. Other values are 0,
-   also the second current if there is one magnet. */
+/* A force controller needs gap and force; a position controller needs position. The other of these
+   values is 0, and so is the second current if there is one magnet. */
 typedef struct {
   uint32_t tick;                  /* n: the last number + 1 + missed ticks; wraps around */
   int32_t gap;                    /* q30: 0 and 1.0 are the ends of the model's gap range */
@@ -53,18 +54,18 @@ typedef struct {
 struct port {
   void *context; /* object of the board for this controller */
 
-  /* Fills the sample of the last tick. Called once by each app_tick. All values are of the same
-     instant t_n. Must not wait: PORT_NO_SAMPLE if a converter has not finished. */
+  /* Fills the sample of the present tick. Called once by each app_tick. All values were sampled at
+     t_n. Must not wait: PORT_NO_SAMPLE if a converter has not finished. */
   void (*sense)(void *context, port_sample *sample);
 
-  /* Sets the PORT_CURRENTS currents that flow from t_n+1 on, q31 of full scale. Called once by each
-     app_tick, also in the state fault. state: controller state + 256*fault reason. A board may
-     display it, and may switch its power stage off in fault once the currents are 0. */
+  /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Called once by each
+     app_tick, also in the state "fault". state: controller state + 256*fault reason. A board may
+     display it. In the state "fault", it may switch its power stage off if both currents are 0. */
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
   /* Reads up to `size` received bytes of the link, in order, and returns their number, 0 without
-     bytes. Must not wait. Bytes with line errors may be dropped or passed: the checksum detects it.
-   */
+     bytes. Must not wait. Bytes with line errors may be dropped or passed: the checksum detects
+     them. */
   uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t size);
 
   /* Accepts up to `count` bytes for sending, in order, and returns their number. Must not wait.
@@ -72,12 +73,13 @@ struct port {
   uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count);
 
   /* app_tick of this controller does not run between lock and unlock. Called by app_poll for a few
-     dozen instructions, never nested. Empty on a board that calls app_tick and app_poll in turn. */
+     dozen instructions, never nested. An empty function on a board that calls app_tick and app_poll in turn. */
   void (*lock)(void *context);
   void (*unlock)(void *context);
 
   /* Stores a parameter block of `words` words for the next start. Called by app_poll at zero
-     current. May take seconds if no tick begins meanwhile. Returns 1, or 0 if it was not stored. */
+     current. The board may stop its ticks for seconds during this call. Returns 1, or 0 if the block
+     was not stored. */
   int (*keep)(void *context, const int16_t *block, uint16_t words);
 };
 
