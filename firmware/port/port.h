@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Interface between board and firmware (port contract): functions of a board and their semantics.
 
-   A board fills a struct port for each controller. The board calls app_start once, app_tick in every
-   tick, and app_poll as often as possible (firmware/app/app.h). app_tick may interrupt app_poll,
-   never the other way round; a board without interrupts calls them in turn. Controllers share
-   nothing, and each has its own ticks.
+   A board fills a struct port for each controller. The board calls app_start once, app_tick in
+   every tick, and app_poll as often as possible (firmware/app/app.h). app_tick may interrupt
+   app_poll, never the other way round; a board without interrupts calls them in turn. Controllers
+   share nothing, and each has its own ticks.
 
    Time: tick n begins at t_n = n/rate. The board samples all sensors at t_n and calls app_tick. The
    reference current of this tick applies from t_(n+1) to t_(n+2), never earlier. Therefore, a tick
@@ -20,15 +20,15 @@
 #include <stdint.h>
 
 /* 1.0 of a measured value. Gap, force and current are q30, so that a sensor can exceed full scale.
-   Position and driven currents are q31. The board saturates values outside the range of int32_t; the
-   lowest value is INT32_MIN + 1, because INT32_MIN is PORT_RESERVED. */
+   Position and driven currents are q31. The board saturates values outside the range of int32_t;
+   the lowest value is INT32_MIN + 1, because INT32_MIN is PORT_RESERVED. */
 #define PORT_ONE ((int32_t)0x40000000)
 
 /* Replaces a value if the sensor sent an error code or an undefined code. */
 #define PORT_RESERVED INT32_MIN
 
-/* Bits of port_sample.status. All bits except PORT_NO_SAMPLE are set at least as long as their cause
-   exists. The hardware may latch them until the power stage is switched on again. */
+/* Bits of port_sample.status. All bits except PORT_NO_SAMPLE are set at least as long as their
+   cause exists. The hardware may latch them until the power stage is switched on again. */
 #define PORT_NO_SAMPLE 1U      /* no values; the tick number is valid */
 #define PORT_AMPLIFIER 2U      /* an amplifier reports a fault, or does not answer */
 #define PORT_EMERGENCY_STOP 4U /* the emergency stop is open */
@@ -58,9 +58,10 @@ struct port {
      t_n. Must not wait: PORT_NO_SAMPLE if a converter has not finished. */
   void (*sense)(void *context, port_sample *sample);
 
-  /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Called once by each
-     app_tick, also in the state "fault". state: controller state + 256*fault reason. A board may
-     display it. In the state "fault", it may switch its power stage off if both currents are 0. */
+  /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Called once by
+     each app_tick, also in the state "fault". state: controller state + 256*fault reason. A board
+     may display it. In the state "fault", it may switch its power stage off if both currents are 0.
+   */
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
   /* Reads up to `size` received bytes of the link, in order, and returns their number, 0 without
@@ -73,13 +74,14 @@ struct port {
   uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count);
 
   /* app_tick of this controller does not run between lock and unlock. Called by app_poll for a few
-     dozen instructions, never nested. An empty function on a board that calls app_tick and app_poll in turn. */
+     dozen instructions, never nested. An empty function on a board that calls app_tick and app_poll
+     in turn. */
   void (*lock)(void *context);
   void (*unlock)(void *context);
 
   /* Stores a parameter block of `words` words for the next start. Called by app_poll at zero
-     current. The board may stop its ticks for seconds during this call. Returns 1, or 0 if the block
-     was not stored. */
+     current. The board may stop its ticks for seconds during this call. Returns 1, or 0 if the
+     block was not stored. */
   int (*keep)(void *context, const int16_t *block, uint16_t words);
 };
 
