@@ -1,4 +1,4 @@
-"""The table of figures reads the same in a pipe, and its times compare between machines."""
+"""Test that the benchmark table is the same in a pipe and that its times are comparable."""
 
 from __future__ import annotations
 

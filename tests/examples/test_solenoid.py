@@ -1,4 +1,4 @@
-"""The bundled solenoid is what its README says."""
+"""Test that the bundled solenoid agrees with its README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loops of the stages are what their scripts make."""
+"""Test that the scripts of the stages reproduce the stored loops."""
 
 from __future__ import annotations
 
