@@ -1,5 +1,4 @@
-"""Check errors by code: ``no-such-file``, ``out-of-range --rate``, ``not-finite F_N: a.csv; line
-4``.
+"""Check errors by code, such as ``out-of-range --rate`` or ``not-finite F_N: a.csv; line 4``.
 
 The first word is the code of the error. Its key may follow. After a colon come the parts that the
 text of the error must contain, such as a file and a line. Only messages.toml has the full wording.

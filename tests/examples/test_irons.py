@@ -1,5 +1,4 @@
-"""Test that the irons of the examples agree with their README, and that their loops are
-reproducible."""
+"""Test that the irons of the examples agree with their README and have reproducible loops."""
 
 from __future__ import annotations
 
