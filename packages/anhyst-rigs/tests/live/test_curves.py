@@ -1,4 +1,4 @@
-"""Loops below the one that runs: what was measured, thinned, and what the model makes of it."""
+"""Test the loops below the live loop: measured samples, thinned, and the model's output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the command line to the page: what is computed is what the report shows."""
+"""Test from command line to page that the report shows the computed results."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from tests.study.bearings import GAP
 from tests.truths import path_of
 
 SOFT, FALL = 5e-3, 0.12
-"""Touch-down speeds, m/s: of a landing, and that of a free fall from where it hovers."""
+"""Touch-down speeds, m/s: of a landing, and of a free fall from the hover position."""
 
 LANDS = {
     "samples missing for 2 ms",

@@ -33,7 +33,7 @@ _SHORTEST_STRIDE = 1e-3
 
 
 class Use(NamedTuple):
-    """What one use of a law puts into the equation.
+    """Weight and right side of the equation for one use of a law.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ def refuse(law: Operator, omega: float) -> None:
 
 
 def may_jump(law: Operator, omega: float) -> bool:
-    """Return whether the equation may have several solutions, ``1 + w*A <= 0``."""
+    """Whether the equation may have several solutions, ``1 + w*A <= 0``."""
     return 1.0 + omega * law.largest_slope <= 0.0
 
 
@@ -256,11 +256,11 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
     if may_jump(law, omega):
         return law.step(state, _walk(law, state, omega, r))
     near, far = sorted((d, d / (1.0 + omega * law.largest_slope)), key=abs)
-    # The residual rises along the path: doubling from the near end spares long steps.
+    # The residual rises along the path. Doubling from the near end avoids long steps.
     while 2.0 * abs(near) < abs(far) and residual(state.x + 2.0 * near) * d < 0.0:
         near *= 2.0
     far = math.copysign(min(abs(far), 2.0 * abs(near)), d)
-    # Rounding may put the root a few last places outside; the ends are widened by that much.
+    # Rounding may move the root out of the interval by a few ulp; therefore, it is widened.
     slack = 8.0 * _RTOL * (abs(state.x) + abs(r) + abs(omega) * (1.0 + abs(m0)))
     widen = math.copysign(slack, d)
     first = state.x + (near - widen if abs(near) > slack else 0.0)
@@ -268,7 +268,7 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
 
 
 def _root(residual: Callable[[float], float], first: float, last: float) -> float:
-    """Return the root between two ends, or the better end where rounding leaves no sign change."""
+    """Return the root between two ends, or the better end if rounding prevents a sign change."""
     at_first, at_last = residual(first), residual(last)
     if at_first * at_last >= 0.0:
         return first if abs(at_first) < abs(at_last) else last
@@ -276,11 +276,12 @@ def _root(residual: Callable[[float], float], first: float, last: float) -> floa
 
 
 def _walk(law: Operator, state: LawState, omega: float, r: float) -> float:
-    """Return the first root in the direction of travel where there may be several.
+    """Return the first root in the direction of travel if there may be several.
 
-    The weight is negative here, so along the path the residual climbs with a slope of 1 at most:
-    a stride as long as the residual is deep cannot pass a root. Where it gets shallow the strides
-    are short, and a fold (a summit between two of them) is looked at for a pair of roots.
+    The weight is negative, so that the residual rises along the path with a slope of at most 1. A
+    stride as long as the magnitude of the residual cannot pass a root. Near zero the strides are
+    short. If the slope changes its sign within a stride, the maximum between is tested for a pair
+    of roots.
     """
     sg = 1.0 if r - state.x - omega * law.magnetisation(state) > 0.0 else -1.0
 

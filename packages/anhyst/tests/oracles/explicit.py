@@ -1,14 +1,14 @@
-"""The paper's own explicit form, as the baseline to beat.
+"""The explicit scheme of the paper, as a baseline.
 
-Eq. 14, its misprints corrected, is integrated against the flux density and eq. 15 gives the field;
-the forward counterpart is integrated against the field. With
-``chi = max(0, sg*(M_an - M))/k + c*m'`` they read
+Eq. 14 without its misprints is integrated against the flux density, and eq. 15 gives the field. The
+forward counterpart is integrated against the field. With ``chi = max(0, sg*(M_an - M))/k + c*m'``
+the equations are
 
     dM/dB = (chi/mu0)/(1 + (1 - alpha)*chi),       dM/dH = chi/(1 - alpha*chi).
 
-Both take the effective field from the magnetisation of the step before. That is of low order at a
-turning point whatever the scheme and diverges quietly once a step is long against the curve, which
-is why :mod:`tests.oracles.equation` solves for the effective field instead.
+Both use the effective field of the previous magnetisation. This has a low order at reversal points
+for any scheme. It also diverges without a warning if a step is long compared with the curve.
+Therefore, :mod:`tests.oracles.equation` solves for the effective field instead.
 """
 
 from __future__ import annotations

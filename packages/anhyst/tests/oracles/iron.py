@@ -1,8 +1,8 @@
-"""A piece of iron in physical units: the laws and the one equation, over whole records.
+"""A piece of iron in physical units: the laws and the common equation for whole records.
 
-This is the readable double of the C core, kept independent of it. Solving and committing are
-apart: :meth:`Iron.solve_forward` and :meth:`Iron.solve_inverse` give a candidate and touch nothing;
-the caller goes on from the state that really happened.
+This is a readable reference that is independent of the C core. A solution and its commit are
+separate: :meth:`Iron.solve_forward` and :meth:`Iron.solve_inverse` return a trial step and change
+nothing. The caller continues from the state that actually occurred.
 """
 
 from __future__ import annotations

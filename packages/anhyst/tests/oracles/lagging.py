@@ -1,4 +1,4 @@
-"""What the two laws on the Langevin curve share: all but how the irreversible part moves."""
+"""Common part of the two laws on the Langevin curve, without the irreversible step."""
 
 from __future__ import annotations
 

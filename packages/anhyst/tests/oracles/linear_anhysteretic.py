@@ -80,7 +80,7 @@ class LinearAnhysteretic:
 
     @property
     def lam(self) -> float:
-        """``1 + (1 - alpha)*K_1``: flux density over ``mu0*x`` on the anhysteretic curve."""
+        """``1 + (1 - alpha)*K_1``: ratio of flux density to ``mu0*x`` on the anhysteretic curve."""
         return 1.0 + (1.0 - self.alpha) * self.k1
 
     @property
@@ -100,7 +100,7 @@ class LinearAnhysteretic:
 
     @property
     def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself, ``k``."""
+        """Distance over which the slope changes considerably, ``k``."""
         return self.k
 
     def anhysteretic(self, x: float) -> float:
@@ -122,7 +122,7 @@ class LinearAnhysteretic:
             )
 
     def step(self, state: LawState, x1: float) -> LawStep:
-        """Return where the law arrives when the effective field (A/m) moves straight to `x1`."""
+        """Return the state after a straight change of the effective field to `x1` (A/m)."""
         sg = 1.0 if x1 >= state.x else -1.0
         lag0 = sg * (self.anhysteretic(state.x) - state.y)
         held = max(0.0, -lag0) / self.k1

@@ -1,4 +1,4 @@
-"""What every hysteresis law looks like from outside: a state, a step, a slope."""
+"""Interface of every hysteresis law: a state, a step, a slope."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class LawState(NamedTuple):
 
 
 DEMAGNETISED = LawState(0.0, 0.0, 0.0)
-"""The state after demagnetising."""
+"""The demagnetised state."""
 
 
 class LawStep(NamedTuple):
@@ -58,7 +58,7 @@ class Operator(Protocol):
 
     @property
     def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself."""
+        """Distance over which the slope changes considerably, relative to the shape field."""
 
     def magnetisation(self, state: LawState) -> float:
         """Return ``M/M_s`` in a state (eq. 8)."""
@@ -67,4 +67,4 @@ class Operator(Protocol):
         """Raise `InputError` for a state that the law cannot have reached."""
 
     def step(self, state: LawState, x1: float) -> LawStep:
-        """Return where the law arrives when the effective field moves straight to `x1`."""
+        """Return the state after a straight change of the effective field to `x1`."""

@@ -104,7 +104,8 @@ class SteadyBranch:
         values = chebyshev.chebvander(nodes, _DEGREE)
         identity = np.eye(_DEGREE + 1)
         slopes = chebyshev.chebval(nodes, chebyshev.chebder(identity)).T
-        # Rows: the equation at every node but the first, where the value is handed over instead.
+        # Rows: the equation at every node except the first, whose value comes from the previous
+        # panel.
         system = slopes * (2.0 * self.kappa / _WIDTH) + values
         system[0] = values[0]
         inverse = np.linalg.inv(system)

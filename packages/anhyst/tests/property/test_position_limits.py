@@ -1,4 +1,4 @@
-"""Whatever a controller of the position is reported, its currents are those that may be driven."""
+"""Test that a position controller keeps its currents within their limits for any inputs."""
 
 from __future__ import annotations
 
