@@ -1,4 +1,4 @@
-"""Test that every command is made from the signature and the docstring of a function."""
+"""Test the commands: each is made from the signature and the docstring of a function."""
 
 from __future__ import annotations
 

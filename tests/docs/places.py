@@ -1,4 +1,4 @@
-"""Prepare folders in which the code of the documentation pages is run."""
+"""Prepare folders for the code of the documentation pages."""
 
 from __future__ import annotations
 

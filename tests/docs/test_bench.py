@@ -1,4 +1,4 @@
-"""Test that the benchmark table is the same in a pipe and that its times are comparable."""
+"""Test the benchmark table: equal output in a pipe, and times that are comparable."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_of_the_page_exists(name: str) -> None:
-    own = {"widest"} if name == "docs/contributing.md" else set()  # a command that the page creates
+    own = {"widest"} if name == "docs/contributing.md" else set()  # a command from the page
     refused = [
         message for words in commands(text_of(name)) if words[0] not in own and (message := refusal(words))
     ]

@@ -1,4 +1,4 @@
-"""Test that the random irons of the benchmark of the search obey physics."""
+"""Test the physics of the random irons in the benchmark of the search."""
 
 from __future__ import annotations
 

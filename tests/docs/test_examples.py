@@ -1,4 +1,4 @@
-"""Test that the demo runs and prints the promised results."""
+"""Run the demo and check its results against the promised values."""
 
 from __future__ import annotations
 

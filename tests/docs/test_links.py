@@ -1,4 +1,4 @@
-"""Test that the links of README, docs and examples reach pages, headings and addresses."""
+"""Test the links of README, docs and examples: pages, headings and addresses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the code in the README of each part works."""
+"""Test the code in the README of each part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the program does what the README shows."""
+"""Test the program against the output in the README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the files of the virtual piezo stage and rod are reproducible and their claims hold."""
+"""Test the files and claims of the virtual piezo stage and rod; the files must be reproducible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the bundled bearing agrees with its README."""
+"""Test the bundled bearing against its README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the irons of the examples agree with their README and have reproducible loops."""
+"""Test the irons of the examples against their README, and regenerate and read their loops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the simulated electromagnet agrees with the claims of its README."""
+"""Test the simulated electromagnet against the claims of its README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the bundled solenoid agrees with its README."""
+"""Test the bundled solenoid against its README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the scripts of the stages reproduce the stored loops."""
+"""Run the scripts of the stages and compare the results with the stored loops."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-# Functions of the C library that the firmware may use. A small controller may have no others.
+# Allowed functions of the C library. A small controller may lack all others.
 LIBRARY = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
 
 

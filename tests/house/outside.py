@@ -23,7 +23,7 @@ PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
 
 def written(name: str) -> str:
-    """Return a file that the page shows in one or more pieces."""
+    """Return a file of the page, joined from its pieces."""
     pieces = re.findall(rf"<!-- file: {re.escape(name)} -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S)
     assert pieces, f"docs/contributing.md shows no {name}"
     return "\n\n".join(pieces)
@@ -31,7 +31,7 @@ def written(name: str) -> str:
 
 @cache
 def files() -> tuple[str, ...]:
-    """Return the names of the files of the package that the page shows."""
+    """Return the names of all files in the package of the page."""
     return tuple(dict.fromkeys(re.findall(r"<!-- file: my-lab/(.*?) -->", PAGE)))
 
 

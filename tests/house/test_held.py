@@ -1,4 +1,4 @@
-"""Test that a recorded test is skipped only while all files that it depends on are unchanged."""
+"""Test the record of passed tests: a recorded test runs again if any of its files changes."""
 
 from __future__ import annotations
 

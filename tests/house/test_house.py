@@ -1,4 +1,4 @@
-"""Test that the size metrics only fall, and that ARCHITECTURE.md prints the counted values."""
+"""Test the size metrics: they may only fall, and ARCHITECTURE.md prints the counted values."""
 
 from __future__ import annotations
 

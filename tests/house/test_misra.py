@@ -1,4 +1,4 @@
-"""Test that the MISRA deviations in docs/proofs.md are those found in the shipped C code."""
+"""Compare the MISRA deviations in docs/proofs.md with those found in the shipped C code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the extensions of docs/contributing.md work in all commands, from a law to a board."""
+"""Use the extensions of docs/contributing.md in all commands, from a law to a board."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def run(*arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def found(measured: Path) -> Path:
-    """Return the model file that the command writes."""
+    """Return the model file of the identification."""
     path = measured.with_name("model.toml")
     said = run("identify", measured, "--history", "demagnetised", "--law", "play",
                "--gap-map", "reluctance", "--out", path)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Test that a rig kind is one record that names the functions behind its commands."""
+"""Test rig kinds: each kind is one record that names the functions for its commands."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Test anhyst without features that only Linux has, by imitating Windows and macOS on Linux.
 
-All other packages are imported first, unchanged. Then the test removes the features that the other
-system lacks, and it imports and uses anhyst.
+All other packages are imported first, unchanged. Then the test removes the features that the
+imitated system lacks, and it imports and uses anhyst.
 """
 
 from __future__ import annotations

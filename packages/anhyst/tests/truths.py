@@ -1,7 +1,7 @@
 """Read identified models from files, for tests that start from a model.
 
-``make truths`` identifies all of them again if identification has improved. The module
-``tests.kept_models`` of the rigs does this and measures virtual magnets for some of them.
+``make truths`` identifies these models again after an improvement of the identification. It calls
+``tests.kept_models`` of the rigs, which measures virtual magnets for some models.
 """
 
 from __future__ import annotations

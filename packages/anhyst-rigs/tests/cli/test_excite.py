@@ -1,4 +1,4 @@
-"""Test ``anhyst excite`` and ``anhyst watch`` in the order in which an engineer runs them."""
+"""Test ``anhyst excite`` and ``anhyst watch`` in the order of their use."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from tests.truths import truth
 
 GAP = 1.0e-3
 PINNING = 1.6
-"""Ratio of the pinning of the iron to that of the iron from which the model was identified."""
+"""Ratio of the pinning of this iron to the pinning of the iron in the model."""
 
 QUICK = {"sweep_A_per_s": 4.8, "sample_s": 0.005}
 """Settings of a measurement of a few seconds."""

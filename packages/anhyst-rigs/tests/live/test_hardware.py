@@ -217,7 +217,7 @@ def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path:
 
 
 class HeldArmature:
-    """A bearing with fixed armature at mid-travel, whose currents follow the commands at once."""
+    """A bearing with fixed armature at mid-travel, whose currents follow commands immediately."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         del tick

@@ -41,7 +41,7 @@ def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
 
 
 def loops_of(model: Model, seed: int) -> Loops:
-    """Measure a magnet in one run: major, then minor loops at each gap; keep the last of each."""
+    """Measure a magnet in one run: at each gap, return the last major and the last minor loop."""
     rng = np.random.default_rng(seed)
     loops = []
     ramp = 1.0 - np.abs(np.linspace(-1.0, 1.0, 2 * RAMP, endpoint=False))

@@ -28,7 +28,7 @@ def inverses() -> Mapping[str, ForceController]:
 
 
 def prepared() -> PreparedPiezo:
-    """Return the prepared data from which a bench is opened."""
+    """Return the prepared data for opening a bench."""
     return PreparedPiezo(rig(), (inverses()["single-valued"], inverses()["full"]))
 
 

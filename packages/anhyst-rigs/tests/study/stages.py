@@ -68,7 +68,7 @@ def study() -> TrackingStudy:
 
 
 def training() -> SetPoint:
-    """Set-point from which parameters are estimated."""
+    """Set-point for the estimation of parameters."""
     scan = stage().settings.scan
     return scan_motion(scan, scan.train_m_per_s2)
 

@@ -235,8 +235,8 @@ def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() 
     specimen = read_specimen(STAGE).specimen
     specimen = replace(specimen, gaps=(0.45e-3,))
     (place,) = measure_gaps(specimen).probed_gaps
-    # 10 kg reach 22 m/s2 in 5.5 ms. The force is about proportional to the current squared, half of
-    # 240 N.
+    # The stage (10 kg) reaches 22 m/s2 in 5.5 ms. The force is about proportional to the current
+    # squared; the operating force is 120 N, half of 240 N.
     force = 10.0 * 22.0 / 5.5e-3
     assert place.required_rate == pytest.approx(force * place.operating_current / (2.0 * 120.0), rel=0.25)
     slow = measure_gaps(replace(specimen, fast_rates=(20.0,)))

@@ -96,7 +96,7 @@ def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves()
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["play-cells", "auto"])
 def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
-    """A search that starts only from a Jiles-Atherton law hardly moves and ends at 26 N.
+    """A search that starts only from a Jiles-Atherton law barely moves and ends at 26 N.
 
     That law fits the loops to 0.3 %, but its initial curve is too low by 67 times their width, and
     its tables do not fit into 16 bits. The offset of the force sensor differs from gap to gap.

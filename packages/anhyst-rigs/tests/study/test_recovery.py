@@ -46,8 +46,8 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     found = run_event(ExperimentTrial(bearings.single(variant), 0, event))
     assert found is not None
     assert set(found.figures) == {"excess_peak_m", "excess_s"}
-    # Play cells keep a wrong state until the field has passed over it again, but with a good model
-    # the armature hardly moves.
+    # Play cells keep a wrong state until the field has passed over it again. With a good model, the
+    # armature moves little.
     remembered = event == "wrong initial state" and variant == "full"
     assert (0.0 if remembered else MIN_EXCESS_BAND_M) < found.figures["excess_peak_m"] < RECOVERY_BAND_M
     least, most = (0.0, 0.1) if remembered else (0.002, 0.03)

@@ -55,7 +55,7 @@ class Eddy(NamedTuple):
     e : float
         Coefficient of ``B/mu0``, dimensionless.
     memory : float
-        Known part, from the sample before, A/m.
+        Known part from the previous sample, A/m.
     """
 
     e: float
@@ -76,7 +76,7 @@ def backward_euler(gamma: float, dt: float, b0: float) -> Eddy:
     dt : float
         Time step, s.
     b0 : float
-        Flux density of the sample before, T.
+        Flux density of the previous sample, T.
 
     Returns
     -------
@@ -96,9 +96,9 @@ def trapezoid(gamma: float, dt: float, b0: float, rate0: float) -> Eddy:
     dt : float
         Time step, s.
     b0 : float
-        Flux density of the sample before, T.
+        Flux density of the previous sample, T.
     rate0 : float
-        ``dB/dt`` of the sample before, T/s.
+        ``dB/dt`` of the previous sample, T/s.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def voltage_drive(
     Parameters
     ----------
     voltage : float
-        Voltage over the winding, V.
+        Voltage across the winding, V.
     c_h : float
         Field per current, 1/m.
     resistance : float
@@ -134,9 +134,9 @@ def voltage_drive(
     Returns
     -------
     drive : float
-        What stands for ``c_H*I``, A/m.
+        Equivalent of ``c_H*I``, A/m.
     eddy : Eddy
-        What stands for the eddy currents.
+        Equivalent of the eddy currents.
     """
     factor = c_h * flux_per_tesla / resistance
     total = Eddy(eddy.e + factor * rate.e, eddy.memory + factor * rate.memory)
@@ -153,7 +153,7 @@ def forward_use(alpha: float, drive: float, rho: float = 0.0, eddy: Eddy = NO_ED
     drive : float
         Field, or ``c_H*I`` through a gap, A/m.
     rho : float, optional
-        Reluctance of the gap over that of the iron path filled with air, dimensionless.
+        Ratio of the gap reluctance to that of the iron path filled with air, dimensionless.
     eddy : Eddy, optional
         Eddy currents.
 
@@ -185,7 +185,7 @@ def inverse_use(alpha: float, b: float) -> Use:
 
 
 def refuse(law: Operator, omega: float) -> None:
-    """Raise `InputError` where even the reversible part would jump, ``-w*c*A > 1``.
+    """Raise `InputError` if even the reversible part would jump, ``-w*c*A > 1``.
 
     Parameters
     ----------
@@ -224,17 +224,17 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
     omega : float
         Weight of the magnetisation, ``w*M_s/a``.
     r : float
-        Right side over the shape field, ``r/a``.
+        Right side relative to the shape field, ``r/a``.
 
     Returns
     -------
     LawStep
-        The candidate. Committing it is to go on from its ``state``.
+        The trial step. To commit it, continue from its ``state``.
 
     Raises
     ------
     InputError
-        If the set must be refused, see :func:`refuse`, or `r` is not finite.
+        If the parameters are rejected, see :func:`refuse`, or `r` is not finite.
 
     Notes
     -----

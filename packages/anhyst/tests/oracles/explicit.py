@@ -112,7 +112,7 @@ class ExplicitForm:
         Parameters
         ----------
         b : array_like, shape (n,)
-            Flux density, T; the first sample is where it starts.
+            Flux density, T; the first sample is the start.
         scheme : {"euler", "rk4"}, optional
             Scheme, one step a sample.
         m0 : float, optional
@@ -121,7 +121,7 @@ class ExplicitForm:
         Returns
         -------
         ndarray, shape (n,)
-            Field, A/m; infinite or not a number where the scheme diverged.
+            Field, A/m; infinite or NaN if the scheme diverged.
         """
         given = np.asarray(b, dtype=np.float64)
         m = np.array(integrate(self.inverse_rate, given, m0, scheme))
@@ -133,7 +133,7 @@ class ExplicitForm:
         Parameters
         ----------
         h : array_like, shape (n,)
-            Field, A/m; the first sample is where it starts.
+            Field, A/m; the first sample is the start.
         scheme : {"euler", "rk4"}, optional
             Scheme, one step a sample.
         m0 : float, optional

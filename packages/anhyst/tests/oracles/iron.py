@@ -26,7 +26,7 @@ LawName = Literal["effective-field", "jiles-atherton-1986"]
 
 
 class SolvedSample(NamedTuple):
-    """A solved sample that nobody has committed yet.
+    """Trial step: a solved sample that is not committed yet.
 
     Attributes
     ----------
@@ -131,12 +131,12 @@ class Iron:
     def solve_forward(
         self, state: LawState, drive: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
     ) -> SolvedSample:
-        """Return the candidate that the drive leads to.
+        """Return the trial step for a drive.
 
         Parameters
         ----------
         state : LawState
-            State of the sample before.
+            State of the previous sample.
         drive : float
             Field, or ``c_H*I`` through the gap, A/m.
         rho : float, optional
@@ -155,7 +155,7 @@ class Iron:
     def solve_inverse(
         self, state: LawState, b: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
     ) -> SolvedSample:
-        """Return the candidate whose flux density is `b` (T), and the drive it needs.
+        """Return the trial step for a flux density `b` (T), with its drive.
 
         Parameters are those of :meth:`solve_forward`.
         """

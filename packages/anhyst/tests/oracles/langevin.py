@@ -40,7 +40,7 @@ def _fraction(t: Number) -> Number:
 
 
 def langevin_scalar(z: float) -> float:
-    """Return :func:`langevin` of one float, without the overhead of arrays."""
+    """Return :func:`langevin` of a float, without the overhead of arrays."""
     size = abs(z)
     if size < _SWITCH:
         return z / _fraction(z * z)
@@ -49,7 +49,7 @@ def langevin_scalar(z: float) -> float:
 
 
 def langevin_slope_scalar(z: float) -> float:
-    """Return :func:`langevin_slope` of one float, without the overhead of arrays."""
+    """Return :func:`langevin_slope` of a float, without the overhead of arrays."""
     size = abs(z)
     if size < _SWITCH:
         q = _fraction(z * z)
@@ -59,7 +59,7 @@ def langevin_slope_scalar(z: float) -> float:
 
 
 def inverse_langevin_scalar(y: float) -> float:
-    """Return :func:`inverse_langevin` of one float, without the overhead of arrays."""
+    """Return :func:`inverse_langevin` of a float, without the overhead of arrays."""
     if abs(y) >= 1.0:
         return float(inverse_langevin(y))
     z = y * (3.0 - y * y) / (1.0 - y * y)

@@ -32,14 +32,14 @@ class LinearAnhysteretic:
     """The simplified law, in physical units.
 
     It is also an operator for :func:`tests.oracles.equation.solve`, with ``M_s = a = 1``: then
-    ``omega`` is ``w`` and ``r`` in A/m, and the state holds ``x`` and ``M_irr`` in A/m.
+    ``omega`` is ``w`` and ``r`` in A/m, and the state contains ``x`` and ``M_irr`` in A/m.
 
     Parameters
     ----------
     k1 : float
         Slope of the anhysteretic curve ``K_1 > 0`` (eq. 20), dimensionless.
     k2 : float
-        Its offset ``K_2``, A/m (eq. 19). Where it is not zero odd symmetry is lost.
+        Its offset ``K_2``, A/m (eq. 19). If it is not zero, the law is not odd.
     k : float
         Pinning field ``k > 0``, A/m.
     c : float

@@ -6,16 +6,16 @@ from typing import NamedTuple, Protocol
 
 
 class LawState(NamedTuple):
-    """Everything a law remembers, in units that do not depend on the parameter set.
+    """State of a law in units that do not depend on the parameter set.
 
     Attributes
     ----------
     x : float
-        Effective field over the shape field, ``H_e/a``.
+        Effective field relative to the shape field, ``H_e/a``.
     y : float
-        Irreversible magnetisation over saturation, ``M_irr/M_s``.
+        Irreversible magnetisation relative to saturation, ``M_irr/M_s``.
     p : float
-        Position of the play over the shape field, ``x_p/a``; equal to `x` without play.
+        Position of the play relative to the shape field, ``x_p/a``; equal to `x` without play.
     """
 
     x: float
@@ -28,14 +28,14 @@ DEMAGNETISED = LawState(0.0, 0.0, 0.0)
 
 
 class LawStep(NamedTuple):
-    """Where a law arrives when the effective field moves to a new value.
+    """Result of a straight change of the effective field to a new value.
 
     Attributes
     ----------
     state : LawState
         The new state.
     m : float
-        Magnetisation over saturation there, ``M/M_s``.
+        Magnetisation relative to saturation in this state, ``M/M_s``.
     slope : float
         Slope of `m` against the new effective field, ``(a/M_s)*dM/dx``.
     """

@@ -19,7 +19,7 @@ class Preisach:
     low, high : float
         Range of the input. Every relay is down before a record.
     levels : int
-        Number of levels over the range.
+        Number of levels in the range.
     """
 
     low: float

@@ -70,7 +70,7 @@ class SteadyBranch:
     Parameters
     ----------
     kappa : float
-        Pinning field over shape field, ``k/a > 0``.
+        Pinning field relative to the shape field, ``k/a > 0``.
     """
 
     def __init__(self, kappa: float) -> None:
@@ -89,11 +89,11 @@ class SteadyBranch:
         return _clenshaw(self._panels[panel], 2.0 * (place - panel) - 1.0)
 
     def _below(self, x: float) -> float:
-        """Return the branch where the Langevin function is ``-1 - 1/x``."""
+        """Return the branch in the range where the Langevin function is ``-1 - 1/x``."""
         return -1.0 + _scaled_exp1(-x / self.kappa) / self.kappa
 
     def _above(self, x: float) -> float:
-        """Return the branch where the Langevin function is ``1 - 1/x``."""
+        """Return the branch in the range where the Langevin function is ``1 - 1/x``."""
         fade = math.exp(-(x - _EDGE) / self.kappa)
         hyperbola = _scaled_expi(x / self.kappa) - fade * _scaled_expi(_EDGE / self.kappa)
         return 1.0 + (self._upper - 1.0) * fade - hyperbola / self.kappa

@@ -78,8 +78,8 @@ def test_noise_of_one_percent_of_k_halves_hysteresis_in_about_a_hundred_samples(
 @pytest.mark.parametrize("alpha", [-2e-3, 0.0, 5e-4])
 def test_play_of_four_to_five_times_the_noise_cures_the_creep(alpha: float) -> None:
     plain = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=alpha)
-    # The input of the play is the effective field: with a fixed play, the noise is 1/(1 -
-    # alpha*c*A) larger.
+    # The input of the play is the effective field. With a fixed play, its noise is the field noise
+    # times 1/(1 - alpha*c*A).
     stretch = 1.0 / (1.0 - alpha * plain.c * plain.m_s / (3.0 * plain.a))
     for factor in (4.0, 5.0):
         r_d = factor * stretch * NOISE * plain.k
