@@ -29,8 +29,7 @@ AROUND: dict[str, dict[str, Parameter]] = {
     "reluctance": {"c_H": 9000.0, "rho": (0.004, 0.0053, 0.008)},
     "circuit": {"alpha": 0.002, "c_H": 2000.0, "rho": (0.0012, 0.002, 0.004)},
 }
-"""With ``circuit`` and a small gap, the coupling exceeds the reluctance (negative flux
-coefficient)."""
+"""With ``circuit`` and a small gap, the coupling exceeds the reluctance: negative coefficient."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Test the loops below the live loop: measured samples, thinned, and the model's output."""
+"""Test the background curves of the loop view: measured loops, thinned, and the model's loops."""
 
 from __future__ import annotations
 

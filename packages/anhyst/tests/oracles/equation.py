@@ -1,6 +1,6 @@
 """One scalar equation for every use of a law: ``x + w*M(x) = r``.
 
-The uses differ in ``w`` and ``r`` alone. With ``R = rho + e``, ``e`` the eddy coefficient:
+The uses differ only in ``w`` and ``r``. With ``R = rho + e`` and the eddy coefficient ``e``:
 
 ======================================== ========================= ===============================
 use                                      w                         r
@@ -11,7 +11,7 @@ forward through the gap, current given   ``R/(1 + R) - alpha``     ``(c_H*I + me
 inverse through the gap                  ``1 - alpha``             ``B/mu0``
 ======================================== ========================= ===============================
 
-after which the field is ``H = x - alpha*M`` and the drive through the gap
+The field is then ``H = x - alpha*M``, and the drive through the gap is
 ``c_H*I = H + rho*B/mu0 + e*B/mu0 - memory``. The gap reluctance ratio is ``rho``; the eddy field
 ``gamma*dB/dt`` is discretised as ``e*B/mu0 - memory``.
 """
@@ -114,7 +114,7 @@ def voltage_drive(
     """Return the drive and the eddy term that turn a current drive into a voltage drive.
 
     From ``u = R_c*I + N*S*dB/dt`` follows ``c_H*I = c_H*u/R_c - (c_H*N*S/R_c)*dB/dt``: the winding
-    acts like one more eddy current.
+    acts like an additional eddy current.
 
     Parameters
     ----------

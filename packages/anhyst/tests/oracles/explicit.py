@@ -30,7 +30,7 @@ Rate = Callable[[float, float, float], float]
 
 
 def integrate(rate: Rate, given: FloatArray, m0: float, scheme: Scheme) -> list[float]:
-    """Return the magnetisation after each step of an explicit scheme, one step a sample.
+    """Return the magnetisation after each step of an explicit scheme, one step per sample.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class ExplicitForm:
         b : array_like, shape (n,)
             Flux density, T; the first sample is the start.
         scheme : {"euler", "rk4"}, optional
-            Scheme, one step a sample.
+            Scheme, one step per sample.
         m0 : float, optional
             Magnetisation at the first sample, A/m.
 
@@ -135,7 +135,7 @@ class ExplicitForm:
         h : array_like, shape (n,)
             Field, A/m; the first sample is the start.
         scheme : {"euler", "rk4"}, optional
-            Scheme, one step a sample.
+            Scheme, one step per sample.
         m0 : float, optional
             Magnetisation at the first sample, A/m.
 

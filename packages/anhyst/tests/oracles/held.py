@@ -31,7 +31,7 @@ class OracleSensor:
         self._value: float | None = None  # output of the low-pass filter
 
     def read(self, value: float, noise: float) -> float:
-        """Return the reading of a value that was constant for a tick, or always on the first call."""
+        """Return the reading of a value that was constant for a tick; it starts in steady state."""
         value *= self._numbers["gain"]
         before = value if self._value is None else self._value
         self._value = before + self._numbers["share"] * (value - before)

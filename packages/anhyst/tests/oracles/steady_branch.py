@@ -1,12 +1,12 @@
-"""The steady ascending branch: the irreversible part after a rise from far below.
+"""The steady ascending branch: the irreversible part after a rise from a very low field.
 
 In the effective field the irreversible part lags the anhysteretic curve by the distance ``kappa``,
 
     kappa * A_up'(x) = L(x) - A_up(x),      A_up(x) = integral_0^inf L(x - kappa*s) * exp(-s) ds.
 
-Beyond ``|x| = 30`` the Langevin function is ``sign(x) - 1/x`` to rounding and the integral is
-known in exponential integrals. In between the equation is solved by Chebyshev collocation, panel
-by panel from the lower end.
+For ``|x| > 30`` the Langevin function is ``sign(x) - 1/x`` to rounding, and exponential integrals
+give the solution. For smaller ``|x|``, Chebyshev collocation solves the equation panel by panel
+from the lower end.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def test_closed_form_does_not_depend_on_how_the_path_is_cut() -> None:
 
 
 def explicit_errors(scheme: Scheme, samples: int) -> tuple[float, float]:
-    """Return largest forward error relative to ``M_s`` and inverse error to the largest field."""
+    """Return the largest errors: forward relative to ``M_s``, inverse relative to the field."""
     h = np.concatenate([[0.0], sine(400.0, samples, cycles=2)])
     b = np.concatenate([[0.0], SHEET.forward(h[1:])[0]])
     with np.errstate(all="ignore"):

@@ -11,7 +11,7 @@ from anhyst.support.numeric import FloatArray
 
 NUMBERS = np.array([3e4, 50.0, 3e5, 40.0, 20.0, 1.5, 1e5, 120.0, 80.0, 2.0])
 OMEGA, DRIVE = 0.01, 0.012
-"""By these, and by a factor of the drive, is differentiated too."""
+"""Scales of omega and of the drive; derivatives with respect to both are tested too."""
 BEGINS = np.zeros(1, dtype=np.int64)
 
 
