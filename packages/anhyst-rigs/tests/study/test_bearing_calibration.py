@@ -1,4 +1,4 @@
-"""Test the calibration of a bearing from its motion: recordings, rejections, and the gain."""
+"""Test the calibration of a bearing from its motion: recordings, rejections, and the benefit."""
 
 from __future__ import annotations
 

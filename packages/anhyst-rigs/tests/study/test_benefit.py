@@ -1,4 +1,4 @@
-"""Test the benefit map: measured magnets, paired seeds, and its marks."""
+"""Test the benefit map: measured magnets, paired noise seeds, and labels of the cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the firmware levitates the bearing as simulated, bit for bit, and its faults."""
+"""Test that the firmware levitates the bearing as in simulation, bit for bit, and handles faults."""
 
 from __future__ import annotations
 

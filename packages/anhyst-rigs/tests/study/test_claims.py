@@ -1,4 +1,4 @@
-"""Test the aims of compensation with the bundled bearing; benchmarks/bearing.py has the table."""
+"""Test the accuracy targets of compensation with the bundled bearing (see benchmarks/bearing.py)."""
 
 from __future__ import annotations
 

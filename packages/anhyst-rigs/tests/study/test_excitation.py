@@ -1,4 +1,4 @@
-"""Test the design of the shortest calibration move of a stage, and its gain."""
+"""Test the design of the shortest calibration move of a stage, and the benefit of the move."""
 
 from __future__ import annotations
 

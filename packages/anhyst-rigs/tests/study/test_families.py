@@ -112,7 +112,7 @@ def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
 
 @pytest.mark.slow
 def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -> None:
-    """Hysteresis can damp: a drive without a hysteresis model then overshoots less."""
+    """Hysteresis can damp: a curve as model overshoots less than a loop without hysteresis."""
     soft = change_iron(rig_of("cells"), None, 0.02)
     known = identify_magnet(measure_loops(soft), IdentifyTable(law="effective-field"))
     alone = make_setup(soft, bearings.controller().settings, known, "single-valued", "fixed")

@@ -1,4 +1,4 @@
-"""Test a measured sensitivity against a known one, and its zones."""
+"""Test the measured sensitivity of a known linear loop, and its margin zones."""
 
 from __future__ import annotations
 

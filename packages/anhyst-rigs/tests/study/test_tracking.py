@@ -1,4 +1,4 @@
-"""Test a stage that follows set-points: its loop, and the gain of compensation."""
+"""Test a stage that follows set-points: its control loop, and the benefit of compensation."""
 
 from __future__ import annotations
 

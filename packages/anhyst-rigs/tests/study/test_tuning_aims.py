@@ -1,4 +1,4 @@
-"""Test that gains within all limits cost less than others, and that lost bodies cost most."""
+"""Test the tuning cost: gains within all limits cost less than others, and lost bodies cost most."""
 
 from __future__ import annotations
 

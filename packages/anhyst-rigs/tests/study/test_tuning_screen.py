@@ -1,4 +1,4 @@
-"""Test that the screen of many gains equals the linear loop of each set of gains."""
+"""Test that the fast screening of many sets of gains agrees with the linear loop of each set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test the trial of one set of gains in the nonlinear loop: metrics, and early stops."""
+"""Test the simulation of one set of gains in the nonlinear loop: metrics, and early termination."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ one bounded state ``u = (M_an - M_irr)/(k*K_1)`` in [-1, 1]. With ``b = B/mu0``,
 
     H = h1*b + h0 + h2*u,   h1 = (1 - alpha*K_1)/lam,  h0 = -K_2/lam,  h2 = (1 - c)*K_1*k/lam,
 
-and over a step of ``S = beta*|db|`` in the direction of travel ``v = 1 - sign(db)*u`` runs down by
+and over a step of ``S = beta*|db|`` in the direction of travel ``v = 1 - sign(db)*u`` decreases by
 ``ln v1 - nu*v1 = ln v - nu*v - S``, which the Lambert function solves.
 """
 

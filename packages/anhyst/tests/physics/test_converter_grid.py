@@ -95,7 +95,7 @@ def test_a_standing_demand_on_a_converters_grid_moves_nothing(play: float, bits:
             memories.append(core.memory.tolist())
         if play:
             assert memories[-1] == memories[20]
-        else:  # without a dead band the field may alternate by a few codes
+        else:  # without a dead band the field may alternate by 2e-6
             settled = np.array(memories[20:])
             assert np.ptp(settled, axis=0).max() < 2e-6 * 2**30
             assert np.ptp(settled[:, 1]) == 0  # the irreversible part is constant
