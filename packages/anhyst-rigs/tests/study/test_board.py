@@ -1,4 +1,4 @@
-"""Test that the firmware levitates the bearing as in simulation, bit for bit, and handles faults."""
+"""Test that the firmware levitates the bearing exactly as simulated, and handles faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Test the accuracy targets of compensation with the bundled bearing (see benchmarks/bearing.py)."""
+"""Test the accuracy targets of compensation with the bundled bearing.
+
+The script benchmarks/bearing.py makes the complete table.
+"""
 
 from __future__ import annotations
 

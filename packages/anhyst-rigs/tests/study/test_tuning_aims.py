@@ -1,4 +1,4 @@
-"""Test the tuning cost: gains within all limits cost less than others, and lost bodies cost most."""
+"""Test the tuning cost: low for gains within all limits, highest for lost bodies."""
 
 from __future__ import annotations
 
