@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-# No test has a time limit, because the machine may be busy. Hypothesis uses the same examples
-# everywhere, so that a test that passed on one machine passes on another. `make fuzz` uses other
-# examples in each run.
+# Hypothesis has no deadline, because the machine may be busy. It uses the same examples everywhere,
+# so that a test that passed on one machine passes on another. `make fuzz` uses other examples in
+# each run.
 settings.register_profile(
     "same",
     deadline=None,

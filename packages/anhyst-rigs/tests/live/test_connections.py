@@ -60,7 +60,7 @@ def test_page_loads_beside_half_open_connections(serve: Serve, said: bytes) -> N
     with half_open(served, 200, said) as lines:
         assert seconds_to_answer(served) < ANSWERED_S
         time.sleep(MIN_WAIT_S)
-        get(served)  # a new connection causes the oldest to be closed
+        get(served)  # a new connection closes the oldest waiting ones
         wait_for(lambda: count_open(lines) <= MAX_WAITING)
         with meet(served) as line:
             assert next_message(line, "bench")["you"] == 1

@@ -275,7 +275,7 @@ SLOW = {
 
 @pytest.mark.slow
 def test_a_slow_lift_off_is_waited_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Force rises in 1.5 s, position in 1 s: much slower than the example, but not an error."""
+    """A lift-off that is much slower than that of the example is not an error."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ())
     change(folder / "controller.toml", SLOW)
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
@@ -322,7 +322,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
 def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A load step beyond the largest force: the run of steps succeeds, later runs fail."""
+    """A load step is beyond the largest force: the runs of steps succeed, those of load steps fail."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     change(folder / "rig.toml", {"forces_N = [20.0]": "forces_N = [147.0]"})
     out = folder / "out"
