@@ -1,4 +1,4 @@
-"""Test that the compiled controller of a stage repeats the simulated flight without f64."""
+"""Compare the compiled controller of a stage with the simulated flight, without f64."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ EXAMPLES = ROOT / "examples"
 
 
 FORMATS: list[tuple[NumberFormat, NumberFormat]] = [("f32", "f32"), ("fixed", "f32"), ("fixed", "fixed")]
-"""Number formats: of the magnets, and of pose, PIDs and allocation."""
+"""Number formats of the magnets, and of pose, PIDs and allocation."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Test that the compiled position controller equals the simulated one bit for bit."""
+"""Compare the compiled position controller with the simulated one, bit for bit."""
 
 from __future__ import annotations
 

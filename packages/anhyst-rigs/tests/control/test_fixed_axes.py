@@ -31,7 +31,7 @@ UNIT = 8.0 * FORCE / FULL
 
 
 def drawn(rng: np.random.Generator) -> DriveLayout | None:
-    """Return random drives, some in pairs; None if they do not act well on all axes."""
+    """Return random drives, some in pairs, or None if they do not act well on all axes."""
     axes, count = int(rng.integers(1, 7)), int(rng.integers(2, 15))
     pull = rng.uniform(-1.0, 1.0, (count, axes))
     against = list(range(count))

@@ -1,4 +1,4 @@
-"""Test from command line to page that the report shows the computed results."""
+"""Run a simulation from the command line and compare its results with the report."""
 
 from __future__ import annotations
 

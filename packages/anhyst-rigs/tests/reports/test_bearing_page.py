@@ -1,4 +1,4 @@
-"""Test that the simulation report shows its inputs, needs no other file, and is readable."""
+"""Test the simulation report: it shows its inputs, uses only one file, and is readable."""
 
 from __future__ import annotations
 

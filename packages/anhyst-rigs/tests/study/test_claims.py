@@ -54,7 +54,7 @@ def test_full_overshoots_at_most_half_as_much_as_ratio(fraction: float) -> None:
 
 @pytest.mark.slow
 def test_steps_arrive() -> None:
-    """The test checks settling and the error that remains after it, because the paper reports both."""
+    """Check settling and the error that remains after it, because the paper reports both."""
     for cell in cells("full", "fixed", 0.15):
         assert abs(cell.figures["steady_error_m"].mean) < 20e-9
         assert 0.0 < cell.figures["rise_time_s"].mean < 10e-3

@@ -322,7 +322,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
 def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A load step is beyond the largest force: the runs of steps succeed, those of load steps fail."""
+    """A load step exceeds the largest force: runs of steps succeed, runs of load steps fail."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     change(folder / "rig.toml", {"forces_N = [20.0]": "forces_N = [147.0]"})
     out = folder / "out"

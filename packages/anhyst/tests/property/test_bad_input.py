@@ -1,4 +1,4 @@
-"""Test that reading any file content either succeeds or gives an error about the content."""
+"""Read files with any content: reading succeeds or gives an error about the content."""
 
 from __future__ import annotations
 

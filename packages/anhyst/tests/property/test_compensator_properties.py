@@ -1,4 +1,4 @@
-"""Test that the memory of a controller remains valid for any inputs."""
+"""Test the memory of a controller: it remains valid for any inputs."""
 
 from __future__ import annotations
 

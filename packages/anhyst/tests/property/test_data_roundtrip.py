@@ -1,4 +1,4 @@
-"""Test that written data are read back unchanged, for any names, units and numbers."""
+"""Write data and read them back unchanged, for any names, units and numbers."""
 
 from __future__ import annotations
 

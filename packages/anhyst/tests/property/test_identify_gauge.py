@@ -1,4 +1,4 @@
-"""Test that the choice of gauge changes parameters, but never outputs."""
+"""Test the gauge of a model: its choice changes parameters, but never outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that the residual of a fit is classified as noise, or otherwise by its shape."""
+"""Test the classification of a fit's residual as noise or by its shape."""
 
 from __future__ import annotations
 

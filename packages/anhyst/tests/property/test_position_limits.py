@@ -1,4 +1,4 @@
-"""Test that a position controller keeps its currents within their limits for any inputs."""
+"""Test the current limits of a position controller for any inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test that a block swap changes the current by at most the difference of the two models."""
+"""Test block swaps: the current changes by at most the difference of the two models."""
 
 from __future__ import annotations
 
