@@ -1,4 +1,4 @@
-"""Fixtures shared by all tests; and, for a machine nobody watches, skips that count as failures."""
+"""Provide the fixtures of all tests, and turn skipped tests into failures if that is requested."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-# Time decides no test: a machine may be busy. The same examples are drawn everywhere, so that a
-# test that passed here passes elsewhere; `make fuzz` draws others each time.
+# Hypothesis has no deadline, because the machine may be busy. It uses the same examples everywhere,
+# so that a test that passed on one machine passes on another. `make fuzz` uses other examples in
+# each run.
 settings.register_profile(
     "same",
     deadline=None,
@@ -23,21 +24,21 @@ settings.register_profile(
 )
 settings.load_profile("same")
 
-# Cores are kept busy by workers, each with one test; set before anything imports numpy.
+# Each test worker already uses a core. The limit is set before any import of numpy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# Tests start Python hundreds of times: it is not to compile all sources each time.
+# Tests start Python hundreds of times. Each start would otherwise compile all sources again.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 ROOT = Path(__file__).resolve().parent
 
-# Processes that tests start find the helpers of all parts too (pythonpath in pyproject.toml).
+# Processes that tests start also find the test helpers of all parts (pythonpath in pyproject.toml).
 FOLDERS = (ROOT, *sorted((ROOT / "packages").glob("*")))
 os.environ["PYTHONPATH"] = os.pathsep.join(map(str, FOLDERS))
 
-# A shell that runs the tests in the background lets them ignore ctrl-C, and their children too.
+# A shell that runs the tests in the background lets them and their child processes ignore Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 NO_MEASUREMENTS = "real measurements are not here: set ANHYST_DATA to their folder"
@@ -46,7 +47,7 @@ HELD = "as recorded in tests/held.toml"
 
 @pytest.fixture(scope="session")
 def measurements() -> Path:
-    """Folder of real measurements; tests that need it skip where it is absent."""
+    """Folder of real measurements. A test that needs the folder is skipped if it does not exist."""
     folder = Path(os.environ.get("ANHYST_DATA", ROOT.parent / "shared" / "data"))
     if not folder.is_dir():
         pytest.skip(NO_MEASUREMENTS)
@@ -55,7 +56,7 @@ def measurements() -> Path:
 
 @pytest.fixture(scope="session")
 def cases() -> Path:
-    """Folder of measurement files that strangers brought; tests skip where it is absent."""
+    """Folder of measurement files from other users. A test is skipped if it does not exist."""
     folder = ROOT.parent / "shared" / "cases" / "files"
     if not folder.is_dir():
         pytest.skip(NO_MEASUREMENTS)
@@ -69,19 +70,19 @@ PACKAGES = {
     "cc": "gcc libc6-dev",
     "clang": "clang libclang-rt-dev",
 }
-"""What to install for a program or a header, where the package has another name."""
+"""Packages to install for a program or a header whose package has another name."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what needs a program or a file that is not here, before anything is made for it."""
+    """Skip a test before its fixtures are made if a required program or file is not installed."""
     for name in (name for mark in item.iter_markers("needs") for name in mark.args):
         if not (Path(name).exists() if name.startswith("/") else shutil.which(name)):
             pytest.skip(f"{name} is not installed: apt install {PACKAGES.get(name, name)}")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Honour or write the record of what held where ANHYST_HELD says so."""
+    """Use or write the record of passed tests if the variable ANHYST_HELD is set."""
     if mode := os.environ.get("ANHYST_HELD"):
         from tests.held import Held
 
@@ -89,7 +90,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a test marked ``first(n)``, mark the cases after the first n as slow."""
+    """Mark the cases of a test after the first n as slow if the test is marked ``first(n)``."""
     seen: Counter[str] = Counter()
     for item in items:
         if mark := item.get_closest_marker("first"):
@@ -100,7 +101,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def refuse_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
-    """With ANHYST_NO_SKIP=1, fail what was skipped; absent measurements and what held may be."""
+    """Fail a skipped test if ANHYST_NO_SKIP=1, except absent measurements and recorded tests."""
     if os.environ.get("ANHYST_NO_SKIP") != "1" or not report.skipped or hasattr(report, "wasxfail"):
         return
     reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)

@@ -1,10 +1,10 @@
-"""Tests that depend on a few folders alone stand on record while nothing in these has changed.
+"""Skip tests that passed before with the same sources, according to a record.
 
-What the C alone decides (its claims under sanitizers, the faults seeded into it, builds for other
-systems) cannot change with the Python around it. Such a test is marked ``depends`` with the files
-and folders that it is made from. With ANHYST_HELD=record (`make held`, `make test-all`) those that
-pass are recorded in tests/held.toml, each with a hash over these; with ANHYST_HELD=1 (.ci/run)
-those whose hash is still the recorded one are skipped. Otherwise all of them run.
+Some tests depend only on C sources: claims under sanitizers, seeded faults, builds for other
+systems. Such a test is marked ``depends`` with the files and folders that it uses. With
+ANHYST_HELD=record (`make held`, `make test-all`) all tests run, and each marked test that passes is
+recorded in tests/held.toml with a hash over its files. With ANHYST_HELD=1 (.ci/run) a test is
+skipped if its hash equals the recorded one. Otherwise all tests run.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ HEAD = """\
 REASON = "it passed with the same sources, as recorded in tests/held.toml"
 
 EVERY = ("pyproject.toml", "conftest.py", "tests/held.py", "tests/once.py")
-"""What every test depends on: how tests are run, and what they share."""
+"""Files that every test depends on: how tests are run, and the helpers that they share."""
 
 TOOLS = ("cc", "clang", "ld", "qemu-aarch64")
 PACKAGES = ("cmake", "ninja", "ziglang")
@@ -41,7 +41,7 @@ HASH = pytest.StashKey[str]()
 
 @cache
 def surroundings() -> list[str]:
-    """Return the versions of what builds and runs C here, and what the processor can."""
+    """Return versions of the tools that build and run C here, and features of the processor."""
     from anhyst._core import _native
 
     said = [f"{name} {importlib.metadata.version(name)}" for name in PACKAGES]
@@ -52,11 +52,11 @@ def surroundings() -> list[str]:
 
 
 def content_hash(paths: Iterable[str], root: Path = ROOT) -> str:
-    """Return a hash over the contents of files and folders, and over what builds them here."""
+    """Return a hash over files and folders, and over the build tools of this machine."""
     digest = hashlib.sha256(json.dumps(surroundings()).encode())
     for path in sorted({*paths, *EVERY}):
         inside = [root / path]
-        if (root / path).is_dir():  # a README there decides nothing
+        if (root / path).is_dir():  # a README does not affect a test
             inside = [one for one in sorted((root / path).rglob("*")) if one.suffix != ".md"]
         for file in inside:
             if file.is_file() and "__pycache__" not in file.parts:
@@ -66,13 +66,13 @@ def content_hash(paths: Iterable[str], root: Path = ROOT) -> str:
 
 
 def hash_of(item: pytest.Item) -> str:
-    """Return the hash of what a marked test depends on: what it names, and its own file."""
+    """Return the hash over the files that a marked test names, and over the test's file."""
     named = {path for mark in item.iter_markers("depends") for path in mark.args}
     return content_hash({*named, str(item.path.relative_to(ROOT))})
 
 
 class Held:
-    """The plugin: in each worker what is skipped and what passed, in the first process the record."""
+    """Plugin that skips recorded tests and reports passed ones; one process writes the record."""
 
     def __init__(self, *, recording: bool) -> None:
         self.recording = recording
@@ -102,7 +102,7 @@ class Held:
 
     @staticmethod
     def is_unmoved(item: pytest.Item) -> bool:
-        """Tell whether no editor was at what a test depends on while it ran."""
+        """Whether the files that a test depends on did not change while it ran."""
         return hash_of(item) == item.stash[HASH]
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:

@@ -1,4 +1,4 @@
-"""What is slow to make, made once however many workers share the tests."""
+"""Create a slow test resource once for all workers of a test run."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import pytest
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
-    """Return a folder of this test run that was filled by whichever worker came first.
+    """Return a folder that the first worker to request it has filled for the whole test run.
 
     Parameters
     ----------
     factory : TempPathFactory
-        The run's own.
+        Factory of the test run.
     name : str
-        Of the folder; what it holds must depend on nothing else.
+        Name of the folder. Its content must depend on nothing else.
     make : callable
-        Fills the empty folder. The other workers wait, and then read only. If it fails, the next
-        worker that asks tries again.
+        Fills the empty folder. The other workers wait and then only read. If it fails, the next
+        worker that requests the folder tries again.
 
     Returns
     -------
@@ -31,7 +31,7 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
     """
     base = factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
-        base = base.parent  # a worker's own folder lies in that of the run
+        base = base.parent  # the folder of a worker is in the folder of the test run
     folder, whole = base / name, base / f"{name}.whole"
     with (base / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -1,4 +1,4 @@
-"""A page of a report, taken apart."""
+"""Parse a report page for tests."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a refusal is: ``no-such-file``, ``out-of-range --rate``, ``not-finite F_N: a.csv; line 4``.
+"""Check errors by code, such as ``out-of-range --rate`` or ``not-finite F_N: a.csv; line 4``.
 
-That is the code of an error; then its key, if that matters; then, after a colon, what its text must
-hold, such as a file and a line. How it is worded stands in messages.toml alone.
+The first word is the code of the error. Its key may follow. After a colon come the parts that the
+text of the error must contain, such as a file and a line. Only messages.toml has the full wording.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def in_commands(error: Exception) -> str:
 def refused(
     what: str, error: type[InputError | NegativeResult] = InputError
 ) -> Iterator[pytest.ExceptionInfo[Any]]:
-    """Check that a block ends with an error of this code, and of this key."""
+    """Check that a block raises an error with this code, and with this key if one is given."""
     with pytest.raises(error) as caught:
         yield caught
     code, key, held = _parts(what)
@@ -45,7 +45,7 @@ def refused(
 
 
 def says(said: str, what: str) -> bool:
-    """Whether a line that a command printed is how this refusal is worded."""
+    """Whether a line of a command's output has the wording of this error."""
     code, key, held = _parts(what)
     return any(
         all(part in line for part in (key, *held)) and any(one.search(line) for one in _wordings(code))
@@ -61,7 +61,7 @@ def _parts(what: str) -> tuple[str, str, list[str]]:
 
 @cache
 def _wordings(code: str) -> list[re.Pattern[str]]:
-    """Patterns for what an error of this code says, whatever stands before and behind it."""
+    """Return patterns for the wordings of this error code, with any text before and after."""
     texts = tomllib.loads(MESSAGES.read_text(encoding="utf-8")).get(code, [])
     if not texts and code.replace("-", "_") in get_args(ErrorType):
         texts = ["{what pydantic says}"]

@@ -1,4 +1,4 @@
-"""Where the repository is: tests of all parts read its examples, pages and sources."""
+"""Locate the repository, so that tests of all parts can read its examples, pages and sources."""
 
 from pathlib import Path
 

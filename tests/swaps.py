@@ -1,4 +1,4 @@
-"""What a swap of blocks does to the current, shared by the tests of the compensators."""
+"""Measure how a swap of parameter blocks changes the current, for tests of the compensators."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from anhyst.support.numeric import FloatArray
 
 
 def jump(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
-    """Return how far the current moves at an unchanged demand, over full scale."""
+    """Return the change of the current at a swap with constant demand, relative to full scale."""
     core = FixedCompensator(here.kind, here.words)
     codes = FixedTwin(here).demand_codes(demand)
     before = core.run(codes, FixedTwin(here).gap_codes(gap, codes.size), False)[-1]
@@ -19,9 +19,10 @@ def jump(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
 
 
 def apart(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
-    """Return how far the two compensators are apart, each on its own all the way, over full scale.
+    """Return the largest current difference of two separate compensators, relative to full scale.
 
-    Demands that either of them limits would count for nothing they know of the iron.
+    Use demands that neither compensator limits, because limited demands hide differences of the
+    iron.
     """
     runs = [
         FixedCompensator(block.kind, block.words).run(

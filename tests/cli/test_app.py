@@ -1,4 +1,4 @@
-"""How the command line starts and how it ends."""
+"""Test how the command line starts and exits."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Every verb on every kind of file: it takes it, or names what it is and the verbs that do.
+"""Test each command with each kind of file: it accepts the file or names the commands that do.
 
-That a verb takes a kind is shown by a file of that kind with one misspelt key: the reader of just
-this kind names its line. Whole runs are the matter of other tests.
+To show that a command accepts a kind, the test gives it a file of this kind with one misspelt key.
+Only the reader of this kind then names the line. Other tests run the commands completely.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ WORKS = {
     "live": RIGS | {"compiled"},
     "xcp": set[str](),
 }
-"""What each verb is to take; everything else it refuses."""
+"""Kinds of file that each command must accept. It must reject all others."""
 OPTIONS = {
     "inspect": [],
     "convert": ["out.mat"],
@@ -88,11 +88,11 @@ OPTIONS = {
     "live": ["--listen", "0"],
     "xcp": [],
 }
-"""Beside the file; ``--out out`` where nothing is said."""
+"""Arguments after the file. Commands that are not listed get ``--out out``."""
 
 
 def written(kind: str, folder: Path) -> Path:
-    """A good file of a kind, beside what it names."""
+    """Write a valid file of a kind, with the files that it refers to."""
     if kind == "model":
         path = folder / "model.toml"
         path.write_text(model())
@@ -111,7 +111,7 @@ def written(kind: str, folder: Path) -> Path:
 
 
 def spoil(path: Path) -> str:
-    """Make a file that no reader of its kind takes; return what its message begins with."""
+    """Make a file invalid for the reader of its kind; return the start of the expected message."""
     if path.is_dir():
         return str(path)
     if path.suffix == ".csv":
@@ -127,7 +127,7 @@ def spoil(path: Path) -> str:
 def refusal(
     verb: str, path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> str:
-    """Run a verb on a file, in the folder of that; its one line of exit code 2."""
+    """Run a command on a file in the folder of the file; return its one line of exit code 2."""
     monkeypatch.chdir(path.parent)
     assert main([verb, path.name, *OPTIONS.get(verb, ["--out", "out"])]) == 2
     (line,) = capsys.readouterr().err.splitlines()

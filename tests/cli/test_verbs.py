@@ -1,4 +1,4 @@
-"""Every command is made from a function of the package: its signature and its docstring."""
+"""Test the commands: each is made from the signature and the docstring of a function."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ Unit = Literal["kg", "g"]
 
 @pytest.fixture
 def new_verb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A file in the folder of the verbs, and nothing else."""
+    """Add one file to the folder of the commands, and change nothing else."""
     (tmp_path / "weigh_parts.py").write_text(NEW)
     monkeypatch.setattr(verbs, "__path__", [*verbs.__path__, str(tmp_path)])
     _find_all.cache_clear()

@@ -1,4 +1,4 @@
-"""The code blocks of README and docs: what each is, and why one is not run."""
+"""Read the code blocks of README and docs: language, marker, and the reason not to run a block."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.repository import ROOT
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 RUN = {"sh", "python"}
 SHOWN = {"c", "text", "toml"}
-"""Languages of blocks that are run, and of those that show a file or what comes out."""
+"""Languages of blocks that are run, and languages of blocks that show a file or an output."""
 
 _FENCE = re.compile(r"^( *)```(\S*)\n(.*?)^ *```$", re.M | re.S)
 _MARKER = re.compile(r"<!-- (not run|slow): (\S[^>]*) -->\s*\Z")
@@ -24,7 +24,7 @@ _MARKER = re.compile(r"<!-- (not run|slow): (\S[^>]*) -->\s*\Z")
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: its line, its language, its code, and what a comment before it says."""
+    """Fenced block: line, language, code, and the marker and reason of the comment before it."""
 
     line: int
     language: str
@@ -47,13 +47,13 @@ def blocks(text: str) -> list[Block]:
 
 
 def indented(text: str) -> list[str]:
-    """Return lines that Markdown would take for code without a language."""
+    """Return the lines that Markdown would render as code without a language."""
     plain = _FENCE.sub("", text)
     return re.findall(r"(?<=\n\n)    \S.*", plain)
 
 
 def commands(text: str) -> list[list[str]]:
-    """Return the words of every ``anhyst VERB ...`` of a page, wherever it stands."""
+    """Return the words of every ``anhyst VERB ...`` anywhere on a page."""
     fenced = "".join(f"{match[3]}\n" for match in _FENCE.finditer(text))
     quoted = "\n".join(re.findall(r"`([^`\n]+)`", _FENCE.sub("", text)))
     lines = re.findall(r"^\s*(?:\.venv/bin/)?anhyst +([a-z].*)", f"{fenced}\n{quoted}", re.M)
@@ -67,7 +67,7 @@ def _verbs() -> dict[str, Any]:
 
 
 def refusal(words: list[str]) -> str:
-    """Return why the command line would refuse these words; empty where it would not."""
+    """Return the reason why the command line would reject these words, or an empty string."""
     verb, *rest = words
     if verb not in _verbs():
         return f"no verb '{verb}'"

@@ -1,4 +1,4 @@
-"""Folders in which the code of pages is run."""
+"""Prepare folders for the code of the documentation pages."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from tests.truths import path_of
 
 
 def shell(lines: str, place: Path) -> None:
-    """Run lines of a shell as a reader would.
+    """Run lines of a shell script as a reader would.
 
-    Lines of anhyst run in this process: that a new one does the same is what tests/cli shows.
+    Lines that call anhyst run in this process. Tests in tests/cli show that a new process does the
+    same.
     """
     with chdir(place):
         for line in re.sub(r"\\\n", " ", lines).splitlines():
@@ -47,7 +48,7 @@ def _bash(line: str) -> None:
 
 
 def fill(place: Path) -> None:
-    """Lay out what pages speak of: the examples, and loops, a model and its C of one of them."""
+    """Write the files that pages mention: examples, and loops, model and C code of one example."""
     for name in ("bearing", "electromagnet", "piezo", "planar", "solenoid", "stage"):
         shutil.copytree(ROOT / "examples" / name, place / "examples" / name)
     for name in ("loops.csv", "loops.toml"):

@@ -1,4 +1,4 @@
-"""The table of figures reads the same in a pipe, and its times compare between machines."""
+"""Test the benchmark table: equal output in a pipe, and times that are comparable."""
 
 from __future__ import annotations
 

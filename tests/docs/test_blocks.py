@@ -1,4 +1,4 @@
-"""What README and docs show is run as it stands, page by page, in a copy of the examples."""
+"""Run the code of README and docs unchanged, page by page, in a copy of the examples."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tests.once import made_once
 from tests.repository import ROOT
 
 EMPTY = {"tutorial.md"}
-"""Pages that begin in an empty folder, with nothing but the installed package."""
+"""Pages that start in an empty folder, with only the installed package."""
 
 FOLLOWED = {"README.md", "boards.md", "contributing.md"}
-"""Pages whose code test_readme.py, test_docs.py of the link and test_openness.py run."""
+"""Pages whose code is run by test_readme.py, test_docs.py of the link, and test_openness.py."""
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 RUNNING = [
@@ -34,7 +34,7 @@ def text_of(name: str) -> str:
 
 @pytest.fixture
 def place(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Folder in which a page may write what it likes."""
+    """Folder in which a page may write any file."""
     made = made_once(tmp_path_factory, "what-pages-speak-of", fill)
     shutil.copytree(made, tmp_path / "page")
     (tmp_path / "empty").mkdir()
@@ -42,7 +42,7 @@ def place(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch:
     return tmp_path
 
 
-# The tutorial runs in tests/package/test_wheel.py too, from the wheel alone.
+# The tutorial also runs in tests/package/test_wheel.py, with only the wheel installed.
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
@@ -83,7 +83,7 @@ def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_of_the_page_exists(name: str) -> None:
-    own = {"widest"} if name == "docs/contributing.md" else set()  # a verb that the page makes
+    own = {"widest"} if name == "docs/contributing.md" else set()  # a command from the page
     refused = [
         message for words in commands(text_of(name)) if words[0] not in own and (message := refusal(words))
     ]

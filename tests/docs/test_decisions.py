@@ -1,4 +1,4 @@
-"""The notes of docs/decisions: short, of one form, and each in the index."""
+"""Test that each note of docs/decisions is short, has the common form, and is in the index."""
 
 from __future__ import annotations
 

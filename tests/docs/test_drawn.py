@@ -1,4 +1,4 @@
-"""Drawn measurements, which the search is tried on, come from irons that keep to physics."""
+"""Test the physics of the random irons in the benchmark of the search."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def irons() -> Iterator[ModuleType]:
 
 
 def iron(irons: ModuleType, kind: str) -> object:
-    """Return an iron that is integrated."""
+    """Return an iron whose law is integrated numerically."""
     return {
         "tellinen": irons.TellinenIron(80.0, 1.2, 150.0, 0.5, 3000.0),
         "langevin": irons.LangevinIron(0.8, 120.0, 0.6, 400.0, 8.0, 30.0),
@@ -45,7 +45,7 @@ def iron(irons: ModuleType, kind: str) -> object:
 
 
 def path() -> tuple[FloatArray, FloatArray]:
-    """Return a current with turns anywhere, A, while the gap moves, m."""
+    """Return a current (A) with reversals at various levels, and a gap (m) that varies with it."""
     ends = [0.0, 5.0, -2.0, 3.0, 1.0, 4.0]
     current = np.interp(np.linspace(0.0, len(ends) - 1.0, 150), np.arange(len(ends)), ends)
     return current, 5e-4 + 2e-4 * np.sin(0.05 * np.arange(current.size))

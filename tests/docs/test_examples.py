@@ -1,4 +1,4 @@
-"""The demo runs, and what it prints is what is promised."""
+"""Run the demo and check its results against the promised values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DEMO = Path(__file__).resolve().parents[2] / "examples" / "demo.py"
 
 
 def share(line: str) -> float:
-    """Part of the baseline's error that a line of the table says is left."""
+    """Return the remaining error of a table line as a fraction of the baseline's error."""
     return 1.0 / float(line.rsplit("1/", 1)[1])
 
 
@@ -22,7 +22,7 @@ def test_the_demo_models_unseen_gaps_compiles_and_ends_on_one_table_and_one_pict
     message = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     table = (tmp_path / "demo" / "table.txt").read_text(encoding="utf-8")
     assert table in message
-    assert "…" not in table  # nothing is cut off at 80 columns
+    assert "…" not in table  # no line is truncated at 80 columns
     lines = table.splitlines()
     assert len(lines) <= 10
     force = [line for line in lines if line.startswith("force")]
@@ -31,7 +31,7 @@ def test_the_demo_models_unseen_gaps_compiles_and_ends_on_one_table_and_one_pict
     assert float(force[0].split("mean")[1].split()[0]) <= 0.35
     assert any(line.startswith("16-bit C") and "0 bits unlike" in line for line in lines)
     stage = [line for line in lines if line.startswith("stage")]
-    assert share(stage[0]) <= 0.1  # of the best curve without memory
+    assert share(stage[0]) <= 0.1  # relative to the best curve without memory
     assert max(map(share, stage)) <= 0.7
     assert any(line.startswith("bearing") for line in lines)
     assert (tmp_path / "demo" / "demo.png").stat().st_size > 10_000

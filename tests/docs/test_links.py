@@ -1,4 +1,4 @@
-"""Links of README, docs and examples lead somewhere: pages, places within them, addresses."""
+"""Test the links of README, docs and examples: pages, headings and addresses."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _LINK = re.compile(r"\]\(<?([^)>\s]+)>?\)")
 
 
 def links(path: Path) -> list[str]:
-    """Return what the links of a page name; what stands in code is no link."""
+    """Return the targets of the links of a page, without links in code."""
     text = _QUOTED.sub("", _FENCED.sub("", path.read_text(encoding="utf-8")))
     return _LINK.findall(text)
 
 
 @cache
 def anchors(path: Path) -> frozenset[str]:
-    """Return the names of a page's headings, as GitHub and the site make them."""
+    """Return the anchors of a page's headings, as GitHub and the documentation site create them."""
     text = _FENCED.sub("", path.read_text(encoding="utf-8"))
     found = set()
     for heading in re.findall(r"^#+ +(.+?) *$", text, re.M):
@@ -42,7 +42,7 @@ def anchors(path: Path) -> frozenset[str]:
 
 
 def broken(path: Path) -> list[str]:
-    """Return the links of a page that lead nowhere."""
+    """Return the links of a page whose target does not exist."""
     found = []
     for link in links(path):
         address = urlsplit(link)

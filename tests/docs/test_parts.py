@@ -1,4 +1,4 @@
-"""What the README of each part shows works."""
+"""Test the code in the README of each part."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def read(part: str) -> str:
 @pytest.mark.parametrize("part", PARTS)
 def test_a_part_says_how_it_is_tested_and_its_commands_and_folders_exist(part: str) -> None:
     text = read(part)
-    assert len(text.split()) < 400  # a minute
+    assert len(text.split()) < 400  # takes a minute
     (target,) = set(re.findall(r"`make test PART=([\w-]+)`", text))
     assert target == "c" or (ROOT / "packages" / target / "tests").is_dir()
     assert [one for words in commands(text) if (one := refusal(words))] == []

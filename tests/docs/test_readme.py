@@ -1,4 +1,4 @@
-"""What the README shows is what the program does."""
+"""Test the program against the output in the README."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_readme_shows_the_straight_way_and_the_page_of_commands_every_verb()
 
 
 def section(link: str) -> str:
-    """Return the part of a page that a link names."""
+    """Return the section of a page that a link refers to."""
     page, _, anchor = link.partition("#")
     parts = (ROOT / page).read_text(encoding="utf-8").split("\n## ")
     named = {part.partition("\n")[0].lower().replace(" ", "-"): part for part in parts}

@@ -1,4 +1,4 @@
-"""The documentation site: every page, every reference, every script of the gallery."""
+"""Test the documentation site: every page, every reference, every script of the gallery."""
 
 from __future__ import annotations
 

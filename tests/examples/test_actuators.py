@@ -1,4 +1,4 @@
-"""The virtual piezo stage and the virtual rod: their files can be made again, and their claims hold."""
+"""Test the files and claims of the virtual piezo stage and rod; the files must be reproducible."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_the_bias_of_a_rod_is_found_and_a_prestress_between_predicted(noise: flo
     model = identify(loops.with_loops(restless)).model
     assert model.output.name == "magnetostriction"
     assert model.parameters["in_0"] == pytest.approx(-30e3, rel=0.06)
-    assert find_compile_obstacle(model) is None  # over the prestress too
+    assert find_compile_obstacle(model) is None  # also as a function of the prestress
     off, largest = [], 0.0
     for loop in read_loops(here / "unseen.csv").loops:
         made = model.predict(loop.input, loop.schedule, None, loop.history).output

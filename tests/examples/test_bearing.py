@@ -1,4 +1,4 @@
-"""The bundled bearing is what its README says."""
+"""Test the bundled bearing against its README."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_the_loops_read_as_they_were_measured(rig: BodyRig) -> None:
 
 
 def both_ways(rig: BodyRig, gap: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Current, force rising and falling, and the largest flux density, after conditioning."""
+    """Return current, rising and falling force, and largest flux density, after conditioning."""
     current = np.linspace(0.0, HIGH, 401)
     path = np.concatenate([PAST, current[1:], current[::-1][1:]])
     force, _, density = rig.static_map(path, np.full(path.size, gap))
@@ -70,7 +70,7 @@ def both_ways(rig: BodyRig, gap: float) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def opening(current: FloatArray, rising: FloatArray, falling: FloatArray) -> FloatArray:
-    """Width of a loop at all levels, as a percentage of the largest current."""
+    """Return the width of a loop at all levels, as a percentage of the largest current."""
     level = np.linspace(0.05, 0.95, 181) * rising[-1]
     width: FloatArray = np.interp(level, rising, current) - np.interp(level, falling, current)
     return 100.0 * width / HIGH

@@ -1,4 +1,4 @@
-"""The irons of the examples are what their README says, and their loops can be made and read."""
+"""Test the irons of the examples against their README, and regenerate and read their loops."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ every = pytest.mark.parametrize("name", STEELS)
 
 
 def major(steel: AnySteel) -> tuple[float, float, float]:
-    """Return coercive field, remanence and flux density at 10 kA/m of the largest loop."""
+    """Return coercive field, remanence, and flux density at 10 kA/m of the largest loop."""
     field = 1e4 * np.sinh(7.0 * np.linspace(-1.0, 1.0, 2001)) / np.sinh(7.0)
     piece = Piece(steel.make_steel())
     piece.run(np.ascontiguousarray(field[::-1]))
@@ -30,7 +30,7 @@ def major(steel: AnySteel) -> tuple[float, float, float]:
 
 
 def width(current: FloatArray, force: FloatArray) -> FloatArray:
-    """Return the opening of a loop in A at constant force, over evenly spaced forces."""
+    """Return the width of a loop at constant force, A, at evenly spaced forces."""
     current, force = np.append(current, current[0]), np.append(force, force[0])
     top = int(np.argmax(current))
     level = np.linspace(force[0], force[top], 500)
@@ -62,7 +62,7 @@ def test_each_family_is_soft_usual_and_hard() -> None:
 
 
 def test_winding_and_poles_are_those_of_the_bundled_magnet() -> None:
-    """With its own iron, the plant's magnet pulls as the bundled script's does."""
+    """With its iron, the simulated magnet has the force of the magnet of the bundled script."""
     example = generator()
     bundled = example.bundled.load()[0]
     coil = Coil(make_iron_magnet(example.POLES, bundled.steel))

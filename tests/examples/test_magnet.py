@@ -1,4 +1,4 @@
-"""The bundled example is what its README says: claims about the simulated electromagnet."""
+"""Test the simulated electromagnet against the claims of its README."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def example() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look themselves up there
+    sys.modules[spec.name] = module  # its dataclasses look up this module by name
     spec.loader.exec_module(module)
     return module
 
@@ -47,7 +47,7 @@ def full_loops(records: list[Any]) -> list[Any]:
 
 
 def branches(record: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Ascending current and force, then descending, each with rising current."""
+    """Return current and force of the ascending and descending branches, sorted by current."""
     current = np.append(record.current, record.current[0])
     force = np.append(record.force, record.force[0])
     top = int(np.argmax(current))
@@ -55,7 +55,7 @@ def branches(record: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArra
 
 
 def width(record: Any) -> FloatArray:
-    """Opening of the loop in A at constant force, over evenly spaced forces."""
+    """Return the width of the loop at constant force, A, at evenly spaced forces."""
     current_up, force_up, current_down, force_down = branches(record)
     level = np.linspace(force_up[0], force_up[-1], 500)
     opening = np.interp(level, force_up, current_up) - np.interp(level, force_down, current_down)
@@ -63,7 +63,7 @@ def width(record: Any) -> FloatArray:
 
 
 def slope_after_turning(magnet: Any, current: float, gap: float) -> float:
-    """``dF/dI`` in N/A on the first step down from a current that was reached from below."""
+    """Return ``dF/dI`` (N/A) of the first downward step from a current reached from below."""
     for turning_point in (0.0, 3.0, 0.0, 3.0, 0.0, current):
         force = magnet.step(turning_point, gap)
     step = 1e-5
@@ -109,7 +109,7 @@ def test_slope_after_a_reversal_is_that_of_the_stated_reversible_fraction(
 ) -> None:
     magnet, _ = example.load()
     slope = slope_after_turning(magnet, current, gap)
-    # Undo force = const*B**2 and N*I = H*l + B*A*R to get the slope of the iron from dF/dI.
+    # Invert force = const*B**2 and N*I = H*l + B*A*R to get the slope of the iron from dF/dI.
     area = magnet.circuit.iron_area
     force = magnet.circuit.force(magnet.flux_density * area, gap)
     db_di = slope * magnet.flux_density / (2 * force)
@@ -162,7 +162,7 @@ def test_iron_saturates_to_the_knee_and_not_beyond(example: ModuleType) -> None:
         full = settings["drive"]["current_max_A"]
         magnet.step(full, gap)
         share[gap] = magnet.length * magnet.field / (magnet.circuit.turns * full)
-    assert 0.15 <= share[GAPS[0]] <= 0.25  # knee: the iron takes a fifth of the ampere-turns
+    assert 0.15 <= share[GAPS[0]] <= 0.25  # knee: the iron needs a fifth of the ampere-turns
     assert share[GAPS[-1]] < 0.08
 
 
@@ -200,7 +200,7 @@ def test_work_of_a_moving_armature_leaves_only_the_heat_of_the_iron(example: Mod
     electric = float(np.trapezoid(current, magnet.circuit.turns * area * flux_density))
     mechanical = -float(np.trapezoid(force, gap))
     heat = area * magnet.length * float(np.trapezoid(field, flux_density))
-    assert abs(mechanical) > 5 * heat > 0  # the balance is between large terms
+    assert abs(mechanical) > 5 * heat > 0  # the balance is a difference of large terms
     assert electric - mechanical == pytest.approx(heat, rel=1e-3)
 
 

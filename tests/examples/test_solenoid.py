@@ -1,4 +1,4 @@
-"""The bundled solenoid is what its README says."""
+"""Test the bundled solenoid against its README."""
 
 from __future__ import annotations
 

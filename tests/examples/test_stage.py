@@ -1,4 +1,4 @@
-"""The loops of the stages are what their scripts make."""
+"""Run the scripts of the stages and compare the results with the stored loops."""
 
 from __future__ import annotations
 

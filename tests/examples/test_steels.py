@@ -1,4 +1,4 @@
-"""Measured loops of electrical steels: square, one loop each, uneven spacing."""
+"""Test measured loops of electrical steels: square, one loop each, uneven spacing."""
 
 from __future__ import annotations
 

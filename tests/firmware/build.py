@@ -1,4 +1,4 @@
-"""Building the firmware's sources with the compilers that are here."""
+"""Build the firmware's sources with the installed compilers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ POSITION = [*SHARED, ROOT / "firmware" / "position" / "position.c"]
 
 
 def tool(*names: str) -> str:
-    """Return the first of these programs that is there, else skip."""
+    """Return the first of these programs that is installed; skip the test if there is none."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
     for name in names:
         if found := shutil.which(name, path=path):
@@ -41,7 +41,7 @@ def tool(*names: str) -> str:
 def compile_c(
     compiler: str, sources: Sequence[Path], out: Path, *options: str
 ) -> subprocess.CompletedProcess[str]:
-    """Compile and link; warnings are errors. With -c, out is the folder of the objects."""
+    """Compile and link; warnings are errors. With -c, `out` is the folder of the object files."""
     include = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
     command = [compiler, "-std=c99", "-O1", *WARNINGS, *options, *include, *map(str, sources)]
     if "-c" in options:
@@ -51,7 +51,7 @@ def compile_c(
 
 
 def can(compiler: str, folder: Path, *options: str) -> bool:
-    """Tell whether a compiler can build with these options: some need packages of their own."""
+    """Whether a compiler can build with these options, because some options need extra packages."""
     source = folder / "probe.c"
     source.write_text(
         "int LLVMFuzzerTestOneInput(const unsigned char *data, unsigned long size);\n"

@@ -1,4 +1,4 @@
-"""The firmware's claims: its C tests, built by two compilers, with and without sanitizers."""
+"""Run the C tests of the firmware, built by two compilers, with and without sanitizers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BENCH = [HERE / "bench.c", HERE / "fake_compensator.c"]
 
 @pytest.fixture(scope="module", params=BUILDS)
 def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the C tests, built by one compiler in one way."""
+    """Folder of the C tests, built by one compiler with one set of options."""
     way: str = request.param
     return made_once(tmp_path_factory, f"firmware-{way}", lambda folder: build_tests(folder, way))
 
@@ -46,22 +46,23 @@ def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-# What the firmware may take from a C library, which a small controller may not have.
+# Allowed functions of the C library. A small controller may lack all others.
 LIBRARY = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
 
 
 class Symbols(NamedTuple):
-    """Of compiled sources."""
+    """Symbols of compiled sources."""
 
-    outside: set[str]  # what they want from elsewhere
-    writable: set[str]  # objects that live as long as the program and can change
+    outside: set[str]  # undefined symbols, resolved elsewhere
+    writable: set[str]  # writable objects of static lifetime
 
 
 def symbols(sources: list[Path], folder: Path) -> Symbols:
     defined: set[str] = set()
     wanted: set[str] = set()
     writable: set[str] = set()
-    # Otherwise constant tables of functions, which a loader fills in, stand among what can change.
+    # Without -fno-pie, constant tables of functions would count as writable, because a loader fills
+    # them.
     done = compile_c(tool("cc", "gcc"), sources, folder, "-c", "-fno-pie")
     assert done.returncode == 0, done.stderr
     for compiled in folder.glob("*.o"):
@@ -77,7 +78,7 @@ def symbols(sources: list[Path], folder: Path) -> Symbols:
 def test_all_that_a_controller_remembers_is_in_the_memory_it_is_given(
     tmp_path: Path, sources: list[Path]
 ) -> None:
-    """No heap, no static object that can change; what is not in the core comes by the port."""
+    """There is no heap and no writable static object. The port provides all other functions."""
     found = symbols(sources, tmp_path)
     assert {name for name in found.outside if not name.startswith("anhyst_")} <= LIBRARY
     assert found.writable == set()

@@ -1,4 +1,4 @@
-"""The framing in C against an independent one in Python; what is made of the table of frames."""
+"""Test the framing in C against independent Python code, and the code made from the frame table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .build import ROOT, compile_c, tool
 
 
 def cobs(data: bytes) -> bytes:
-    """Encode by the definition: split at the zeros, each piece after the place of the next one."""
+    """Encode by definition: put the offset of the next zero before each piece between zeros."""
     out = bytearray()
     for piece in (data + b"\0").split(b"\0")[:-1]:
         rest = piece
@@ -50,7 +50,7 @@ class CFrame(ctypes.Structure):
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    """The C framing, loaded."""
+    """The C framing as a loaded library."""
     out = tmp_path_factory.mktemp("framing") / "framing.so"
     sources = [ROOT / "firmware" / "link" / name for name in ("frame.c", "crc.c")]
     done = compile_c(tool("cc", "gcc"), sources, out, "-shared", "-fPIC")
@@ -62,7 +62,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
 
 def payloads() -> list[bytes]:
-    """Payloads of every length, dense in zeros and without any."""
+    """Payloads of every length, with many zeros and without zeros."""
     draw = random.Random(1)
     lengths = range(frames.PAYLOAD_MOST + 1)
     dense = [bytes(draw.choice((0, 0, 1, 255)) for _ in range(n)) for n in lengths]
@@ -70,7 +70,7 @@ def payloads() -> list[bytes]:
 
 
 def test_crc_is_that_of_zip(library: ctypes.CDLL) -> None:
-    assert library.link_crc32(0, b"123456789", 9) == 0xCBF43926  # the catalogue's check value
+    assert library.link_crc32(0, b"123456789", 9) == 0xCBF43926  # check value of the CRC catalogue
     for payload in payloads():
         assert library.link_crc32(0, payload, len(payload)) == binascii.crc32(payload)
     halves = library.link_crc32(library.link_crc32(0, b"half ", 5), b"and half", 8)
@@ -121,7 +121,7 @@ def test_messages_come_back_as_they_were_packed(kind: type[frames.Message]) -> N
         numbers[-1] = (1, 2, 3) if kind.TAIL.isupper() else (1, -2, 3)
     message = kind(*numbers)
     assert kind.unpack(message.pack()) == message
-    if kind.TAIL != "B":  # a row of bytes has any length
+    if kind.TAIL != "B":  # a byte array has a variable length
         with pytest.raises(ValueError, match=kind.__name__):
             kind.unpack(message.pack() + b"\0")
 
@@ -158,7 +158,7 @@ def test_python_and_c_agree_on_sizes(tmp_path: Path) -> None:
 
 
 def snake(name: str) -> str:
-    """Return the C name of a Python class of frames."""
+    """Return the C name of a Python frame class."""
     stem = name.removesuffix("Request").removesuffix("Answer").removesuffix("Record")
     return "".join(f"_{c}" if c.isupper() and i else c for i, c in enumerate(stem)).upper()
 

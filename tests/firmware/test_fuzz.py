@@ -1,4 +1,4 @@
-"""A short run of the fuzzer; ``make fuzz`` is the long one."""
+"""Run the fuzzer briefly; ``make fuzz`` runs it for longer."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ def test_no_input_of_a_short_run_breaks_the_firmware(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     reached = [int(edges) for edges in re.findall(r"(\d+) edges reached", done.stdout)]
-    # Requests, blocks, states and both laws: far beyond a parser that throws everything away.
+    # Covers requests, blocks, states and both laws. A parser that rejects everything reaches far
+    # less.
     assert len(reached) == 4
     assert all(edges > 400 for edges in reached)

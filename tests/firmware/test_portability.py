@@ -1,4 +1,4 @@
-"""The firmware on other processors: no reliance on the width of int; the memory that is stated."""
+"""Test the firmware on other processors: any width of int, and the documented memory."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ PARTS = {
 
 
 def test_sixteen_bit_int_is_enough(tmp_path: Path) -> None:
-    # Warnings tell where a constant or a shift would not fit. avr-gcc 5 warns of conversions that
-    # are none, so that -Wconversion is left to the other compilers.
+    # Warnings show constants and shifts that do not fit. avr-gcc 5 gives false conversion warnings,
+    # therefore only the other compilers use -Wconversion.
     command = [tool("avr-gcc"), "-mmcu=atmega1284p", "-std=c99", "-Os", "-Wall", "-Wextra"]
     command += ["-Werror", *INCLUDE, "-c", *map(str, {*FIRMWARE, *POSITION})]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
@@ -68,7 +68,7 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
 
 
 def test_the_page_states_the_code_of_xcp(tmp_path: Path) -> None:
-    """Within a tenth, so that another version of the compiler does not make it wrong."""
+    """The tolerance is a tenth, so that another version of the compiler still passes."""
     from elftools.elf.elffile import ELFFile
 
     size = 0

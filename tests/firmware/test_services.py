@@ -1,4 +1,4 @@
-"""Calibration and I^2 t of the firmware against exact and double-precision arithmetic."""
+"""Test calibration and I^2 t of the firmware against exact and double-precision arithmetic."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ CODES = st.integers(NONE, MOST)
 
 
 class Calibration(ctypes.Structure):
-    """As in calibration.h."""
+    """C structure of calibration.h."""
 
     _fields_ = tuple((name, ctypes.c_int32) for name in ("zero", "mantissa", "shift", "low", "high"))
 
 
 class Plan(ctypes.Structure):
-    """As in thermal.h."""
+    """C structure of thermal.h."""
 
     _fields_ = (
         ("mantissa", ctypes.c_uint32),
@@ -39,7 +39,7 @@ class Plan(ctypes.Structure):
 
 
 class Thermal(ctypes.Structure):
-    """As in thermal.h."""
+    """C structure of thermal.h."""
 
     _fields_ = (("warmth", ctypes.c_uint64), ("tripped", ctypes.c_int))
 
@@ -81,7 +81,7 @@ def test_a_code_beyond_its_ends_is_no_value(services: ctypes.CDLL, code: int, lo
 
 @pytest.mark.parametrize("ticks", [2, 3, 977, 20_000, 2_400_000])
 def test_warmth_follows_the_square_of_the_current(services: ctypes.CDLL, ticks: int) -> None:
-    """20,000 ticks against double precision; the longest constant is 2 minutes at 20 kHz."""
+    """Compare 20,000 ticks with double precision; the longest constant is 2 minutes at 20 kHz."""
     plan, state = Plan(), Thermal()
     assert services.thermal_make(ctypes.byref(plan), ticks, 2**29, 2**28) == 1
     assert plan.mantissa / 2.0 ** (30 + plan.shift) == pytest.approx(1.0 / ticks, rel=2.0**-28)

@@ -1,4 +1,4 @@
-"""The package of docs/contributing.md, built and installed where nothing else is."""
+"""Build the package of docs/contributing.md and install it into an empty folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
 
 def written(name: str) -> str:
-    """Return a file that the page shows, piece by piece."""
+    """Return a file of the page, joined from its pieces."""
     pieces = re.findall(rf"<!-- file: {re.escape(name)} -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S)
     assert pieces, f"docs/contributing.md shows no {name}"
     return "\n\n".join(pieces)
@@ -31,12 +31,12 @@ def written(name: str) -> str:
 
 @cache
 def files() -> tuple[str, ...]:
-    """Return the names of the files of the package that the page shows."""
+    """Return the names of all files in the package of the page."""
     return tuple(dict.fromkeys(re.findall(r"<!-- file: my-lab/(.*?) -->", PAGE)))
 
 
 def build(folder: Path) -> None:
-    """Write the package into a folder, and install it into the folder ``site`` in there."""
+    """Write the package into a folder, and install it into the subfolder ``site``."""
     for name in ("my_lab/__init__.py", "my_lab/verbs/__init__.py", *files()):
         path = folder / "my-lab" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ def _forget() -> None:
 
 @contextmanager
 def installed(site: Path) -> Iterator[None]:
-    """Let a package be installed here, in this process."""
+    """Make an installed package available in this process."""
     sys.path.insert(0, str(site))
     _forget()
     try:

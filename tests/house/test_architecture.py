@@ -1,4 +1,4 @@
-"""What holds the parts together: imports, lengths of files, and the page that shows a newcomer around."""
+"""Test imports between parts, lengths of files, and the references in ARCHITECTURE.md."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_no_file_is_longer_than_600_lines(folder: str) -> None:
         path
         for path in (ROOT / folder).rglob("*")
         if path.suffix in {".py", ".pyi", ".c", ".h", ".cpp", ".j2", ".js", ".css", ".html"}
-        and path.parent.name not in {"uplot", "fmi"}  # taken over as they are
+        and path.parent.name not in {"uplot", "fmi"}  # third-party files
     ]
     lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
     assert lengths
@@ -42,7 +42,7 @@ def test_every_c_source_is_in_the_one_list() -> None:
 
 
 def _tests_imported(tree: ast.Module) -> Iterator[str]:
-    """Give the names of modules that a test imports, those inside of packages included."""
+    """Yield the names of modules that a test imports, including names imported from packages."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -87,7 +87,7 @@ def test_the_page_loads_nothing_from_elsewhere() -> None:
 
 
 def _without_comments(path: Path) -> str:
-    """Return a source without its comments, and without the address made of the page's own."""
+    """Return a source without comments, and without an address that is built from the page's."""
     lines = path.read_text(encoding="utf-8").splitlines()
     text = "\n".join(line for line in lines if not line.lstrip().startswith("//"))
     return re.sub(r"\s// .*|\$\{scheme\}://\$\{location\.host\}", "", text)
@@ -98,7 +98,7 @@ _QUOTED = re.compile(r"`([^`\n]+)`")
 
 
 def _sources(name: str) -> list[Path]:
-    """Return the files that a name of the page stands for; `{a,b}` is one of several, `*` is any."""
+    """Return the files that a name on the page matches; `{a,b}` lists alternatives, `*` is any."""
     before, brace, rest = name.partition("{")
     if brace:
         choices, _, after = rest.partition("}")
@@ -108,7 +108,7 @@ def _sources(name: str) -> list[Path]:
 
 
 def _rows(heading: str) -> list[list[str]]:
-    """Return the cells of the rows of all tables of a section, without the heads."""
+    """Return the cells of all table rows of a section, without the table heads."""
     section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
     tables = re.findall(r"^\| --- .*\n((?:\|.*\n?)+)", section, re.M)
     lines = [line for table in tables for line in table.splitlines()]
@@ -116,7 +116,7 @@ def _rows(heading: str) -> list[list[str]]:
 
 
 def _is_defined(symbol: str, path: Path) -> bool:
-    """Whether a file defines a symbol; in a file that is not Python, whether it contains it."""
+    """Whether a file defines a symbol; if it is not a Python file, whether it contains it."""
     text, name = path.read_text(encoding="utf-8"), re.escape(symbol)
     if path.suffix == ".py":
         return bool(re.search(rf"^((def|class) {name}\b|{name}(: .*)? = )", text, re.M))
@@ -124,7 +124,7 @@ def _is_defined(symbol: str, path: Path) -> bool:
 
 
 def _missing_in(cell: str) -> list[str]:
-    """Return the files of a cell that do not exist, and the symbols that the file before lacks."""
+    """Return the files of a cell that do not exist, and symbols that the preceding file lacks."""
     missing, path = [], None
     for name in _QUOTED.findall(cell):
         if " " in name:  # a command

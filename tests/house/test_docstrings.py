@@ -1,4 +1,4 @@
-"""Sections stand in the docstrings of exported names alone: elsewhere annotations and comments do."""
+"""Test that only exported names have docstrings with sections."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Documented = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
 def names_of(exported: Any) -> Iterator[tuple[str, str]]:
-    """Give module and qualified name of what is exported: of classes their public members too."""
+    """Yield module and qualified name of an export, and of the public members of a class."""
     if not inspect.isclass(exported):
         yield exported.__module__, exported.__qualname__
         return
@@ -47,7 +47,7 @@ def test_only_exported_names_have_sections() -> None:
         if not noun.startswith("_")
         for name in names_of(getattr(part, noun))
     }
-    exported.add(("anhyst.cli.reading", "read_options"))  # the help of options of every verb
+    exported.add(("anhyst.cli.reading", "read_options"))  # help texts of options
     found = []
     for path in sorted((ROOT / "packages").glob("*/src/**/*.py")):
         parts = path.relative_to(ROOT / "packages").with_suffix("").parts[2:]

@@ -1,4 +1,4 @@
-"""A test on record is skipped only while every byte that it depends on is as it was."""
+"""Test the record of passed tests: a recorded test runs again if any of its files changes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PATHS = ("core", "tests/core")
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """A small copy of what a test depends on."""
+    """Small copy of the files that a test depends on."""
     for name in (*EVERY, "core/include/a.h", "core/src/a.c", "tests/core/a.c", "plant/a.c"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(f"{name}\n", encoding="utf-8")
@@ -52,7 +52,7 @@ def test_what_it_does_not_depend_on_counts_for_nothing(root: Path) -> None:
 
 
 def ran(record: Path, held: str) -> str:
-    """Run one cheap test that is marked; return how it ended."""
+    """Run one quick marked test; return its summary."""
     case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-half-as-high]"
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
@@ -70,11 +70,11 @@ def ran(record: Path, held: str) -> str:
 def test_what_passed_is_recorded_and_skipped_until_it_changes(tmp_path: Path) -> None:
     record = tmp_path / "held.toml"
     assert ran(record, "1") == "1 passed"
-    assert not record.exists()  # where it is honoured, nothing is written
+    assert not record.exists()  # mode 1 writes no record
     assert ran(record, "record") == "1 passed"
-    assert ran(record, "record") == "1 passed"  # where it is written, everything runs
+    assert ran(record, "record") == "1 passed"  # mode "record" runs all tests
     assert ran(record, "1") == "1 skipped"
-    assert ran(record, "") == "1 passed"  # where nobody asks, everything runs
+    assert ran(record, "") == "1 passed"  # without a mode, all tests run
     text = record.read_text(encoding="utf-8")
     (hash_of_it,) = tomllib.loads(text).values()
     record.write_text(text.replace(hash_of_it, hash_of_it[::-1]), encoding="utf-8")

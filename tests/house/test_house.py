@@ -1,4 +1,4 @@
-"""The numbers of the house only fall, and ARCHITECTURE.md prints those that the command counts."""
+"""Test the size metrics: they may only fall, and ARCHITECTURE.md prints the counted values."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_imports_count_wherever_they_stand() -> None:
 
 
 def test_names_of_a_number_format_stand_in_one_list() -> None:
-    """So that a debugger, a search and an index of names know the functions of the core."""
+    """A debugger, a search and an index of names then find the functions of the core."""
     files = [path for path in (house.ROOT / "core").rglob("*.[ch]") if path.parent.name != "numeric"]
     assert len(files) > 100
     assert [path.name for path in files if "ANHYST_NAME" in path.read_text("utf-8")] == []

@@ -1,4 +1,4 @@
-"""Every error says by a code what it is; how it is worded stands in one file."""
+"""Test that every error has a code and that its wording is listed in one file."""
 
 from __future__ import annotations
 

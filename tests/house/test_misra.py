@@ -1,4 +1,4 @@
-"""The table of MISRA deviations in docs/proofs.md is what the checker finds in all that ships."""
+"""Compare the MISRA deviations in docs/proofs.md with those found in the shipped C code."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ GROUPS = {
         (FIRMWARE, ROOT / "core" / "include", ROOT / "tests" / "firmware"),
     ),
 }
-"""Columns of the table: sources, and where their headers are."""
+"""Columns of the table: sources, and the folders of their headers."""
 
 
 def listed(group: str) -> dict[str, int]:
-    """Return the most deviations of each rule; rules that share a line share its number."""
+    """Return the maximum number of deviations of each rule; rules on one line share its number."""
     text = (ROOT / "docs" / "proofs.md").read_text(encoding="utf-8")
     column = list(GROUPS).index(group) + 2
     cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
@@ -60,7 +60,7 @@ def test_deviations_are_those_listed(group: str, tmp_path: Path) -> None:
     sources, includes = GROUPS[group]
     cppcheck = Path(sys.executable).parent / "cppcheck"
     command = [str(cppcheck), "--addon=misra", "--enable=style", "--quiet", "--std=c99", "-j2"]
-    command += [f"--cppcheck-build-dir={tmp_path}"]  # nothing is written beside the sources
+    command += [f"--cppcheck-build-dir={tmp_path}"]  # no file is written next to the sources
     command += ["-D__STDC__=1"]  # one configuration: the portable one, without a port header
     command += [f"-I{folder}" for folder in includes]
     done = subprocess.run(

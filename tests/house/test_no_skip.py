@@ -1,4 +1,4 @@
-"""ANHYST_NO_SKIP=1 turns skipped tests into failures."""
+"""Test that ANHYST_NO_SKIP=1 turns skipped tests into failures."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ FILES = {"skipped": SKIPPED, "needs": NEEDS, "module": MODULE_SKIPPED, "measurem
     ],
 )
 def test_skips_fail_where_they_are_forbidden(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
-    """Only what is skipped for want of measurements may be."""
+    """Only tests that lack measurements may be skipped."""
     shutil.copy(ROOT / "conftest.py", tmp_path / "conftest.py")
     (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")
     for name, source in FILES.items():

@@ -1,4 +1,4 @@
-"""The house is open: what docs/contributing.md adds, a law to a board, goes the whole way."""
+"""Use the extensions of docs/contributing.md in all commands, from a law to a board."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Folder with the rig of the page; its actuator is known while the module runs."""
+    """Folder with the rig of the page; its actuator is registered while the module runs."""
     with installed(my_lab(tmp_path_factory)):
         place = tmp_path_factory.mktemp("table")
         (place / "table.toml").write_text(written("table.toml"))
@@ -88,7 +88,7 @@ def measured(lab: Path) -> Path:
 
 
 def run(*arguments: object) -> str:
-    printer.used_lines, printer.is_verbose = 0, True  # `main` begins with a new count of lines
+    printer.used_lines, printer.is_verbose = 0, True  # `main` starts with a new line count
     result = CliRunner().invoke(app, [str(one) for one in arguments])
     assert result.exit_code == 0, result.output
     return result.output
@@ -96,7 +96,7 @@ def run(*arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def found(measured: Path) -> Path:
-    """Return the model file that the command writes."""
+    """Return the model file of the identification."""
     path = measured.with_name("model.toml")
     said = run("identify", measured, "--history", "demagnetised", "--law", "play",
                "--gap-map", "reluctance", "--out", path)  # fmt: skip
@@ -161,7 +161,7 @@ def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
 
 @pytest.mark.slow
 def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table: Path) -> None:
-    """Three voice coils on a body of two coordinates; full leaves a third of what a curve leaves."""
+    """Three voice coils move a body in two coordinates; `full` has a third of a curve's error."""
     shell([block.code for block in blocks(PAGE) if block.language == "sh"][2], table)
     found = json.loads((table / "figures.json").read_text())
     assert found["lost_in"] == []
@@ -177,7 +177,7 @@ def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table
 
 
 def measured_table(table: Path) -> Path:
-    """Return the rig of the page, its loops measured."""
+    """Return the rig of the page with measured loops."""
     if not (table / "loops.csv").is_file():
         run("excite", table / "table.toml", "--out", table / "loops.csv")
     return table / "table.toml"

@@ -1,4 +1,4 @@
-"""A package of another author adds a law, a format, a verb and a kind of rig, or disturbs nothing."""
+"""Test that an external package can add a law, a format, a command and a rig kind."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the package of docs/contributing.md is installed."""
+    """Folder in which the package of docs/contributing.md is installed."""
     return my_lab(tmp_path_factory)
 
 
 def run(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run Python where a package is installed."""
+    """Run Python with an installed package."""
     path = os.pathsep.join([str(site), os.environ["PYTHONPATH"]])
     return subprocess.run(
         [sys.executable, *words],
@@ -38,12 +38,12 @@ def run(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str
 
 
 def anhyst(site: Path, place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command where a package is installed."""
+    """Run a command with an installed package."""
     return run(site, place, "-m", "anhyst.cli.app", *arguments)
 
 
 def write_loops(path: Path) -> None:
-    """Write loops of a single play in the format of the package."""
+    """Write loops of a single play operator in the format of the package."""
     up = np.linspace(0.0, 3.0, 13)
     lines: list[list[object]] = [["I_A", "F_N", "gap_mm", "loop"]]
     for gap in (0.3, 0.5):
@@ -204,7 +204,7 @@ def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> 
         "left out: the verb placed of more.verbs.placed: PLACE must be",
     ):
         assert said in found.stderr
-    assert len(found.stderr.splitlines()) == 5 + 2  # and what two of them print
+    assert len(found.stderr.splitlines()) == 5 + 2  # and the output of two of the modules
     assert "hello" in anhyst(site, tmp_path, "--help").stdout
     program = "from anhyst import *; import anhyst; print(identify is anhyst.identify)"
     assert run(site, tmp_path, "-c", program).stdout == "True\n"

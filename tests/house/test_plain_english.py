@@ -1,4 +1,4 @@
-"""No folder has more sentences or names that are hard to read than its record allows."""
+"""Test that no folder has more hard sentences or vague names than its recorded limit."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A recorded proof stands for what it read, and for nothing that was changed afterwards."""
+"""Test that a recorded proof is valid only for unchanged inputs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
     core = Path(shutil.copytree(ROOT / "core", tmp_path / "elsewhere"))
     with (core / file).open("a", encoding="utf-8") as source:
         source.write("typedef int one_more;\n")
-    after = hashes(core)  # where the folder lies does not count
+    after = hashes(core)  # the path of the folder does not count
     assert {name for name in LOOKED_AT if after[name] != before[name]} == readers
 
 

@@ -1,4 +1,4 @@
-"""A kind of rig is one record: it says where the work of each of its verbs is done."""
+"""Test rig kinds: each kind is one record that names the functions for its commands."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) ->
     assert kind.places.keys() == wanted.keys()
     for name, method in wanted.items():
         own = arguments(getattr(kind, name))
-        # an argument that has a default may be left out by those who ask
+        # callers may omit an argument that has a default
         assert own <= arguments(method), name
         assert len(inspect.signature(getattr(kind, name)).parameters) >= arguments(method), name
 

@@ -1,4 +1,4 @@
-"""What the functions of the package accept, and how they refuse the rest."""
+"""Test which arguments the package's functions accept, and how they reject others."""
 
 from __future__ import annotations
 

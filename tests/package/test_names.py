@@ -1,4 +1,4 @@
-"""What ``import anhyst`` gives."""
+"""Test the names that ``import anhyst`` provides."""
 
 from __future__ import annotations
 

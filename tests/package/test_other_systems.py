@@ -1,7 +1,7 @@
-"""What anhyst does where a system lacks what Linux has; Windows and macOS are played on Linux.
+"""Test anhyst without features that only Linux has, by imitating Windows and macOS on Linux.
 
-Everything that is not of this package is imported first, as it is. Then what the other system has
-not is taken away, and the package is imported and used.
+All other packages are imported first, unchanged. Then the test removes the features that the
+imitated system lacks, and it imports and uses anhyst.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ for what in (find_qemu, lambda: check_compiler("host")):
 
 
 def played(platform: str, script: str, cwd: Path, libraries: str = LIBRARIES) -> str:
-    """Run a script on a system that is played; return what it prints."""
+    """Run a script on an imitated system; return its output."""
     modules, functions = SYSTEMS[platform]
     play = PLAY.format(modules=modules, functions=functions, platform=platform)
     done = subprocess.run(
@@ -185,7 +185,8 @@ def test_core_and_plant_compile_without_a_warning_for(target: str, processor: st
         "CMAKE_MAKE_PROGRAM": tools / "ninja",
         "CMAKE_SYSTEM_NAME": "Generic",
         "CMAKE_SYSTEM_PROCESSOR": processor,
-        # Trying the compiler out would build that system's libraries first, for minutes.
+        # A trial of the compiler would first build the libraries of that system, which takes
+        # minutes.
         "CMAKE_C_COMPILER_ID_RUN": "ON",
         "CMAKE_C_COMPILER_ID": "Clang",
         "CMAKE_C_COMPILER_FORCED": "ON",

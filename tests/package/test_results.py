@@ -1,4 +1,4 @@
-"""What every result can do: a table, a picture, a file, a short word."""
+"""Test the common features of all results: table, picture, file, short text."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def found(loops: anhyst.Loops) -> anhyst.IdentifyResult:
 def results(
     loops: anhyst.Loops, found: anhyst.IdentifyResult, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Result]:
-    """One of each kind that takes no minute."""
+    """One result of each kind that takes less than a minute."""
     folder = tmp_path_factory.mktemp("results")
     model = found.model
     compiled = anhyst.compile(model, folder / "controller", rate=2e4)
@@ -70,7 +70,7 @@ def test_every_result_has_a_table(results: dict[str, Result]) -> None:
     for name, one in results.items():
         frame = one.to_dataframe()
         assert isinstance(frame, pd.DataFrame)
-        # Nothing is timed on the host; everything else has rows.
+        # No time is measured on the host; all other results have rows.
         assert len(frame) > 0 or name == "verification", name
 
 
@@ -121,7 +121,7 @@ def test_a_model_is_a_function_and_has_an_inverse(found: anhyst.IdentifyResult) 
     current = np.concatenate([np.linspace(0.0, 2.0, 80), np.linspace(2.0, 0.5, 60)])
     force = found.model(current, GAP)
     assert force[79] > force[40] > force[0]
-    # The way down lies above the way up: the loop has an area.
+    # The descending branch is above the ascending branch, so that the loop has an area.
     up = np.interp(1.0, current[:80], force[:80])
     down = np.interp(-1.0, -current[80:], force[80:])
     assert down > up
@@ -141,7 +141,7 @@ def test_loops_come_from_frames_of_any_library(loops: anhyst.Loops) -> None:
     frame = loops.to_dataframe()
 
     class Interchanged:
-        """A frame that is known by the protocol alone."""
+        """Data frame that only implements the interchange protocol."""
 
         def __dataframe__(self, nan_as_null: bool = False, allow_copy: bool = True) -> object:
             return pyarrow.table(frame).__dataframe__(nan_as_null, allow_copy)

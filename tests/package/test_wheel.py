@@ -1,4 +1,4 @@
-"""The wheel of anhyst alone: what a user has who never saw the repository."""
+"""Test the wheel of anhyst alone, as a user without the repository installs it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def alone(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install it where nothing else is; return the Python there."""
+    """Install the wheel into an empty environment; return the Python of that environment."""
     folder = made_once(tmp_path_factory, "empty", lambda folder: empty_environment(HERE, wheel, folder))
     return folder / "bin" / "python"
 

@@ -1,4 +1,4 @@
-"""Hand-made actuators and what is compiled from them, shared by the tests of the compensators."""
+"""Provide hand-made actuators and their compiled blocks for the tests of the compensators."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
 WIDE = 0.45e-3
-"""A gap between the nodes."""
+"""A gap between the knots of the gap map, m."""
 CURRENTS = (-0.4, 2.0)
 SIZES = TableSizes(iterations=6)
-"""What the magnet of the map reluctance needs for full-range jumps."""
+"""Table sizes that the magnet with the map ``reluctance`` needs for full-range jumps."""
 
 AROUND: dict[str, dict[str, Parameter]] = {
     "scaling": {"alpha": -0.02, "c_H": (9000.0, 7000.0, 5000.0)},
     "reluctance": {"c_H": 9000.0, "rho": (0.004, 0.0053, 0.008)},
     "circuit": {"alpha": 0.002, "c_H": 2000.0, "rho": (0.0012, 0.002, 0.004)},
 }
-"""With ``circuit`` the coupling outweighs the smaller gaps: there the flux arm is negative."""
+"""With ``circuit`` and a small gap, the coupling exceeds the reluctance: negative coefficient."""
 
 
 @cache
 def magnet(gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 0.5) -> Model:
-    """Return an electromagnet: force over current at gaps of 0.3 to 0.6 mm.
+    """Return an electromagnet: force against current at gaps of 0.3 to 0.6 mm.
 
-    `play` is the half-width of the play, A/m; `residual` the force at zero flux, N.
+    `play` is the half-width of the play, A/m; `residual` is the force at zero flux, N.
     """
     parameters: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15}
     parameters |= AROUND[gap_map]
@@ -54,7 +54,7 @@ def magnet(gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 
 
 @cache
 def ring(play: float = 0.0) -> Model:
-    """Return a core without a gap: flux density over field, both of either sign."""
+    """Return a core without a gap: flux density against field, both of either sign."""
     return Model(
         "ring",
         QUANTITIES["field"],
@@ -65,13 +65,13 @@ def ring(play: float = 0.0) -> Model:
 
 @cache
 def largest_force(gap_map: GapMap, play: float = 0.0, gap: float = WIDE) -> float:
-    """Force of the magnet on the first rise to its largest current, N."""
+    """Force of the magnet at its largest current on the initial curve, N."""
     drive, at = np.array([0.0, CURRENTS[1]]), np.full(2, gap)
     return float(magnet(gap_map, play).predict(drive, at, history="demagnetised").output[-1])
 
 
 def ranges(gap_map: GapMap, play: float = 0.0) -> tuple[Scales, DemandLimits]:
-    """Full scales and limits of the magnet: all it gives at its smallest gap, and some room."""
+    """Full scales with a reserve of 10 to 20 %, and limits: the force at the smallest gap."""
     top = largest_force(gap_map, play, GAPS[0])
     scales = Scales(1.2 * top, 1.1 * CURRENTS[1], GAPS[0], GAPS[-1])
     return scales, DemandLimits((0.0, top), CURRENTS)
@@ -88,7 +88,7 @@ def closed_form(gap_map: GapMap) -> ClosedForm:
 def compiled(
     kind: Kind, gap_map: GapMap = "reluctance", play: float = 0.0, sizes: TableSizes = SIZES
 ) -> Block:
-    """Return the magnet's compensator."""
+    """Return the parameter block of the magnet's compensator."""
     scales, limits = ranges(gap_map, play)
     law = None if kind == "full" else closed_form(gap_map)
     return build_block(magnet(gap_map, play), kind, scales, limits, sizes, closed_form=law)
@@ -117,19 +117,19 @@ def real_block(
 
 
 def triangles(low: float, high: float, samples: int, cycles: int = 3) -> FloatArray:
-    """Return `cycles` of a demand that runs from `low` to `high` and back, `samples` each."""
+    """Return `cycles` of a demand from `low` to `high` and back, with `samples` per cycle."""
     phase = np.arange(samples * cycles) % samples / samples
     return np.asarray(low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
 
 
 def nested(high: float, samples: int = 120) -> FloatArray:
-    """Return loops within loops, from 95 % of `high` down to 10 %, all starting at 4 %."""
+    """Return nested loops with peaks from 95 % to 10 % of `high`, each starting at 4 %."""
     levels = np.linspace(0.95, 0.1, 8) * high
     return np.concatenate([triangles(0.04 * high, level, samples, 1) for level in levels])
 
 
 def reversals(low: float, high: float, count: int, seed: int) -> FloatArray:
-    """Return straight ways of 1 to 40 samples between turning points drawn at random."""
+    """Return straight segments of 1 to 40 samples between random reversal points."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(low, high, count + 1)
     ways = [np.linspace(a, b, int(rng.integers(1, 40)), endpoint=False) for a, b in pairwise(points.tolist())]

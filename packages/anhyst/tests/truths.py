@@ -1,7 +1,7 @@
-"""Models that were identified once and are kept: tests that start from a model read it here.
+"""Read identified models from files, for tests that start from a model.
 
-``make truths`` identifies them all again, for when identification gives better ones
-(``tests.kept_models`` of the rigs, which measures virtual magnets for some of them).
+``make truths`` identifies these models again after an improvement of the identification. It calls
+``tests.kept_models`` of the rigs, which measures virtual magnets for some models.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ FOLDER = Path(__file__).parent / "kept_models"
 
 
 def path_of(name: str) -> Path:
-    """Where the model file of a truth lies."""
+    """Return the path of a model file."""
     return FOLDER / f"{name}.toml"
 
 
 @cache
 def truth(name: str) -> Model:
-    """Return the kept model of this name."""
+    """Return the stored model of this name."""
     return read_model(path_of(name))

@@ -1,4 +1,4 @@
-"""``anhyst excite`` and ``anhyst watch``: one after the other as an engineer types them."""
+"""Test ``anhyst excite`` and ``anhyst watch`` in the order of their use."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.study.measured_rigs import GAP_MAP, MINOR_REVERSALS, WIDE_REVERSALS, 
 EXAMPLES = ROOT / "examples"
 GAPS = {"bearing": "[0.35e-3, 0.45e-3, 0.55e-3]", "solenoid": "[1.0e-3, 1.35e-3, 2.0e-3, 2.8e-3]"}
 ALLOWED = {"bearing": 0.005, "solenoid": 0.03}
-"""Of the largest force, rms at gaps that were not measured."""
+"""Rms error at unmeasured gaps, as a fraction of the largest force."""
 
 
 @pytest.mark.slow
@@ -57,7 +57,7 @@ def test_loops_of_a_piezo_stage_give_a_model_of_what_was_not_measured(tmp_path: 
     unseen = read_loops(EXAMPLES / "piezo" / "unseen.csv").loops[0]
     model = read_model(tmp_path / "m.toml")
     off = model.predict(unseen.input, None, unseen.time, unseen.history).output - unseen.output
-    # The best curve without memory misses by 2.8 %.
+    # The best curve without memory has an error of 2.8 %.
     assert np.mean(np.abs(off)) < 0.01 * np.ptp(unseen.output)
 
 

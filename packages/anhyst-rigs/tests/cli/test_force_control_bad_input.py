@@ -1,4 +1,4 @@
-"""What ``force-control`` says to a rig, a demand or a place that will not do."""
+"""Test the errors of ``force-control`` for an invalid rig, demand or output folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``anhyst init``: a rig of one's own from loops, and what is refused."""
+"""Test ``anhyst init``: a new rig from measured loops, and rejected inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the verb ``simulate`` says of a piezo stage."""
+"""Test the verdict that the command ``simulate`` prints for a piezo stage."""
 
 from __future__ import annotations
 

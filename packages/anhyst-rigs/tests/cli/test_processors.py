@@ -22,11 +22,11 @@ from .command import anhyst
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 OPENBLAS = {"base": "Prescott", "avx2": "Haswell", "avx512": "SkylakeX"}
-"""What the linear algebra would choose on such a processor."""
+"""Core type that OpenBLAS would choose on a processor of each level."""
 
 
 def variables(level: str) -> dict[str, str]:
-    """Return an environment in which this processor behaves like a lesser one."""
+    """Return environment variables that limit this processor to the features of a lower level."""
     found = np.show_config("dicts")["SIMD Extensions"].get("found", [])
     beyond = {"base": found, "avx2": [one for one in found if "512" in one or "V4" in one]}
     chosen = {
@@ -63,7 +63,7 @@ SHORT = {
 
 
 def write_files(folder: Path, force: str) -> None:
-    """Write the example, shortened, with a model that every processor is given."""
+    """Write the shortened example with one model for all processors."""
     rig = (bearings.EXAMPLE / "rig.toml").read_text()
     for old, new in {**SHORT, KIND["cells"]: KIND[force]}.items():
         assert rig.count(old) == 1, old
@@ -87,7 +87,7 @@ frequency_Hz = 33.0
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Everything that a JSON file holds, with the way to it."""
+    """Yield every value of a JSON file with its path."""
     if isinstance(value, dict | list):
         for key, one in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(one, f"{path}/{key}")
@@ -96,7 +96,7 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def expected(path: str, value: Any) -> Any:
-    """Numbers to 1e-9; where a peak lies to the root of that, as flat as it is there."""
+    """Approximate value: 1e-9, but 3e-5 for the frequency of a peak, because the peak is flat."""
     if not isinstance(value, float):
         return value
     return pytest.approx(value, rel=3e-5 if path.endswith("peak_frequency") else 1e-9, abs=0.0)

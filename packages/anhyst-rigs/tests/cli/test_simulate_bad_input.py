@@ -1,4 +1,4 @@
-"""What ``simulate`` says to a rig, a controller or a place that will not do; nothing is written."""
+"""Test that ``simulate`` rejects an invalid rig, controller or output path and writes nothing."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def change(path: Path, old: str, new: str) -> int:
-    """Change a piece of text and return the line of what is new."""
+    """Replace a piece of text and return the line number of the new text."""
     text = path.read_text()
     assert text.count(old) >= 1, old
     path.write_text(text.replace(old, new, 1))
@@ -281,7 +281,7 @@ def table(
     most: float = 4.5,
     least: float = 0.3e-3,
 ) -> str:
-    """A flux table of four currents and three gaps, perhaps with a fault."""
+    """A flux table of four currents and three gaps, optionally with a fault."""
     rows = ["I_A,gap_m,psi_Wb"]
     for i, j in ((i, j) for i in range(4) for j in range(3)):
         current, gap = most * i / 3.0, least + (0.6e-3 - least) * j / 2.0
@@ -315,7 +315,7 @@ def test_a_flux_table_that_will_not_do(folder: Path, text: str | None, message: 
 
 
 def write_spoilt(folder: Path, spoil: Callable[[Model], Model]) -> None:
-    """Write a good model of a magnet after something was done to it."""
+    """Write a valid model of a magnet after it was changed."""
     path = folder / "model.toml"
     path.write_text(model())
     write_model(spoil(read_model(path)), path)
@@ -419,7 +419,7 @@ def test_a_folder_where_a_file_is_to_be(folder: Path, name: str) -> None:
 
 
 def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path) -> None:
-    """Exit code 1, the time in one line, the recording kept and nothing else written."""
+    """Exit code 1 and one line with the time; only the recording is written."""
     (folder / "model.toml").write_text(model())
     change(folder / "controller.toml", 'variant = "full"', 'variant = "single-valued"\nmodel = "model.toml"')
     change(folder / "controller.toml", "damping = 1.0", "damping = 0.02")

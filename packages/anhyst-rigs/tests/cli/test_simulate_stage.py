@@ -1,4 +1,4 @@
-"""What ``simulate`` writes for a stage, and what it says to a file that will not do."""
+"""Test the files that ``simulate`` writes for a stage, and its errors for invalid files."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from .command import quick, refused, unwrapped
 
 EXAMPLE = ROOT / "examples" / "stage"
 SECOND = re.findall(r"\[\[magnet\]\]\nname = \"second\".*?\n\n", (EXAMPLE / "rig.toml").read_text(), re.S)[0]
-"""What the file says of the second magnet."""
+"""Table of the second magnet in the file."""
 CASES = ["none", "gap zero", "current scale", "pinning", "Hall gain", "eddy lag", "all"]
-"""What the example states of what its plants differ in."""
+"""Error cases of the plants in the example."""
 
 
 @pytest.fixture

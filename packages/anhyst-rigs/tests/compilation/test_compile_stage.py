@@ -1,4 +1,4 @@
-"""The compiled controller of a stage: the flight that was simulated, without a number of double precision."""
+"""Compare the compiled controller of a stage with the simulated flight, without f64."""
 
 from __future__ import annotations
 
@@ -31,26 +31,26 @@ from tests.study.test_axes import planar
 from tests.study.test_solid_stage import solid, solid_magnet
 
 FLOWN = MAX_FLIGHT_ROWS - 3 * ROWS_PER_COMMAND
-"""Ticks before the commands in the end."""
+"""Ticks before the commands at the end."""
 EXAMPLES = ROOT / "examples"
 
 
 FORMATS: list[tuple[NumberFormat, NumberFormat]] = [("f32", "f32"), ("fixed", "f32"), ("fixed", "fixed")]
-"""Of the magnets, and of pose, PIDs and allocation."""
+"""Number formats of the magnets, and of pose, PIDs and allocation."""
 
 
 @cache
 def single(
     has_six: bool, method: MethodName, number_format: NumberFormat = "f32", law: NumberFormat = "f32"
 ) -> StageSetup:
-    """Return an example in single precision or fixed point, its magnets known without a search."""
+    """Return an example in single precision or fixed point with already identified magnets."""
     rig = planar() if has_six else stages.stage()
     rig = replace(rig, settings=rig.settings.with_changes({"control.format": number_format}))
     return replace(make_stage(rig, bearings.knowledge(), method), number_format=law)
 
 
 def replays(folder: Path, rows: int = MAX_FLIGHT_ROWS) -> None:
-    """Its own example, compiled as strictly as the core, plays its vectors without a difference."""
+    """Check that the example, compiled with the core's strict options, repeats its vectors."""
     sources = sorted(str(file) for file in folder.rglob("*.c"))
     options = [*WARNINGS.split(), "-ffp-contract=off", f"-I{folder / 'include'}"]
     program = folder.parent / "example"
@@ -66,14 +66,14 @@ def replays(folder: Path, rows: int = MAX_FLIGHT_ROWS) -> None:
 
 
 def flown(setup: StageSetup, number: int) -> np.ndarray:
-    """Return the currents of a magnet in the simulated flight."""
+    """Return the currents of a magnet in the simulated flight, A."""
     scan = setup.rig.settings.scan
     run = track(setup, scan_motion(scan, scan.test_m_per_s2), Feedforward())
     return run["command_A" if number == 1 else f"command_{number}_A"][:FLOWN]
 
 
 def currents(compiled: CompiledStage, number: int) -> np.ndarray:
-    """Return the same as the compiled controller has it, A."""
+    """Return the currents of a magnet from the compiled controller, A."""
     found = compiled.vectors[f"current_{number}"][:FLOWN]
     if compiled.manifest["io"] == "f32":
         return found

@@ -1,4 +1,4 @@
-"""The compiled position controller: what is simulated is what would be flashed."""
+"""Compare the compiled position controller with the simulated one, bit for bit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PAIR = ("gap_total_m = 0.9e-3", "bias_force_N = 100.0")
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Copy the bundled bearing and identify its model."""
+    """Copy the bundled bearing with its identified model."""
     folder = tmp_path_factory.mktemp("bearing")
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         (folder / name).write_bytes((BEARING / name).read_bytes())
@@ -68,14 +68,14 @@ def built(folder: Path, compiler: str, program: Path) -> str:
 
 
 def played(program: str, rows: str) -> str:
-    """Give rows to the example; return what it says."""
+    """Run the example on rows of inputs; return its output."""
     done = subprocess.run([program], input=rows, capture_output=True, text=True, check=False)
     assert done.returncode in {0, 1}, done.stderr
     return done.stdout
 
 
 def changed(place: Path, name: str, *pairs: tuple[str, str]) -> Path:
-    """Write a controller file with other texts; return its path."""
+    """Write a controller file with replaced texts; return its path."""
     text = (place / "controller.toml").read_text()
     for old, new in pairs:
         assert text.count(old) == 1, old
@@ -139,7 +139,7 @@ def test_the_golden_flight_lifts_steps_loses_a_sample_and_lands(compiled: Compil
 
 
 def test_currents_are_words_of_the_converter(compiled: Compiled) -> None:
-    """In codes the grid of 16 bits over 0 to 4.5 A is exact, in amperes to the full scale's."""
+    """Codes are exactly on the 16-bit grid of 0 to 4.5 A; amperes up to rounding of the scale."""
     table = np.loadtxt(compiled.out / "controller.csv", delimiter=",", skiprows=1, dtype=np.int64)
     current = compiled.manifest["controller"]["signals"]["current"]
     driven = table[:, LEVITATION_COLUMNS.index("drive_1")]
@@ -160,7 +160,7 @@ def pair_rig(place: Path) -> BodyRig:
 
 
 def eventful(setup: BearingSetup) -> Scenario:
-    """Lift off, steps, samples that are missing, land."""
+    """Lift off, step, lose samples, land."""
     gap = setup.rig.settings.gap_m
     script = ScenarioBuilder(setup.rig, gap).lift_off(setup.controller)
     script.step(gap - 20e-6, 0.02).step(gap + 30e-6, 0.02)
@@ -170,7 +170,7 @@ def eventful(setup: BearingSetup) -> Scenario:
 
 
 def as_rows(recording: Recording, scenario: Scenario, compiled: Compiled) -> str:
-    """Write what a simulated controller was reported and answered as rows of ``controller.csv``."""
+    """Write inputs and outputs of a simulated controller as rows of ``controller.csv``."""
     signals = compiled.manifest["controller"]["signals"]
     middle = signals["position"]["zero_gap"]
 
@@ -185,7 +185,7 @@ def as_rows(recording: Recording, scenario: Scenario, compiled: Compiled) -> str
     for i, row in enumerate(recording.table):
         at = dict(zip(recording.columns, row.tolist(), strict=True))
         cells = [position(at["gap_read_m"]), position(float(scenario.target[i])), 0]
-        # A measured current comes over the port as q30: every second code.
+        # The port passes a measured current as q30: every second code.
         cells += [2 * code(at["current_read_A"] / 2.0, "current"), 0]
         cells.append(int(math.isnan(at["gap_read_m"])))
         cells.append(int(scenario.command[i]) & 0xFF)
@@ -218,7 +218,7 @@ CASES: dict[str, tuple[Literal["full", "simplified"], list[tuple[str, str]]]] = 
     "case", [pytest.param(one, marks=[pytest.mark.campaign] * (one == "full")) for one in CASES]
 )
 def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_path: Path) -> None:
-    """The folder's C gives bit for bit the answers that the simulated loop has recorded."""
+    """The C code of the folder gives the recorded outputs of the simulated loop bit for bit."""
     kind, changes = CASES[case]
     path = changed(place, "case.toml", *changes)
     rig = pair_rig(place) if "pair" in case else read_bearing(place / "rig.toml")
@@ -280,7 +280,7 @@ def test_fragments_for_make_and_cmake_name_its_source(compiled: Compiled, tmp_pa
 
 
 def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
-    """What an initialiser leaves out is zero in C, without a word."""
+    """In C, an omitted member of an initialiser silently becomes zero."""
     headers = sorted((compiled.out / "include").rglob("*.h"))
     header = "\n".join(path.read_text() for path in headers)
     header = re.sub(r"\b(anhyst_\w+)_x\b", r"\1_q31", header)
@@ -320,7 +320,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
     step = current["step_codes"] / 2.0**31 * current["scale"]
     assert step == pytest.approx(6.0 / 4095.0, rel=1e-12)
     assert controller["rate_Hz"] == RATE
-    # The least current of the converter that is not below the limit of 0 A.
+    # The lowest current of the converter that is not below the limit of 0 A.
     first = math.ceil(0.5 / step)
     assert current["low"] == pytest.approx(first * step - 0.5, abs=1e-9)
     assert f"FIRST_WORD {first}\n" in next(out.glob("*_controller.h")).read_text()

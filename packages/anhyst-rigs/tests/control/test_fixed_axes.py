@@ -1,4 +1,4 @@
-"""Pose, PIDs and allocation in fixed point, on bodies that are drawn, against double precision."""
+"""Compare pose, PIDs and allocation in fixed point with double precision on random bodies."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from tests.refusals import refused
 FULL = 2.0**31
 FORCE, LEAST, MOST = 250.0, 0.5, 240.0
 UNIT = 8.0 * FORCE / FULL
-"""A last place of a force inside, N."""
+"""LSB of the internal force format, N."""
 
 
 def drawn(rng: np.random.Generator) -> DriveLayout | None:
-    """Return drives that stand anywhere, some in pairs; None where they push along no axis or two."""
+    """Return random drives, some in pairs, or None if they do not act well on all axes."""
     axes, count = int(rng.integers(1, 7)), int(rng.integers(2, 15))
     pull = rng.uniform(-1.0, 1.0, (count, axes))
     against = list(range(count))
@@ -56,7 +56,7 @@ def bodies(count: int, seed: int) -> list[DriveLayout]:
 
 
 class Shared(NamedTuple):
-    """One wrench shared out in both formats."""
+    """Forces for one wrench in both formats."""
 
     force: FloatArray  # N, in fixed point
     wide: FloatArray  # N, in double precision
@@ -65,7 +65,7 @@ class Shared(NamedTuple):
 
 
 def share(one: DriveLayout, wrench: FloatArray, lost: list[int]) -> list[Shared]:
-    """Share out rows of wrenches, without drives that are lost."""
+    """Allocate rows of wrenches without the lost drives."""
     full = np.full(len(one.yield_weights), 4096.0)
     fixed = FixedWrench(*make_fixed_allocation(one, full, FORCE))
     wide = WrenchLayout(
@@ -85,7 +85,7 @@ def share(one: DriveLayout, wrench: FloatArray, lost: list[int]) -> list[Shared]
 
 
 def missed(one: DriveLayout, shared: Shared, wrench: FloatArray) -> float:
-    """Return the largest part of the wrench that forces do not make, N."""
+    """Return the largest component of the difference between requested and produced wrench, N."""
     return float(np.abs(shared.force @ one.unit_wrench - wrench).max())
 
 
@@ -131,7 +131,7 @@ def test_without_lost_drives_as_much_is_made_as_in_double_precision() -> None:
 
 
 class Body(NamedTuple):
-    """A controller of any body in both formats."""
+    """Parameters of a controller for a random body in both formats."""
 
     rows: dict[str, FloatArray]
     drives: DriveLayout
@@ -140,7 +140,7 @@ class Body(NamedTuple):
 
 @cache
 def magnet() -> tuple[ForceController, dict[str, float]]:
-    """Return a magnet by a curve without memory, and what a controller is given around it."""
+    """Return a magnet with a curve without memory, and the controller settings for it."""
     made = single(False, "single-valued", "fixed").compensator
     scales = made.scales
     given = {
@@ -157,7 +157,7 @@ def magnet() -> tuple[ForceController, dict[str, float]]:
 
 
 def pid_of(crossover: float, rate: float) -> list[float]:
-    """Return an integral, a lead and a roll-off around a mass of one, by the trapezoidal rule."""
+    """Return a PID with lead and roll-off for unit mass, discretised by the trapezoidal rule."""
     omega, fast = 2.0 * math.pi * crossover, 2.0 * rate
     low, lead, high = omega / 10.0, omega / 3.0, 6.0 * omega
     up = (1.0 / lead, 1.0 + low / lead, low)
@@ -173,7 +173,7 @@ def pid_of(crossover: float, rate: float) -> list[float]:
 
 
 def body(one: DriveLayout, rng: np.random.Generator) -> Body:
-    """Return a body of any mass and centre, seen by some heads more than it has coordinates."""
+    """Return a body of random mass and centre, with at least one sensor head per coordinate."""
     axes = len(one.yield_weights)
     at = np.vstack([np.eye(axes), rng.uniform(-1.0, 1.0, (int(rng.integers(0, 4)), axes))])
     apart = np.eye(axes) + np.triu(rng.uniform(-0.01, 0.01, (axes, axes)), 1)
@@ -217,7 +217,7 @@ def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
 
 
 def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
-    """Heads of up to 10 nm, for 25 ticks: to a 2^-20th part of full scale."""
+    """Heads read up to 10 nm for 25 ticks; the limit is 2^-20 of full scale."""
     rng, worst = np.random.default_rng(5), 0.0
     for one in bodies(30, 13):
         made = body(one, rng)

@@ -1,4 +1,4 @@
-"""A stand-in for a board: the firmware as a process, whose plant keeps its own time."""
+"""A substitute for a board: the firmware as a process with a plant that runs in real time."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from anhyst_rigs.link.virtual_boards import Plant, PlantBus, run_host
 POLL_S = 0.002
 
 LATE_S = 0.02
-"""Where this machine stood for longer, the board stood too: no board runs after lost time."""
+"""Longest catch-up, s. A longer pause of this machine also pauses the board."""
 
 
 @dataclass
 class Board:
-    """A firmware that runs by the clock on the wall.
+    """A firmware that runs in real time.
 
     Attributes
     ----------
     url : str
-        Its own link.
+        URL of its link.
     xcp : str
-        Where it offers XCP.
+        Address at which it offers XCP.
     skip : int
-        Ticks that the plant goes on alone for, at the next opportunity: the controller misses them.
+        Ticks that the plant next runs alone: the controller misses them.
     ahead : int
-        Ticks that pass at once at the next opportunity.
+        Additional ticks that the board next runs without waiting.
     pull : callable
-        Ends it, as a cable pulled out or its power does.
+        Ends it, like a pulled cable or a power failure.
     """
 
     url: str
@@ -46,7 +46,7 @@ class Board:
 
 @contextmanager
 def running(firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: int = 0) -> Iterator[Board]:
-    """Let a firmware run by the clock until the test ends."""
+    """Run a firmware in real time until the test ends."""
     done = threading.Event()
     with run_host(firmware, plant, link, xcp) as host:
         board = Board(host.url, f"socket://127.0.0.1:{host.xcp_port}", host.bus, done.set)
@@ -66,7 +66,7 @@ def running(firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: i
                 pass  # the test ended the firmware
             finally:
                 if host.bus_socket is not None:
-                    host.bus_socket.close()  # the firmware ends with it
+                    host.bus_socket.close()  # the firmware ends with its socket
 
         thread = threading.Thread(target=run)
         thread.start()

@@ -1,4 +1,4 @@
-"""A bench, a server and a browser for the tests of the page."""
+"""Provide a bench, a server and a browser for the tests of the page."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def host_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same for a board that runs by itself."""
+    """Firmware of the example for a board with its own process."""
     return bearings.firmware(tmp_path_factory, "host")
 
 
 @pytest.fixture(scope="session")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> PreparedForce:
-    """A force rig with an iron that its controller does not know."""
+    """A force rig whose iron differs from the model of its controller."""
 
     def make(folder: Path) -> None:
         (folder / "prepared").write_bytes(pickle.dumps(unknown_iron(folder / "rig")))
@@ -66,13 +66,13 @@ def bench(firmware: Path) -> Iterator[BearingBench]:
 
 @pytest.fixture
 def force_bench(tmp_path_factory: pytest.TempPathFactory) -> ForceBench:
-    """A solenoid; to be closed with its session."""
+    """A solenoid bench; its session closes it."""
     return ForceBench(forces.example(), forces.program(tmp_path_factory))
 
 
 @dataclass(frozen=True)
 class Served:
-    """A session that is served."""
+    """A session with its running server."""
 
     session: LiveSession
     port: int
@@ -93,7 +93,7 @@ def serving(
     curves: Sequence[DrawnLoop] = (),
     learner: BenchCalibrator | None = None,
 ) -> Iterator[Served]:
-    """Serve a session of a bench, which is closed with it."""
+    """Serve a session of a bench; both are closed at the end."""
     recording = start_recording(record, bench.signals, bench.rate) if record else None
     session = LiveSession(bench, recording, folder, improver, curves, learner)
     taken = listen_on("127.0.0.1", 0)
@@ -121,7 +121,7 @@ Serve = Callable[..., Served]
 
 @pytest.fixture
 def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
-    """Serve a session until the test ends: of the bearing, where no other bench is given."""
+    """Serve sessions until the test ends; without a bench argument, the bearing is served."""
     folder = tmp_path / "work"
     folder.mkdir()
     with ExitStack() as stack:
@@ -138,7 +138,7 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
 
 @pytest.fixture(scope="module")
 def bearing(firmware: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A bearing that is served to all tests of a module, which leave it in any state."""
+    """A served bearing for all tests of a module; a test may leave it in any state."""
     bench = BearingBench(bearings.single(), firmware)
     with serving(bench, tmp_path_factory.mktemp("work")) as served:
         yield served
@@ -158,7 +158,7 @@ def browser() -> Iterator[Browser]:
 
 @contextmanager
 def shown(browser: Browser, served: Served) -> Iterator[Page]:
-    """Open the page of a session; at the end nothing may have gone wrong in it."""
+    """Open the page of a session, and check at the end that no error occurred in the page."""
     wrong: list[str] = []
     context = browser.new_context(viewport={"width": 1440, "height": 860})
     page = context.new_page()
@@ -189,7 +189,7 @@ def show(browser: Browser) -> Iterator[Show]:
 
 
 def wait_for(check: Callable[[], object], seconds: float = 180.0) -> None:
-    """Wait until something is true; give up where it never will be, on a busy machine too."""
+    """Wait until a check is true; fail after a time that is long enough for a busy machine."""
     end = time.monotonic() + seconds
     while not check():
         assert time.monotonic() < end, "waited in vain"

@@ -1,4 +1,4 @@
-"""The bundled solenoid at one gap, with an iron that its controller does not know."""
+"""The bundled solenoid at one gap, with an iron that differs from its controller's model."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tests.truths import truth
 
 GAP = 1.0e-3
 PINNING = 1.6
-"""Of the iron that is there, over that of the iron whose loops made the controller's model."""
+"""Ratio of the pinning of this iron to the pinning of the iron in the model."""
 
 QUICK = {"sweep_A_per_s": 4.8, "sample_s": 0.005}
-"""A measurement of some seconds."""
+"""Settings of a measurement of a few seconds."""
 
 _ONE_GAP = f"""
 [excite]
@@ -32,7 +32,7 @@ thermal_s = 60.0
 
 
 def unknown_iron(folder: Path) -> PreparedForce:
-    """Return a controller of the bundled loops before a solenoid whose iron is pinned harder."""
+    """Return a controller of the bundled loops for a solenoid whose iron has stronger pinning."""
     path = measured_rig("solenoid", folder, extra_lines=_ONE_GAP, law="play-cells").path
     solenoid = folder / "solenoid.toml"
     text = solenoid.read_text(encoding="utf-8")
@@ -51,7 +51,7 @@ def unknown_iron(folder: Path) -> PreparedForce:
 
 
 def pinned_more(prepared: PreparedForce, factor: float) -> PreparedForce:
-    """Return the same controller before an iron that became harder."""
+    """Return the same controller for an iron whose pinning increased by a factor."""
     file = prepared.complete_rig.solenoid_file
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
@@ -61,7 +61,7 @@ def pinned_more(prepared: PreparedForce, factor: float) -> PreparedForce:
 
 
 def swung(prepared: PreparedForce, cycles: int, period: float = 1.0) -> FloatArray:
-    """Return the rows of a bench whose force goes to and fro, after it began to run."""
+    """Return the rows of a bench after start, while its force demand alternates."""
     bench = prepared.open()
     try:
         bench.advance(50)

@@ -1,4 +1,4 @@
-"""Work for another process, which has little to import for it."""
+"""Jobs for another process, in a module with few imports."""
 
 from __future__ import annotations
 

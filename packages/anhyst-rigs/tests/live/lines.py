@@ -1,4 +1,4 @@
-"""Ways to the XCP of a firmware that are cut and mended: TCP, and a serial port."""
+"""Interruptible connections to the XCP of a firmware: TCP, and a serial port."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _POLL_S = 0.02
 
 
 class Way:
-    """A way that carries until its test ends, except while it is cut."""
+    """A connection that works until its test ends, except while it is cut."""
 
     def __init__(self, url: str) -> None:
         self.url = url
@@ -35,7 +35,7 @@ def connected(address: str) -> socket.socket:
 
 @contextmanager
 def tcp_line(address: str) -> Iterator[Way]:
-    """Yield a TCP address that leads to another; cut, both ends stay open and hear nothing."""
+    """Yield a TCP address that forwards to another; if cut, both ends stay open without data."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         way = Way(f"socket://127.0.0.1:{listener.getsockname()[1]}")
 
@@ -50,7 +50,7 @@ def tcp_line(address: str) -> Iterator[Way]:
 
 
 def _carry(near: socket.socket, far: socket.socket, way: Way) -> None:
-    """Carry bytes until one end hangs up or the way ends."""
+    """Forward bytes until one end closes or the test ends."""
     with suppress(OSError):
         while not way.ended.is_set():
             ends = select.select([near, far], [], [], _POLL_S)[0]
@@ -65,7 +65,7 @@ def _carry(near: socket.socket, far: socket.socket, way: Way) -> None:
 
 @contextmanager
 def serial_port(address: Callable[[], str]) -> Iterator[Way]:
-    """Yield a serial port that carries the XCP of a TCP address, whenever somebody is there."""
+    """Yield a serial port that forwards to the XCP of a TCP address whenever it can connect."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     way = Way(os.ttyname(theirs))
@@ -83,7 +83,7 @@ def serial_port(address: Callable[[], str]) -> Iterator[Way]:
 
 
 def _reframe(ours: int, far: socket.socket, way: Way) -> None:
-    """Carry packets, with checksums on the serial port, until the controller is gone."""
+    """Forward packets, with checksums on the serial port, until the controller closes."""
     commands, samples = b"", b""
     while not way.ended.is_set():
         ends = select.select([ours, far.fileno()], [], [], _POLL_S)[0]

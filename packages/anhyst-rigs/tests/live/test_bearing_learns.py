@@ -1,4 +1,4 @@
-"""A bearing on the page: it learns while it levitates."""
+"""Test a bearing on the page whose parameters are estimated while it levitates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WRONG = Drift(pinning=0.2, gap_offset=10e-6)
 
 
 def prepared(firmware: Path) -> PreparedBearing:
-    """The example, whose plant is not what its controller was made for."""
+    """The example with a plant that differs from the model of its controller."""
     of = bearings.single()
     rig = change_rig(of.rig, {"spread.gap_zero_m": 5e-6})
     rig = replace(rig, settings=drifted_file(rig.settings, WRONG))
@@ -35,7 +35,7 @@ def prepared(firmware: Path) -> PreparedBearing:
 
 
 class Beside:
-    """A bench and its learner in step, without a session."""
+    """A bench and its online calibration in step, without a session."""
 
     def __init__(self, found: PreparedBearing) -> None:
         self.prepared = found
@@ -59,7 +59,7 @@ class Beside:
         self.advance(0.45)
 
     def off(self) -> float:
-        """What the force was off by in the last second that was looked at, N."""
+        """Force error in the last evaluated second, N."""
         return self.learner.laps[-1].average
 
 
@@ -85,7 +85,7 @@ def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(besi
         assert abs(value) <= 4.0 * stated
         assert sigma < stated
         assert abs(value - applied) < 0.5 * stated
-    # still: whatever load swings, nothing teaches
+    # no motion: a changing load causes no update
     beside.advance(1.2)
     count, values = len(beside.learner.laps), beside.learner.laps[-1].values
     beside.bench.load(158.0)
@@ -122,7 +122,7 @@ def test_what_makes_the_force_worse_is_taken_back_and_ends_learning(
 @pytest.mark.slow
 def test_rows_that_were_missed_are_waited_out_until_no_current_flows(beside: Beside) -> None:
     beside.advance(1.0, 40e-6)
-    beside.bench.advance(100)  # rows that nobody saw
+    beside.bench.advance(100)  # skip rows, as if they were lost
     count = len(beside.learner.laps)
     beside.advance(1.3, 40e-6)
     assert len(beside.learner.laps) == count

@@ -1,4 +1,4 @@
-"""A better model of a magnet before a controller that runs: measured, found, swapped in over XCP."""
+"""Test that a model of a running controller is measured, identified and swapped over XCP."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def session(prepared: PreparedForce, board: Board) -> Iterator[LiveSession]:
 
 
 def force_error(session: LiveSession) -> float:
-    """Condition, and return the rms of what the force is off its demand, N."""
+    """Condition the iron, then return the rms force error, N."""
 
     def swing() -> float:
         bench = session.bench
@@ -82,7 +82,8 @@ def settings(session: LiveSession) -> dict[str, float]:
     return {one.name: one.value for one in session.parameters}
 
 
-# the same on the virtual bench: test_improve.py; a swap on a board: packages/anhyst-rigs/tests/study/test_board_swap.py
+# The module test_improve.py tests the virtual bench,
+# packages/anhyst-rigs/tests/study/test_board_swap.py a swap on a board.
 @pytest.mark.campaign
 @pytest.mark.slow
 def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
@@ -128,7 +129,7 @@ def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_
         else:
             order(session, "cancel")
         wait_for(lambda: not session.status()["improve"]["step"])
-        wait_for(lambda: board.bus.state is State.IDLE)  # as it was
+        wait_for(lambda: board.bus.state is State.IDLE)  # the previous state
         assert settings(session) == known
         why = "ready" if end == "stop" else "cancelled"
         assert why in session.status()["improve"]["trouble"]
@@ -156,7 +157,7 @@ def test_what_does_not_fit_a_board_is_refused(prepared: PreparedForce, tmp_path:
     folder = folder_of(prepared)
     rig, out = str(prepared.rig), ["--out", str(tmp_path / "new.csv")]
     assert main(["excite", rig, *out, "--xcp", "127.0.0.1:9"]) == 2  # no folder
-    assert main(["excite", rig, *out, "--folder", str(folder)]) == 2  # nobody to measure through
+    assert main(["excite", rig, *out, "--folder", str(folder)]) == 2  # no XCP address
     assert main(["live", rig, "--rig", rig]) == 2
     bearing = ROOT / "examples" / "bearing" / "rig.toml"
     with refused("wrong-kind"):

@@ -1,4 +1,4 @@
-"""The picture of a body of several coordinates, in a real browser, against the rows it is drawn of."""
+"""Compare the picture of a body with several coordinates in a real browser with its data rows."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
     pose = np.ravel(seen(page, "page.body.pose()"))
     assert -magnet_rows(planar().settings) @ pose == pytest.approx(np.array(gaps) - 0.45e-3, abs=1e-10)
-    # how much it is exaggerated stands on it, chosen by it or by whoever looks
+    # the title states the exaggeration, which is automatic or set by the user
     until(page, "document.querySelector('#body canvas').title.startsWith('place in the gaps × ')")
     factor = seen(page, "page.body.factor")
     assert 0.03 < factor * np.abs(pose).max() / 0.3 < 0.2
     page.select_option("#exaggerated", "1000")
     until(page, "document.querySelector('#body canvas').title.includes('× 1\u202f000')")
-    # numbers beside it are those of the row
+    # the table shows the values of the row
     cell = page.locator("[data-signal=pull_7] span").first
     assert float(cell.inner_text().split()[0]) == pytest.approx(last(page, "pull_7"), rel=1e-3)
     canvas = page.locator("#body canvas")
@@ -112,7 +112,7 @@ def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
     way, turn = seen(page, "page.body.pose()")
     assert np.any(way[:2])
     assert [way[2], *turn] == [0.0] * 4
-    # a push along a coordinate acts there
+    # a push along a coordinate acts on that coordinate
     page.select_option("#push-axis", "push_y")
     page.locator("#push").focus()
     page.keyboard.press("End")

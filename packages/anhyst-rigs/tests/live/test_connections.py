@@ -1,4 +1,4 @@
-"""Clients that open connections and send little or nothing do not keep others out."""
+"""Test that clients with open but idle or slow connections do not block others."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_page_loads_beside_half_open_connections(serve: Serve, said: bytes) -> N
     with half_open(served, 200, said) as lines:
         assert seconds_to_answer(served) < ANSWERED_S
         time.sleep(MIN_WAIT_S)
-        get(served)  # a new connection makes room
+        get(served)  # a new connection closes the oldest waiting ones
         wait_for(lambda: count_open(lines) <= MAX_WAITING)
         with meet(served) as line:
             assert next_message(line, "bench")["you"] == 1
@@ -68,7 +68,7 @@ def test_page_loads_beside_half_open_connections(serve: Serve, said: bytes) -> N
 
 
 def test_client_with_few_connections_is_not_closed_for_another(serve: Serve) -> None:
-    """The oldest connection of all stays, because another client has more of them."""
+    """The oldest connection stays open, because another client has more connections."""
     served = serve()
     with socket.socket() as own:
         try:
@@ -85,7 +85,7 @@ def test_client_with_few_connections_is_not_closed_for_another(serve: Serve) -> 
 
 
 def test_slow_header_is_closed_in_time(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A byte now and then does not extend the time."""
+    """Single bytes at intervals do not extend the time."""
     monkeypatch.setattr(connections, "MAX_WAIT_S", 1.0)
     served = serve()
     with half_open(served, 1, b"GET / HTTP/1.1\r\nX: ") as (line,):
@@ -129,7 +129,7 @@ def test_websocket_stays_open_for_longer_than_a_request_may_take(
 
 
 def test_connection_serves_one_request_after_the_other(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The time counts from the answer before, not from the connection."""
+    """The time starts at the previous answer, not at the start of the connection."""
     monkeypatch.setattr(connections, "MAX_WAIT_S", 0.6)
     served = serve()
     line = http.client.HTTPConnection("127.0.0.1", served.port, timeout=10)

@@ -1,4 +1,4 @@
-"""Loops below the one that runs: what was measured, thinned, and what the model makes of it."""
+"""Test the background curves of the loop view: measured loops, thinned, and the model's loops."""
 
 from __future__ import annotations
 

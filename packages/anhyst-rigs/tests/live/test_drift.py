@@ -1,4 +1,4 @@
-"""The bench's own rows say whether the model in force still fits."""
+"""Test that the rows of a bench show whether the active model still fits."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.study import bearings
 
 RATE = 1000.0
 LEARNT = 14
-"""Cycles of a second before anything drifts."""
+"""Cycles of one second before the drift begins."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""A force rig on the page: its force is the target, in newtons."""
+"""Test a force rig on the page: its target is a force in newtons."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_run_begins_at_zero_and_a_generator_stays_within_the_range(session: Li
     assert session.status()["generator"] is None
     wait_for(lambda: session.status()["state"] == State.READY)
     tick = session.bench.tick
-    wait_for(lambda: session.bench.tick > tick + 0.5 * session.bench.rate)  # no current any more
+    wait_for(lambda: session.bench.tick > tick + 0.5 * session.bench.rate)  # current has decayed
     session.run_between_chunks(lambda: session.bench.command(Command.RUN))
     assert session.status()["target"] == 0.0
     assert not session.end_reason
@@ -62,7 +62,7 @@ def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
     session.run_between_chunks(lambda: session.generate(PeriodicWave("sine", 5.0, 2.0, begin)))
     seen: list[FloatArray] = []
     session.subscribe(seen.append)
-    session.run_between_chunks(lambda: force_bench.command(Command.IDLE))  # past the page
+    session.run_between_chunks(lambda: force_bench.command(Command.IDLE))  # without the page
     wait_for(lambda: len(seen) > 20)
     assert session.status()["generator"] is None
     assert "generator off: demand: a force is demanded in the state run" in session.log[-1].text

@@ -1,4 +1,4 @@
-"""Rows on their way to a page: nothing of a spike is lost, and no page makes the bench wait."""
+"""Test the rows sent to a page: no spike is lost, and no page makes the bench wait."""
 
 from __future__ import annotations
 

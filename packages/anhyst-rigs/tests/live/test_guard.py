@@ -1,4 +1,4 @@
-"""Who may talk to the server, and how much: each claim of docs/live.md against a running server."""
+"""Test each access limit of docs/live.md against a running server."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_host_and_origin_are_checked_on_the_socket(serve: Serve) -> None:
     for origin in ("http://evil.example", "null", None, "http://127.0.0.1:1"):
         with pytest.raises(InvalidStatus, match="403"):
             meet(served, origin=origin)
-    # A name of another site that leads here has the right origin for its name.
+    # A foreign host name that resolves to this server matches its own origin, but must be rejected.
     with (
         socket.create_connection(("127.0.0.1", served.port)) as raw,
         pytest.raises(InvalidStatus, match="403"),
@@ -162,7 +162,7 @@ def test_so_many_browsers_and_no_more(serve: Serve) -> None:
 def test_a_browser_that_does_not_read_does_not_stall_the_bench(serve: Serve) -> None:
     served = serve()
     with meet(served, max_queue=1) as slow, meet(served) as quick:
-        # The slow one is never read: its buffers fill.
+        # The slow browser is never read, so that its buffers fill.
         next_message(quick, "bench")
         bench = served.session.bench
         then, covered = bench.tick, 0
@@ -182,7 +182,7 @@ def test_two_operators_cannot_command_at_once(serve: Serve) -> None:
         assert "reason" not in order(first, "load", value=140.0)
         for what in ("load", "target", "command", "generator", "apply", "pace"):
             assert says(order(second, what, value=100.0)["reason"], "another-operates")
-        order(second, "hand over", yes=True)  # not the operator's word
+        order(second, "hand over", yes=True)  # only the operator may hand over
         order(second, "ask")
         assert says(order(second, "load", value=90.0)["reason"], "another-operates")
         order(first, "hand over", yes=True)

@@ -1,4 +1,4 @@
-"""A controller that keeps its own time, over XCP: every tick is there, and what is lost is said."""
+"""Test a real-time controller over XCP: every tick arrives, and lost ticks are reported."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_who_does_not_advance_is_no_operator(board: Board, bench: HardwareBench)
     bench.advance(10)
     wait_for(lambda: board.bus.state is State.FAULT)
     assert board.bus.fault is Fault.LINK_LOST
-    rows = bench.advance(10)  # what it did meanwhile is there
+    rows = bench.advance(10)  # the rows of the pause arrive later
     assert (np.diff(rows[:, 0]) == 1.0).all()
     assert {State.RUN, State.FAULT} <= set(column(bench, rows, "state"))
 
@@ -201,7 +201,7 @@ def test_the_page_of_a_controller_says_when_it_is_lost(
     page.locator("#target").fill("20")
     page.locator("#go").click()
     wait_for(lambda: abs(last(page, "force") - 20.0) < 1.0)
-    assert page.locator("#pause").count() == 0  # its time cannot stand
+    assert page.locator("#pause").count() == 0  # a real-time board cannot be paused
     board.pull()
     state_is(page, "lost")
     until(page, "document.getElementById('notice').textContent.includes('is gone')")
@@ -217,7 +217,7 @@ def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path:
 
 
 class HeldArmature:
-    """A bearing at the middle of its travel, whose currents are as commanded."""
+    """A bearing with fixed armature at mid-travel, whose currents follow commands immediately."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         del tick
@@ -237,6 +237,6 @@ def test_a_board_that_levitates_offers_compensation_and_gains(host_firmware: Pat
             assert bench.apply(wanted) > bench.tick
             with refused("out-of-range compensation: 0.5"):
                 bench.apply({"compensation": 0.5})
-        with closing(XcpMaster(board.xcp)) as other:  # what the controller itself says
+        with closing(XcpMaster(board.xcp)) as other:  # value in the controller
             assert other.read_setting(Setting.COMPENSATION) == 0
             assert other.read_setting(Setting.GAIN_D) == pytest.approx(1.1 * 2**30, abs=1.0)

@@ -1,4 +1,4 @@
-"""From what runs to a better model of it, beside the bench and without a page."""
+"""Test the improvement of a model while its bench runs, without a page."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def order(session: LiveSession, step: str, **fields: Any) -> Mapping[str, Any]:
 
 
 def done(session: LiveSession, step: str) -> Mapping[str, Any]:
-    """Order a step, wait for it, and return what it left."""
+    """Start a step, wait for its end, and return its result."""
     assert session.improver is not None
     order(session, step)
     wait_for(lambda: not session.status()["improve"]["step"])
@@ -48,7 +48,7 @@ def done(session: LiveSession, step: str) -> Mapping[str, Any]:
 
 
 def force_error(session: LiveSession) -> float:
-    """Condition, and return the rms of what the force is off its demand, N."""
+    """Condition the iron, then return the rms force error, N."""
 
     def swing() -> float:
         bench = session.bench
@@ -137,7 +137,7 @@ def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
     job = ProcessJob(forever, ended=ended.append)
     wait_for(lambda: job.share == 0.25)
     job.cancel()
-    assert job._process.exitcode != 0  # it did not come to its end
+    assert job._process.exitcode != 0  # it was terminated early
     assert ended == []
 
 

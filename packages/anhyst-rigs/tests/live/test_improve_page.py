@@ -1,4 +1,4 @@
-"""From measuring to swapping without leaving the page, in a real browser."""
+"""Test the page from measurement to model swap in a real browser."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.needs("chromium"), pytest.mark.slow]
 
 
 def cell(page: Page, column: int) -> float:
-    """Return a figure of the comparison of both models, N."""
+    """Return a value of the comparison of both models, N."""
     text = page.locator("#misfits tbody tr").first.locator("td").nth(column).inner_text()
     return float(text.removesuffix(" N"))
 

@@ -1,4 +1,4 @@
-"""What is lost while a rig is driven, one thing at a time: each line of the table of docs/live.md."""
+"""Test each kind of loss in the table of docs/live.md while a rig is driven."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_browser_that_goes_leaves_the_rig_running_and_the_desk_free(
         for name in ("demagnetised", "run"):
             assert "reason" not in order(first, "command", name=name)
         wait_for(lambda: session.status()["state"] == State.RUN)
-        first.socket.close()  # without a word
+        first.socket.close()  # without a closing message
     tick = session.bench.tick
     wait_for(lambda: session.bench.tick > tick + session.bench.rate)
     assert session.status()["state"] == State.RUN
@@ -115,7 +115,7 @@ def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(
     wait_for(lambda: board.bus.fault is Fault.LINK_LOST)
     rows = 0
     last = 0.0
-    while rows < 3000:  # what came meanwhile is not lost either
+    while rows < 3000:  # rows of the pause are not lost either
         chunk = stuck.get(10.0)
         assert chunk is not None
         assert not last or chunk[0, 0] == last + 1

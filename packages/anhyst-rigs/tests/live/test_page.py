@@ -1,4 +1,4 @@
-"""What an engineer sees and does, in a real browser."""
+"""Test the page in a real browser as an engineer sees and operates it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def press(page: Page, name: str) -> None:
 
 
 def seen(page: Page, text: str) -> Any:
-    """Return what JavaScript finds in the page; `page` is its views."""
+    """Return the value of a JavaScript expression; in it, `page` is the object with the views."""
     return page.evaluate(f"(() => {{ const page = window.anhyst; return {text}; }})()")
 
 
 def until(page: Page, condition: str) -> None:
-    """Wait for something in the page; its policy forbids what Playwright would wait by."""
+    """Wait for a condition in the page; its security policy forbids Playwright's wait function."""
     wait_for(lambda: page.evaluate(condition))
 
 
@@ -70,7 +70,7 @@ def test_the_armature_is_lifted_and_stopped_by_one_key(serve: Serve, show: Show)
     )
     assert abs(last(page, "gap") - GAP) < 1e-6
     assert page.locator("#stop").is_visible()
-    page.locator("#target").focus()  # from anywhere, a field too
+    page.locator("#target").focus()  # Escape stops from anywhere, even from a field
     page.keyboard.press("Escape")
     state_is(page, "fault")
     until(page, "document.getElementById('fault').textContent === 'stopped'")
@@ -105,13 +105,13 @@ def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) 
     until(first, "document.body.classList.contains('watching')")
     until(second, "!document.body.classList.contains('watching')")
     lift(second, served)
-    first.keyboard.press("Escape")  # watches, and stops all the same
+    first.keyboard.press("Escape")  # a watching browser can stop too
     state_is(second, "fault")
 
 
 @pytest.fixture
 def _every_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a page get all samples however slow it is: else it is sent fewer (test_frames.py)."""
+    """Send all samples even to a slow page, which otherwise gets fewer (test_frames.py)."""
     monkeypatch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
 
 
@@ -219,7 +219,7 @@ def test_switching_the_compensation_off_shows_a_larger_overshoot(serve: Serve, s
         page.wait_for_selector(f"#compensation[aria-pressed={on}]")
         page.locator("#step-down").click()
         page.wait_for_selector(f"#steps tbody tr:nth-child({taken})")
-        page.keyboard.press("c")  # off, and on again
+        page.keyboard.press("c")  # off, then on again
     page.wait_for_selector("#compensation[aria-pressed=true]")
     rows = [row.split("\t") for row in page.locator("#steps tbody tr").all_inner_texts()]
     assert [row[1] for row in rows] == ["with compensation (1)", "without compensation (1)"]

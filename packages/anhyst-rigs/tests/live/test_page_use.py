@@ -1,4 +1,4 @@
-"""A page as one looks at it: on a telephone, with cursors, as a file, and again after a reload."""
+"""Test the page on a telephone, with cursors, as a saved file, and after a reload."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.needs("chromium")
 
 @pytest.fixture(scope="module")
 def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
-    """One page of one bearing, for all tests here."""
+    """One page of one bearing, for all tests of this module."""
     with shown(browser, bearing) as page:
         ready(page)
         yield page
@@ -32,7 +32,7 @@ def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
 
 @pytest.fixture
 def page(opened: Page, bearing: Served) -> Page:
-    """The scope, which follows a short window; its cursors are off."""
+    """The scope with a short live window and without cursors."""
     bearing.session.pacer.resume()
     opened.keyboard.press("1")
     seen(opened, "page.scope.setWindow(0.1), page.scope.follow()")
@@ -41,14 +41,14 @@ def page(opened: Page, bearing: Served) -> Page:
 
 
 def at(page: Page, share: float) -> tuple[float, float]:
-    """Return a place within the first strip, a share of its width from its left."""
+    """Return a point in the first strip at this fraction of its width from the left."""
     box = page.locator("#scope .u-over").first.bounding_box()
     assert box is not None
     return box["x"] + share * box["width"], box["y"] + 30.0
 
 
 def columns(page: Page) -> dict[str, FloatArray]:
-    """Return what is seen on the scope, by the heads of its columns."""
+    """Return the visible samples of the scope by column name."""
     table: dict[str, Any] = seen(page, "page.scope.table()")
     return {head: np.array(column) for head, column in table.items()}
 
@@ -61,7 +61,7 @@ BOXES = """() => [...document.querySelectorAll("button, input, select, output, d
 
 
 def overlapping(boxes: list[tuple[str, float, float, float, float]]) -> list[tuple[str, str]]:
-    """Return the pairs that lie over each other by more than a pixel."""
+    """Return the pairs of boxes that overlap by more than a pixel."""
     sides = np.array([box[1:] for box in boxes])
     low = np.maximum(sides[:, None, :2], sides[None, :, :2])
     high = np.minimum(sides[:, None, 2:], sides[None, :, 2:])
@@ -108,9 +108,9 @@ def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(page: Page, be
 
 @pytest.mark.slow
 def test_cursors_say_what_lies_between_them(page: Page) -> None:
-    for share in (0.9, 0.2, 0.3):  # the last moves the nearer one
+    for share in (0.9, 0.2, 0.3):  # the last click moves the nearer cursor
         page.mouse.click(*at(page, share))
-        page.mouse.move(*at(page, share + 0.05))  # so that no two clicks are a double one
+        page.mouse.move(*at(page, share + 0.05))  # so that two clicks do not form a double click
     until(page, "window.anhyst.scope.cursors.found.length === 4")
     assert seen(page, "page.scope.held") is not None
     first, last = seen(page, "page.scope.cursors.ticks")
@@ -141,7 +141,7 @@ def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page)
     until(page, "window.anhyst.scope.view.to === window.anhyst.scope.held")
     zoomed = seen(page, "page.scope.view")
     rate = seen(page, "page.bench.rate")
-    place = held - 0.75 * window * rate  # of the pointer: where it was before
+    place = held - 0.75 * window * rate  # tick at the pointer before zooming
     share = (place - zoomed["from"]) / (zoomed["to"] - zoomed["from"])
     assert share == pytest.approx(0.25, abs=0.01)
     page.mouse.dblclick(*at(page, 0.7))
@@ -153,7 +153,7 @@ def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page)
 
 @pytest.mark.slow
 def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Served) -> None:
-    bearing.session.pacer.pause()  # so that all that is seen is among the last seconds
+    bearing.session.pacer.pause()  # keep all visible samples in the buffer
     page.keyboard.press("Space")
     until(page, "window.anhyst.scope.view.to === window.anhyst.scope.held")
     wanted = columns(page)

@@ -1,4 +1,4 @@
-"""A piezo stage on the page: driven, switched, recorded, stopped; and from the command line."""
+"""Test a piezo stage on the page and the command line: driven, switched, recorded, stopped."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     lap = rows[:, 2 + names.index("lap")]
     assert np.array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
     assert rms(error[off - 3001 : off - 1]) < 0.2 * rms(error[off + 999 : off + 3999])
-    assert lap[off - 1] == lap[off - 2] + 1.0  # where a period begins
+    assert lap[off - 1] == lap[off - 2] + 1.0  # the switch is at the start of a period
     assert np.abs(np.diff(rows[:, 2 + names.index("voltage")])[off - 3 : off + 1]).max() < 1.0
     notes = [line for line in record.read_text().splitlines() if line.startswith("#")]
     for text in ("run", "compensation = 0", "emergency stop", "target"):
@@ -143,7 +143,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     with prepare_cached(rig, None):
         assert len(prepares) == 1
     with pytest.raises(InputError, match="a piezo stage has no controller"), prepare_cached(rig, rig):
-        pass  # kept before, and refused all the same
+        pass  # it is cached, but must still be rejected
 
 
 @pytest.mark.slow
@@ -161,18 +161,19 @@ def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect
         try:
             assert process.stdout is not None
             address = process.stdout.readline().split()[0].removesuffix("/")
-            # The page answers before the bench ticks: a command of then would be of tick 0.
+            # The page answers before the bench runs. A command at that time would be recorded at
+            # tick 0.
             wait_for(lambda: path.is_file() and path.stat().st_size > 1e5)
             with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
                 line.send(json.dumps({"do": "command", "name": "run", "id": 1}))
-                at_rest = path.stat().st_size  # more of it the busier the machine
+                at_rest = path.stat().st_size  # its size depends on the load of the machine
                 wait_for(lambda: path.stat().st_size > at_rest + 2e6)
         finally:
             process.send_signal(signal.SIGINT)
         assert f"written: {path}" in unwrapped(process.stdout.read())
     assert process.returncode == 0
     rows = numbers(path)
-    (begun,) = np.flatnonzero(np.diff(rows[:, -1]) == 1.0)[:1]  # the first period
+    (begun,) = np.flatnonzero(np.diff(rows[:, -1]) == 1.0)[:1]  # start of the first period
     bench = piezos.bench()
     same = [bench.advance(int(begun) + 1)]
     bench.command(Command.RUN)
@@ -180,8 +181,8 @@ def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect
     assert np.array_equal(np.delete(rows, 1, axis=1), np.concatenate(same))
     given = ["--columns", "position_read_m=x_m", "--loop", "lap"]
     assert main(["inspect", str(path), *given]) == 0
-    # The jump to its first place excites the resonance of the stage at 480 Hz. How long the stage
-    # rests after it depends on the machine, so the recording is cut there.
+    # The jump to the first position excites the stage's resonance at 480 Hz. The time of rest
+    # afterwards depends on the machine, so the recording is cut there.
     assert begun > 400
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     path.write_text("".join(lines[:401]), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A controller that was lost is found again, is what it says it is, and nobody commands it."""
+"""Test that a lost controller is found and checked again, and gets no command before that."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from tests.study import bearings
 __all__ = ["board", "manifest", "program"]
 
 LONG = 20_000
-"""Ticks of 20 s."""
+"""Ticks in 20 s."""
 
 Manifest = dict[str, object]
 
 
 class Power:
-    """A board that is switched off and on again, always at the same port."""
+    """A board that can be switched off and on, always at the same port."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
@@ -69,7 +69,7 @@ def power(program: Program) -> Iterator[Power]:
 
 
 def long_on(power: Power) -> Board:
-    """Switch a board on that has counted further than one that was just switched on ever does."""
+    """Switch on a board and advance its tick counter beyond that of any newly started board."""
     started = power.on()
     wait_for(lambda: started.bus.state is State.IDLE)
     started.ahead = LONG
@@ -123,7 +123,7 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
         assert said(session, "in the state idle; it was restarted and is at its tick")
         assert said(session, "compensation changed from 0 to 1")
         assert {one.name: one.value for one in session.parameters}["compensation"] == 1.0
-        assert at_rest(started)  # nobody told it anything
+        assert at_rest(started)  # no command was sent
         assert session.bench.generator is None
         assert session.status()["target"] == 0.0
         operated(session)
@@ -168,7 +168,7 @@ def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(power: Power
         power.off()
         gone(session)
     power.on()
-    with closing(XcpMaster(power.xcp)) as other:  # one master at a time
+    with closing(XcpMaster(power.xcp)) as other:  # XCP accepts one master at a time
         other.send_heartbeat()
 
 
@@ -190,7 +190,7 @@ def test_a_controller_whose_line_was_cut_went_on_by_itself_and_so_do_its_ticks(
             back(session)
             assert said(session, "in the state fault (link lost); its tick counter continued")
             assert board.bus.state is State.FAULT
-            assert 0 <= board.bus.tick - session.bench.tick < bench.rate  # one count
+            assert 0 <= board.bus.tick - session.bench.tick < bench.rate  # same tick counter
             assert session.status()["missing"] > 0
 
 
@@ -212,14 +212,14 @@ def test_a_controller_on_a_serial_port_is_found_again(power: Power, manifest: Ma
 
 
 class WatchedBearing(SteppedBearing):
-    """The bundled bearing, and how fast its armature moved at most."""
+    """The bundled bearing with a record of its largest armature speed."""
 
     def __init__(self) -> None:
         super().__init__(bearings.single())
         self.fastest = 0.0
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Go on by one tick."""
+        """Advance by one tick."""
         read = super().step(tick, currents)
         self.fastest = max(self.fastest, abs(self.bearing.velocity))
         return read
@@ -244,7 +244,7 @@ def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(host
             assert board.bus.fault is Fault.LINK_LOST
             gone(session)
             wait_for(lambda: plant.bearing.gap >= rest)
-            assert plant.fastest < 0.02  # m/s; without current the load throws it at 0.1 m/s
+            assert plant.fastest < 0.02  # m/s; without current the load accelerates it to 0.1 m/s
             port.cut.clear()
             wait_for(lambda: said(session, "in the state fault (link lost)"))
             assert board.bus.state is State.FAULT

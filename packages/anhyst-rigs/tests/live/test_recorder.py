@@ -1,4 +1,4 @@
-"""A recording: bit for bit what was measured, on the disk at once, read by the other verbs."""
+"""Test that a recording equals the measured bits, is immediately on disk, and can be read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page records: the last seconds, from a crossing on, as long as asked; in its folder alone."""
+"""Test recordings from the page: the last seconds, from a crossing, of a length, in its folder."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def rows(first: int, count: int) -> FloatArray:
 
 
 class Fed:
-    """A recorder whose rows are put in by hand."""
+    """A recorder whose rows are written by the test."""
 
     def __init__(self, folder: Path) -> None:
         self.said: list[str] = []
@@ -115,7 +115,7 @@ def test_one_without_end_is_stopped_at_the_tick_of_the_order(fed: Fed) -> None:
 def test_a_crossing_begins_a_recording_with_what_was_before(fed: Fed, rising: bool) -> None:
     level = -5.0
     crossing = fed.recorder.make_crossing("force", level, rising)
-    fed.feed(2500)  # forces that crossed the level before count for nothing
+    fed.feed(2500)  # crossings before the start do not count
     wait_for(lambda: fed.recorder._ring.total == 2500)
     fed.recorder.start("crossed.csv", RecordingSpan(0.2, 0.3, crossing), fed.tick)
     assert (fed.recorder.status() or {})["waits"]
@@ -209,7 +209,7 @@ def test_mdf_is_whole_at_every_moment_and_bit_for_bit(tmp_path: Path) -> None:
         if step % 2:
             recorder.write_note(count, f"browser 1:\nload {step} N")
             noted.append(f"browser 1: load {step} N")
-        shutil.copyfile(path, copy)  # as a kill would leave it
+        shutil.copyfile(path, copy)  # as after a kill of the process
         with asammdf.MDF(copy) as file:
             wanted = rows(1, count)
             assert np.array_equal(file.get("tick").samples, wanted[:, 0])
@@ -243,7 +243,7 @@ def test_no_mdf_and_an_empty_one_are_refused(tmp_path: Path, capsys: pytest.Capt
 
 
 def swing(bench: BearingBench) -> Iterator[FloatArray]:
-    """Levitate, and yield rows of two swings of the load at one gap."""
+    """Levitate, and yield rows of two cycles of the load at one gap."""
     bench.advance(200)
     bench.command(Command.DEMAGNETISED)
     bench.command(Command.LIFT)

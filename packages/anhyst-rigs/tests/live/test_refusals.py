@@ -1,4 +1,4 @@
-"""What a page greys, and the next step that it names, against the controllers themselves."""
+"""Test that the buttons and the next step on a page agree with the controllers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WAYS: dict[str, tuple[tuple[Command, float], ...]] = {
     "run": ((Command.DEMAGNETISED, 0.01), (Command.LIFT, 0.02)),
     "stopped": ((Command.DEMAGNETISED, 0.01), (Command.LIFT, 0.02), (Command.STOP, 0.01)),
 }
-"""Commands that lead to a state, each with the time after it, s."""
+"""Commands that lead to each state, with the time after each command, s."""
 
 
 @pytest.fixture(params=["bearing", "force"])
@@ -35,7 +35,7 @@ def opening(request: pytest.FixtureRequest, firmware: Path, tmp_path_factory: py
 
 
 def values(bench: Bench, seconds: float) -> dict[str, float]:
-    """Return the last values of all signals after some time."""
+    """Return the last values of all signals after this time."""
     rows = bench.advance(round(seconds * bench.rate))
     names = (one.name for one in bench.signals)
     return dict(zip(names, rows[-1, 1:].tolist(), strict=True))

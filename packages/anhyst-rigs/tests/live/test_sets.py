@@ -1,4 +1,4 @@
-"""Parameter sets: saved whole, in one folder alone, and staged to be put in force on one tick."""
+"""Test parameter sets: saved completely, in one folder only, and activated on one tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A page and a bench for long: nothing is lost, and nothing grows."""
+"""Run a page and a bench for a long time: no data is lost, and memory does not grow."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.live.test_recorder import numbers
 
 EVERY_S = 0.2
 GROWN = 0.05
-"""Of the memory in use once buffers are full, by which it may grow."""
+"""Allowed growth of the used memory after all buffers are full, as a fraction."""
 
 
 def resident() -> float:

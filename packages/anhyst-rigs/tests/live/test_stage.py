@@ -1,4 +1,4 @@
-"""A stage on the page: it learns from its laps while it runs."""
+"""Test a stage on the page whose parameters are estimated from its cycles while it runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.study.test_balancing import short_stage
 
 SUBSTEPS = 4
 WRONG = 6.0
-"""A drawn plant of which most of the error of the compensator is what can be learnt."""
+"""A random plant in which estimation can remove most of the compensator's error."""
 
 
 def prepared(**control: object) -> PreparedStage:
@@ -37,7 +37,7 @@ def prepared(**control: object) -> PreparedStage:
 
 
 class Beside:
-    """A bench and its learner in step, without a session."""
+    """A bench and its online calibration in step, without a session."""
 
     def __init__(self, found: PreparedStage | None = None) -> None:
         found = found or prepared()
@@ -113,7 +113,7 @@ def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside
         one.laps()
     beside.learner.switch(True)
     beside.laps()
-    beside.advance(200)  # what was learnt waits
+    beside.advance(200)  # new estimates wait for the next cycle
     other.advance(beside.bench.tick - other.bench.tick)
     beside.learner.switch(False)
     beside.learner.revert()
@@ -164,7 +164,7 @@ def test_at_rest_no_number_moves_however_long(beside: Beside, monkeypatch: pytes
     beside.advance(1_000_000)
     assert (beside.learner.laps[-1].values, len(beside.learner.laps)) == before
     assert (learner.estimate, learner.applied_values) == (estimate, applied)
-    # what its iron remembers is not known any more: the first lap after it teaches nothing
+    # the state of the iron is unknown now: the first cycle gives no update
     taken: list[int] = []
     learn = ParameterEstimator.update
 
@@ -189,7 +189,7 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
     assert len(beside.learner.laps) == 0
     beside.bench.command(Command.RUN)
     beside.advance(3000)
-    beside.bench.advance(200)  # rows that nobody saw
+    beside.bench.advance(200)  # skip rows, as if they were lost
     beside.advance(9000)
     assert [one.lap for one in beside.learner.laps] == [3]
 
@@ -201,7 +201,7 @@ def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
     beside.learner.switch(True)
     beside.laps(5)
     good = beside.learner.laps[-1]
-    # an estimator gone astray: one current is believed to do a hundredth more than it does
+    # a diverged estimator assumes a current scale that is 1 % too large
     monkeypatch.setattr(
         ParameterEstimator, "update", lambda learner, _: learner.estimate.update(scale_1=0.01)
     )
@@ -227,7 +227,7 @@ def test_another_plant_is_no_reason_to_take_back_what_was_learnt(beside: Beside)
 
 def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
     start(beside)
-    beside.learner.switch(True)  # from the first tick on
+    beside.learner.switch(True)  # before the first tick
     beside.laps(2)
     assert beside.learner.status()["before"]["full"] == beside.learner.laps[0].average
     beside.bench.apply({"compensation": 0.0})
@@ -237,7 +237,7 @@ def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -
     assert methods[-1] == "single-valued"
     last = beside.learner.laps[-1]
     assert last.values == {}
-    assert last.refused > 0  # its law does not explain the motion
+    assert last.refused > 0  # its model does not explain the motion
     assert "no correction is applied" in beside.learner.status()["said"]["single-valued"]
 
 
@@ -258,7 +258,7 @@ def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
     assert session.status()["next"] == "press run" or session.bench.tick == 0
     wait_for(lambda: session.bench.tick > 0)
     order(session, do="apply", values={"plant": WRONG})()
-    order(session, do="learn", on=True)()  # from the first tick on
+    order(session, do="learn", on=True)()  # before the first tick
     order(session, do="command", name="run")()
     learner = session.learner
     assert learner is not None
@@ -337,7 +337,7 @@ def test_laps_that_ended_meanwhile_are_left_out_and_counted(
 
 
 def several() -> PreparedStage:
-    """The ten magnets of which all but the widths of their loops is drawn, with short set-points."""
+    """Ten magnets with short set-points; the plant is random except for the loop widths."""
     known = bearings.knowledge()
     setups = tuple(make_stage(short_stage(), known, name) for name in ("single-valued", "full"))
     return PreparedStage(known, setups, (Feedforward(), Feedforward()))
@@ -372,13 +372,13 @@ def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
     learnt = beside.learner.laps[-1]
     assert learnt.average < before / 2.0
     assert learnt.refused == 0
-    # what works is told from what was stated; what carries the weight begins where it was switched on
+    # each parameter is known better than its prior, and its value agrees with the prior
     for name in ("scale_1", "scale_4", "gap_zero_2_m", "scale_7", "centre_z_m"):
         value, sigma, applied, stated = learnt.values[name]
         assert sigma < stated
         assert abs(value) < 4.0 * stated
         assert abs(value - applied) < 0.5 * stated
-    # set down and lifted at once, its iron carries the weight on another branch
+    # after landing and immediate lift-off, the iron is on another branch
     for command in (Command.STOP, Command.LAND, Command.LIFT):
         beside.bench.command(command)
         beside.advance(1600)

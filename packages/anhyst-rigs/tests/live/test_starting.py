@@ -1,4 +1,4 @@
-"""The page while a rig is built."""
+"""Test the page while a rig is built."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_start_page_shows_the_share_that_is_done() -> None:
             assert "fetch(" in asked(port, "/assets/start.js")
             assert start_of(port)["share"] == 0.0
             start.update(1.0, 4.0)
-            start.update(0.0, 4.0)  # the share never falls
+            start.update(0.0, 4.0)  # the progress never falls
             found = start_of(port)
             assert found["share"] == 0.25
             assert (found["title"], found["work"]) == ("bearing", "building")
@@ -101,7 +101,7 @@ def free_port() -> int:
 def test_live_answers_while_it_builds_and_ctrl_c_ends_the_build(tmp_path: Path) -> None:
     port = free_port()
     command = [sys.executable, "-m", "anhyst.cli.app", "live", str(RIG), "--listen", str(port)]
-    variables = {**ENVIRONMENT, "XDG_CACHE_HOME": str(tmp_path)}  # nothing is built yet
+    variables = {**ENVIRONMENT, "XDG_CACHE_HOME": str(tmp_path)}  # the cache is empty
     with Popen(command, stdout=PIPE, stderr=PIPE, text=True, env=variables) as process:
         try:
             found = None

@@ -1,4 +1,4 @@
-"""What loop, levitation and spectrum view show, against the recording and against SciPy."""
+"""Test the loop, levitation and spectrum views against the recording and against SciPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Waves that end: a chirp and one's own table, and what of them is refused, with the line."""
+"""Test finite waves: a chirp and a user's table, and rejected tables with their line."""
 
 from __future__ import annotations
 

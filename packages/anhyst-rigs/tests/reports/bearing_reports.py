@@ -1,4 +1,4 @@
-"""A simulation that never ran: all that its report can hold, for the tests of the report."""
+"""Synthetic simulation results with all possible contents of a report, for its tests."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tests.repository import ROOT
 EXAMPLE = ROOT / "examples" / "bearing"
 SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 RATE, BEGIN, HEIGHT, GAP = 20e3, 200, 10e-6, 0.45e-3
-# Overshoot in % of the height at 10 and 50 um: mean, half width.
+# Overshoot in % of the height at 10 and 50 um: mean, half-width of the interval.
 OVERSHOOT: Mapping[MethodName, tuple[tuple[float, float], ...]] = {
     "ratio": ((30.25, 0.4), (24.75, 0.3)),
     "single-valued": ((10.0, 0.3), (7.125, 0.3)),
@@ -46,7 +46,7 @@ def rig() -> BodyRig:
 
 @cache
 def controller() -> ControllerTable:
-    """Its controller."""
+    """The bundled controller."""
     return read_controller(EXAMPLE / "controller.toml").settings
 
 
@@ -99,7 +99,7 @@ def lag(corner: float, gain: float) -> Response:
 
 @cache
 def runs() -> dict[MethodName, Recording]:
-    """A step under every variant that is shown."""
+    """A step with every variant in the figure."""
     return {name: response(OVERSHOOT[name][0][0], place) for place, name in enumerate(SHOWN)}
 
 
@@ -113,7 +113,7 @@ def tried(lost: int, rest: Interval | None) -> ExperimentFigures:
 
 
 def tuning() -> Figure:
-    """The picture of what a tuning may choose from."""
+    """Results of a tuning for the figure of its candidates."""
     chosen = GainsPoint("full", 5.5e-3, 2.125, meets_other_aims=True)
     others = (
         GainsPoint("full", 4e-3, 3.5, meets_other_aims=True),
@@ -123,7 +123,7 @@ def tuning() -> Figure:
 
 
 def gains() -> Benefit:
-    """A map of two irons and two heights: nearly nothing is left of ratio, most of the strongest."""
+    """A benefit map of two irons and two heights with low and high ratios."""
     irons = (
         IronFigures(1.0, 0.05, 0.02, None, 0.1, "pathological"),
         IronFigures(2.0, 0.15, 0.05, None, 0.5, "regular"),
@@ -153,7 +153,7 @@ def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[str, 
 
 @cache
 def subject() -> SimulationSubject:
-    """Everything that a report can hold."""
+    """A report subject with all possible contents."""
     step = ReferenceStep(BEGIN, 800, GAP + HEIGHT / 2, GAP - HEIGHT / 2)
     overshoot = {name: Interval(*OVERSHOOT[name][0], 20) for name in SHOWN}
     current = np.concatenate([np.linspace(0.0, 4.0, 40), np.linspace(4.0, 0.0, 40)])

@@ -1,4 +1,4 @@
-"""What the tests of a bearing's report are about."""
+"""Provide the report subject for the tests of a bearing's report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of the page of a simulation."""
+"""Test the figures of the page of a simulation."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_the_diagram_holds_the_numbers_of_the_files(rig: BodyRig, controller: Co
 
 
 def fullest(rig: BodyRig) -> BodyRig:
-    """A rig in which every block has as much to say as it can."""
+    """A rig in which every block has as much text as possible."""
     second = LikeTable(name="opposite", like="magnet", direction=OPENS_GAP, gap_m=0.45e-3)
     changes = {
         "magnets": [rig.settings.magnet.model_copy(update={"eddy_time_s": 12.5e-6}), second],
@@ -84,7 +84,7 @@ def fullest(rig: BodyRig) -> BodyRig:
 
 
 def tuned(controller: ControllerTable) -> ControllerTable:
-    """A controller with numbers as a tuning leaves them."""
+    """A controller with gains as a tuning writes them."""
     gains = GainsTable(
         K_p_N_per_m=7804312.6, K_i_N_per_m_s=3384512345.0, K_d_N_s_per_m=67149.13,
         K_dd_N_s2_per_m=0.943551,
@@ -134,7 +134,7 @@ def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
         assert not first.overlaps(second), (one.get_text(), two.get_text())
 
 
-# Machado, Oliveira and Fernandes (2009): how a dichromat sees linear RGB.
+# Machado, Oliveira and Fernandes (2009): linear RGB as seen with a colour deficiency.
 SIGHT: Mapping[str, list[list[float]]] = {
     "normal": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     "protanopia": [

@@ -1,4 +1,4 @@
-"""From the command line to the page: what is computed is what the report shows."""
+"""Run a simulation from the command line and compare its results with the report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of a simulation shows what it was given, needs nothing else, and can be read."""
+"""Test the simulation report: it shows its inputs, uses only one file, and is readable."""
 
 from __future__ import annotations
 
@@ -76,12 +76,12 @@ def test_the_same_subject_gives_the_same_bytes(html: str, subject: SimulationSub
 
 @pytest.fixture
 def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the pictures out: the test is about words and tables."""
+    """Omit the figures, because these tests check texts and tables only."""
     monkeypatch.setattr("anhyst_rigs.reports.study.page.svg_text", lambda figure, prefix: "<svg/>")
 
 
 def every_variant(subject: SimulationSubject) -> SimulationSubject:
-    """Steps at three gaps with every variant, and remarks beside many of them."""
+    """Steps at three gaps with every variant, most of them with remarks."""
     (one,) = (cell for cell in cells() if cell.variant == "full" and cell.height == 10e-6)
     noise = {**one.figures, "noise_percent": Interval(20.0, 0.05, 20)}
     steps = [
@@ -146,7 +146,7 @@ def test_figures_stand_with_their_intervals(page: Page) -> None:
     for reported in ("30.25 ± 0.40", "10.00 ± 0.30", "12.10 ± 0.25", "6.25 ± 0.10", "14.25 ± 0.50"):
         assert reported in page.text
     assert "Mean and 95 % confidence interval over 20 noise seeds" in page.text
-    assert "3 of 20 lost" in page.text  # the variant that fell
+    assert "3 of 20 lost" in page.text  # the variant that lost levitation
 
 
 def test_every_percentage_names_its_baseline(page: Page) -> None:
@@ -155,7 +155,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
         "Not worth it here. Full against the strongest baseline without hysteresis model, more: "
         "overshoot 1.2 of 'single-valued'; alike within the noise: overshoot" in text
     )
-    assert "60 % less +2.1 points" in text  # against ratio, in the table below
+    assert "60 % less +2.1 points" in text  # compared with ratio, in the table below
 
 
 @pytest.mark.usefixtures("_undrawn")
@@ -188,7 +188,7 @@ def test_the_verdict_follows_the_strongest_baseline(baseline: tuple[float, float
     assert found.level == level
     assert (BENEFICIAL_CONDITIONS["feedback"] in found.text) == (level != "yes")
     assert "of 'single-valued'" in found.text
-    assert judge_steps(group_by_step(changed), "single-valued").text == found.text  # of the model beside it
+    assert judge_steps(group_by_step(changed), "single-valued").text == found.text
 
 
 def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:

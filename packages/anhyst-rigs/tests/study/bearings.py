@@ -33,7 +33,7 @@ EXAMPLE = ROOT / "examples" / "bearing"
 FORMATS: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
 GAP = 0.45e-3
 TOTAL = 2.0 * GAP
-"""Of both gaps of the pair: at `GAP` it is symmetrical."""
+"""Sum of both gaps of the pair, m. The pair is symmetrical at `GAP`."""
 
 
 @cache
@@ -48,7 +48,7 @@ def controller() -> ControllerFile:
 
 @cache
 def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
-    """Loops and model of the example with another reversible fraction."""
+    """Loops and model of the example with a given reversible fraction."""
     model = truth({0.15: "bearing", 0.3: "bearing-reversible"}[fraction])
     return IdentifiedMagnet(measure_loops(change_iron(example(), fraction)), model)
 
@@ -57,13 +57,13 @@ def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
 def single(
     variant: MethodName = "full", number_format: NumberFormat = "fixed", fraction: float = 0.15
 ) -> BearingSetup:
-    """One magnet against the load."""
+    """One magnet that pulls against the load."""
     rig = change_iron(example(), fraction)
     return make_setup(rig, controller().settings, knowledge(fraction), variant, number_format)
 
 
 def copy_known(folder: Path) -> Path:
-    """Copy the example, its model identified already; return the rig file."""
+    """Copy the example with its identified model; return the rig file."""
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         shutil.copy(EXAMPLE / name, folder)
     truth("bearing").save(folder / "model.toml")
@@ -106,7 +106,7 @@ def pair_text(text: str, bias: float, second_gap: float = GAP) -> str:
 
 
 def without_probe(rig: BodyRig) -> BodyRig:
-    """The same without the Hall probe."""
+    """The same rig without the Hall probe."""
     sensors = [one for one in rig.settings.sensors if not isinstance(one, FluxSensorTable)]
     return replace(rig, settings=rig.settings.model_copy(update={"sensors": sensors}))
 
@@ -118,7 +118,7 @@ def pair_controller() -> ControllerTable:
 
 
 def pair_file(path: Path, applied: str = "reference") -> ControllerFile:
-    """Write the controller of the pair as a file, which says of the magnets what the rig does."""
+    """Write the controller of the pair as a file that describes the magnets as the rig does."""
     own, rig = pair_controller(), pair_rig().settings
     compensation = own.compensation.model_copy(update={"applied": applied})
     table = type(own).model_validate(
@@ -134,17 +134,17 @@ def pair_file(path: Path, applied: str = "reference") -> ControllerFile:
 
 @cache
 def pair(variant: MethodName = "full", number_format: NumberFormat = "fixed") -> BearingSetup:
-    """Two magnets against each other, and nothing else that pushes."""
+    """Two opposing magnets without an external load."""
     return make_setup(pair_rig(), pair_controller(), knowledge(), variant, number_format)
 
 
 def with_rig(setup: BearingSetup, changes: dict[str, Any]) -> BearingSetup:
-    """The same controller before another plant."""
+    """The same controller with a changed plant."""
     return BearingSetup(change_rig(setup.rig, changes), setup.compensator, setup.controller)
 
 
 def sensor(kind: str, **given: float) -> GapSensorTable:
-    """A position sensor with the range of the example's."""
+    """A position sensor with the range of the example's sensor."""
     own = example().settings.gap_sensor
     return GapSensorTable.model_validate(
         {"of": "gap", "kind": kind, "low_m": own.low_m, "high_m": own.high_m, **given}
@@ -152,7 +152,7 @@ def sensor(kind: str, **given: float) -> GapSensorTable:
 
 
 def lifted(setup: BearingSetup, gap: float = GAP) -> ScenarioBuilder:
-    """A script that has lifted off and settled."""
+    """A script that lifts off and then waits until the body hovers."""
     return ScenarioBuilder(setup.rig, gap).lift_off(setup.controller)
 
 
@@ -165,11 +165,11 @@ def run_plant(setup: BearingSetup, script: ScenarioBuilder, seed: int = 0) -> Re
 
 
 def hovers_from(recording: Recording) -> int | None:
-    """Return the first tick at which the reference was reached, or None."""
+    """Return the first tick in the hover state, or None."""
     hovering = recording["state"] == HOVER_CODE
     return int(np.argmax(hovering)) if hovering.any() else None
 
 
 def drifted(rig: BodyRig, drift: Drift) -> BodyRig:
-    """Return a rig that has drifted; an identified law stays."""
+    """Return a rig with a drifted plant; an identified law does not change."""
     return replace(rig, settings=drifted_file(rig.settings, drift))

@@ -1,4 +1,4 @@
-"""Fleets of virtual magnets whose scatter is known."""
+"""Fleets of virtual magnets with a known scatter."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ GAPS = (3e-4, 5e-4)
 RAMP = 90
 """Samples of a ramp."""
 CYCLES = 12
-"""Before a loop is recorded: until it has settled."""
+"""Cycles before a loop is recorded, so that it is a steady-state loop."""
 SCATTER = 0.05
 """Standard deviation of pinning and output between magnets, as a fraction."""
 
 
 def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
-    """Make one magnet: pinning and output in parts of the usual ones, gap error in m."""
+    """Make one magnet: factors of the nominal pinning and output, offset of the gap's rho."""
     iron: dict[str, float | tuple[float, ...]] = {"M_s": 1e6, "a": 1000.0, "k": 700.0 * pinning, "c": 0.2}
     around: dict[str, float | tuple[float, ...]] = {
         "c_H": 7500.0,
@@ -41,8 +41,7 @@ def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
 
 
 def loops_of(model: Model, seed: int) -> Loops:
-    """Measure a magnet in one run: at each gap major loops, then minor loops; keep the last of
-    each."""
+    """Measure a magnet in one run: at each gap, return the last major and the last minor loop."""
     rng = np.random.default_rng(seed)
     loops = []
     ramp = 1.0 - np.abs(np.linspace(-1.0, 1.0, 2 * RAMP, endpoint=False))
@@ -59,15 +58,15 @@ def loops_of(model: Model, seed: int) -> Loops:
 
 
 NOISE = 0.01
-"""Noise of few loops, as a fraction of the largest force."""
+"""Noise of `few_loops_of`, as a fraction of the largest force."""
 EACH = 5
-"""Step between the samples that are kept of few loops."""
+"""Step between the stored samples of `few_loops_of`."""
 _GAUGE = 1e-3
-"""Slope of the air core that identification chooses where loops leave it open."""
+"""Slope of the air core that identification chooses if the loops do not determine it."""
 
 
 def few_loops_of(model: Model, seed: int) -> Loops:
-    """Measure a magnet with poor sensors: one large loop at each gap, few samples, much noise."""
+    """Measure a magnet with poor sensors: one large loop at each gap, few samples, high noise."""
     rng = np.random.default_rng(seed)
     ramp = 3.0 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 2 * RAMP, endpoint=False)))
     drive, part = np.tile(ramp, 6), slice(10 * RAMP, 12 * RAMP, EACH)
@@ -81,7 +80,7 @@ def few_loops_of(model: Model, seed: int) -> Loops:
 
 
 def quantities_of(model: Model) -> FloatArray:
-    """Return what a fit of `magnet` finds without noise: k/a, c, w*M_s/a, a/c_H, saturation."""
+    """Return the parameters of a noise-free fit: k/a, c, w*M_s/a, a/c_H, saturation."""
     parameters = model.parameters
     rho, a = np.array(parameters["rho"]), np.array(parameters["a"])
     gain = parameters["c_out"] * (MU_0 * np.array(parameters["M_s"])) ** 2
@@ -97,7 +96,7 @@ def quantities_of(model: Model) -> FloatArray:
 
 
 def model_of_quantities(values: FloatArray) -> Model:
-    """Return the magnet of such quantities."""
+    """Return the magnet with these parameters."""
     kappa, c, low_gap, high_gap, scale, gain = values.tolist()
     rho = tuple(_GAUGE * gap / (1.0 - _GAUGE * gap) for gap in (low_gap, high_gap))
     around = {"c_H": (1.0 + rho[0]) * 1000.0 / scale, "c_out": gain / (MU_0 * 1e6) ** 2}
@@ -106,7 +105,7 @@ def model_of_quantities(values: FloatArray) -> Model:
 
 
 def write_fleet(folder: Path, count: int, seed: int = 7) -> list[tuple[float, float]]:
-    """Write a fleet; return pinning and output of its magnets."""
+    """Write the loops of a fleet; return pinning and output of its magnets."""
     rng = np.random.default_rng(seed)
     rows = []
     for place in range(count):

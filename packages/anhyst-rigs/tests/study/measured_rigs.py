@@ -1,4 +1,4 @@
-"""Rigs with other irons, the truth of their magnets, and how far a model is from it."""
+"""Rigs with other irons, the true forces of their magnets, and the errors of models."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class MeasuredRig:
         return identify(loops, law="play-cells", gap_map=GAP_MAP[self.kind]).model
 
     def truth(self, turns: tuple[float, ...], gap: float) -> tuple[FloatArray, FloatArray]:
-        """Return current and force from turning point to turning point, after conditioning."""
+        """Return current and force along a path of reversal points, after conditioning."""
         largest, magnet = self.campaign.current_max_A, self.held.magnet()
         for turn in self.past:
             magnet.hold(turn, gap)

@@ -17,21 +17,21 @@ EXAMPLE = ROOT / "examples" / "piezo"
 
 @cache
 def rig() -> PiezoRig:
-    """Return the example."""
+    """Return the bundled rig."""
     return read_piezo_rig(EXAMPLE / "rig.toml")
 
 
 @cache
 def inverses() -> Mapping[str, ForceController]:
-    """Return every way from displacement to voltage; none of them remembers anything."""
+    """Return all inverses from displacement to voltage, in their initial state."""
     return find_inverses(rig())
 
 
 def prepared() -> PreparedPiezo:
-    """Return what a bench of it is opened from."""
+    """Return the prepared data for opening a bench."""
     return PreparedPiezo(rig(), (inverses()["single-valued"], inverses()["full"]))
 
 
 def bench() -> PiezoBench:
-    """Return its bench, before the first tick."""
+    """Return the bench of the stage before its first tick."""
     return prepared().open()

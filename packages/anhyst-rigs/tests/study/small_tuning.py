@@ -20,5 +20,5 @@ def setup() -> BearingSetup:
 
 
 def loop(conditions: tuple[BearingCondition, ...] = HERE) -> BearingLoop:
-    """Return it as what is tuned."""
+    """Return the bearing as a loop to tune."""
     return BearingLoop(setup(), conditions)

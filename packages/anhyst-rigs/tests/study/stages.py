@@ -34,11 +34,11 @@ WRONG_DRIFT = Drift(
     ),
     eddy=40e-6,
 )
-"""A plant that is off in everything."""
+"""Drift of a plant with an error in every quantity."""
 
 
 def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> BodyRig:
-    """Return the example with other sub-steps, another stray, other keys of [control]."""
+    """Return the example with changed sub-steps, stray field, or keys of [control]."""
     rig = read_stage(EXAMPLE / "rig.toml")
     file = rig.settings
     update: dict[str, Any] = {
@@ -57,7 +57,7 @@ def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
 
 
 def evaluation_set_point(rig: BodyRig) -> SetPoint:
-    """SetPoint on which nothing was tuned."""
+    """Set-point that is not used for tuning."""
     return scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
 
 
@@ -68,12 +68,12 @@ def study() -> TrackingStudy:
 
 
 def training() -> SetPoint:
-    """SetPoint that is learnt on."""
+    """Set-point for the estimation of parameters."""
     scan = stage().settings.scan
     return scan_motion(scan, scan.train_m_per_s2)
 
 
 @cache
 def recorded(drift: Drift = WRONG_DRIFT) -> Recording:
-    """Return the motion of a plant under the identified compensator."""
+    """Return the motion of a plant with the identified compensator."""
     return track(replace(setup("full"), drift=drift), training(), Feedforward(), 1)

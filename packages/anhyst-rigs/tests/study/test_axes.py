@@ -40,7 +40,7 @@ PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 @cache
 def planar() -> BodyRig:
-    """Return the example with a known iron, for which no search is needed and no loop is lost."""
+    """Return the example with a known iron, which needs no identification."""
     rig = read_stage(EXAMPLES / "planar" / "rig.toml")
     changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
     changed = rig.settings.model_copy(update=changes)
@@ -107,7 +107,7 @@ def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> No
 
 
 def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:
-    """Return a stage whose heads stand, without noise."""
+    """Return a stage whose sensor heads are fixed to the ground, without noise."""
     file = rig.settings
     for head in file.position_sensors:
         changes = {"stands": True, "noise_m": 0.0, **beam}
@@ -131,7 +131,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     assert np.ptp(pose[:, 0]) > 0.02
     assert np.abs(pose[:, 4]).max() > 3e-6
     for number, head in enumerate(file.position_sensors, len(file.body_magnets) + 1):
-        # along the beam to a mirror that rotates with the body
+        # a head measures along its beam to a mirror that rotates with the body
         assert head.position_m is not None
         normal = rotation.apply(head.direction)
         way = np.sum((pose[:, :3] + rotation.apply(head.position_m) - head.position_m) * normal, axis=1)
@@ -140,7 +140,8 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     columns = recording_columns(rig, flown, scenario)
     read = np.column_stack([columns[name] for name in pose_columns(file.body.free)])
     assert read == pytest.approx(pose, abs=1e-10)
-    # z is held as if they rode along; a controller that does not know takes a turn for height
+    # With correct settings, z stays as with heads on the body. A controller that does not know
+    # where the heads are mistakes a rotation for a height.
     riding, knows = (
         track(each_setup, motion, Feedforward()) for each_setup in (replace(setup, rig=planar()), setup)
     )
@@ -204,8 +205,7 @@ SIXTY = np.sqrt(0.75).item()
 
 
 def three_magnets(folder: Path) -> Path:
-    """Write a rig with another kind of body: two coordinates, three magnets 120 degrees from each
-    other."""
+    """Write a rig of another body: two coordinates and three magnets at 120 degrees."""
     text = (EXAMPLES / "stage" / "rig.toml").read_text()
     begin, end = text.index('[[magnet]]\nname = "second"'), text.index("[[amplifier]]")
     others = "".join(

@@ -30,7 +30,7 @@ from tests.study.test_axes import EXAMPLES, planar
 
 
 def short_stage(pinning_percent: float = 0.0) -> BodyRig:
-    """Return the example with short set-points and few loop widths, since each needs a compilation."""
+    """Return the example with short set-points and few loop widths; each needs a compilation."""
     scan = {f"scan.{key}": value for key, value in stages.SHORT_SCAN.items()}
     spread = {"spread.pinning_percent": pinning_percent}
     return change_rig(planar(), {**scan, **spread, "noise_seeds": 2})
@@ -50,9 +50,9 @@ def recorded(method: MethodName = "full") -> Recording:
 
 
 def remaining_errors(setup: StageSetup, way: str = "x") -> tuple[float, float]:
-    """Return moving average along a way and largest error about z on a set-point never learnt on.
+    """Return moving average along a direction and largest rz error on an untrained set-point.
 
-    Its accelerations along y are halved.
+    The accelerations along y are halved.
     """
     scan = short_stage().settings.scan
     peaks = [peak / (1 + (way == "y")) for peak in scan.test_m_per_s2]
@@ -98,7 +98,7 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
     place = id(law)
     del law
     laws = [StageLaw(short_stage(), bearings.knowledge(), "play")]
-    while id(laws[-1]) != place and len(laws) < 100:  # until one has the position of the first one
+    while id(laws[-1]) != place and len(laws) < 100:  # until a new law reuses the id
         laws.append(StageLaw(short_stage(), bearings.knowledge(), "play"))
     expected = laws[-1].net_force(laws[-1].make_motion(recorded().columns), zero)
     assert (laws[-1].net_force(motion, zero) == expected).all()
@@ -115,7 +115,10 @@ def test_what_no_motion_showed_stays_and_is_said() -> None:
 
 
 def test_magnets_that_hardly_pull_learn_nothing_from_the_sum_of_all_scales() -> None:
-    """It is held, since a payload tells the same: y1 and y2 pull 5 N along x, the others up to 120."""
+    """The sum is fixed, because a payload has the same effect.
+
+    The magnets y1 and y2 pull with 5 N along x, the others with up to 120 N.
+    """
     learner = make_estimator("full", recorded())
     for _ in range(6):
         assert learner.update(learner.law.make_motion(recorded().columns))
@@ -169,7 +172,7 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
         assert caught.value.code == "unknown-name"
     fewer = [line for line in text.splitlines() if '"scale_10"' not in line]
     out.write_text("\n".join(fewer))
-    with refused("unknown-name scale_10: calibration.toml"):  # of nine magnets
+    with refused("unknown-name scale_10: calibration.toml"):  # the file has nine magnets only
         replace(named, settings=named.settings.model_copy()).method_calibration("flux")
 
 
@@ -212,4 +215,4 @@ def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path:
     assert "head positions" in errors
     by_error = dict(zip(errors, rows["rz_rad"], strict=True))
     assert by_error["none"]["worst"] < 0.2 * by_error["all"]["worst"]
-    assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe
+    assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' uses no probe

@@ -1,4 +1,4 @@
-"""Test the calibration of a bearing from its motion: recordings, rejections, and the gain."""
+"""Test the calibration of a bearing from its motion: recordings, rejections, and the benefit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from anhyst_rigs.study.tracking.bodies import BearingLaw
 from tests.study import bearings
 
 WRONG_DRIFT = Drift(pinning=0.2, gap_offset=10e-6)
-"""The plant of the table: wider loops, and a gap that reads too much."""
+"""Plant of the table: 20 % more pinning, and a gap reading that is 10 um too large."""
 UNCERTAIN_GAP = {"spread.gap_zero_m": 5e-6}
 """Prior standard deviation of the gap zero in the rig file; estimates stay within four of them."""
 
@@ -51,7 +51,7 @@ def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG_DRIFT) -> R
 
 @cache
 def recorded(two: bool = False) -> Recording:
-    """Lift-off and the steps of the example, with a plant that has drifted."""
+    """Lift-off and the steps of the example with a drifted plant."""
     mine = setup(two)
     return flown(mine, plan_recorded_run(mine.rig, mine.controller)[0])
 
@@ -193,7 +193,7 @@ def test_what_the_live_page_recorded_of_the_firmware_teaches_the_same(
     (found,) = calibrate_run(place).file.method
     assert found.fits
     assert found.is_applied
-    # this plant has not drifted
+    # the plant of this test has no drift
     assert abs(found.value("width")) < 0.05
     assert abs(found.value("gap_zero_m")) < 6e-6
 

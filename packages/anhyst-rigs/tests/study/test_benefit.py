@@ -1,4 +1,4 @@
-"""Test the benefit map: measured magnets, paired seeds, and its marks."""
+"""Test the benefit map: measured magnets, paired noise seeds, and labels of the cells."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ HEIGHTS = (10e-6, 100e-6)
 
 @pytest.fixture(scope="module")
 def rig() -> BodyRig:
-    # With the law given, for four magnets are identified; which one does not matter here.
+    # The law is given, because four magnets are identified. The choice of law does not matter here.
     rig = read_bearing(EXAMPLE / "rig.toml")
     return change_rig(rig, {"loops.law": "effective-field", "loops.gap_map": "circuit"})
 
@@ -123,7 +123,7 @@ def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFi
 
 @pytest.mark.slow
 def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
-    """The same distance counts at every height: what the armature moves about when it rests."""
+    """The limit in metres is equal at all heights: a multiple of the rms motion at standstill."""
     for one in found.cells:
         for against in (one.ratio, one.strongest, one.flux):
             overshoot = against["overshoot_percent"]
@@ -139,7 +139,7 @@ def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
 
 @pytest.mark.slow
 def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
-    """Where nothing overshoots there is nothing to gain; with wide, pathological loops there is."""
+    """Without overshoot there is no gain; with wide, pathological loops there is a gain."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
     assert nothing.outcome == "nothing to gain"
     assert nothing.baseline in ("linearised", "single-valued")
@@ -156,7 +156,7 @@ def test_a_cell_does_not_depend_on_its_neighbours(
     alone = map_bearing_benefit(rig, controller, (2.0,), (0.3,), (100e-6,), seeds=3, jobs=1)
     kept = cell(found, 2.0, 0.3, 100e-6)
     assert alone.cells[0].iron == kept.iron
-    # The step before leaves its traces in the iron, small ones.
+    # The preceding step has a small effect on the iron.
     for name, rows in alone.cells[0].figures.items():
         for measure, one in rows.items():
             assert one.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
@@ -258,7 +258,7 @@ PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"
 
 @pytest.mark.slow
 def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
-    """The error of a curve grows with the loop; what play cells leave stays below the narrow one's."""
+    """A curve's error grows with the loop; that of play cells stays below a narrow loop's error."""
     stage = read_piezo_rig(PIEZO)
     narrow, wide = map_plant_benefit(stage, (0.5, 1.0), seeds=2, jobs=1).cells
     assert wide.iron.loop_width == pytest.approx(2.0 * narrow.iron.loop_width, rel=0.15)
@@ -272,7 +272,7 @@ def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
 
 @pytest.mark.slow
 def test_iron_of_a_stage_is_varied_and_measured_again() -> None:
-    """Iron that hardly answers after a reversal, at half and at all of its width."""
+    """The iron has a low slope after a reversal; the loop has half of its width, then all of it."""
     rig = stages.stage()
     found = map_plant_benefit(rig, (0.5, 1.0), (0.05,), seeds=2)
     narrow, wide = found.cells

@@ -1,4 +1,4 @@
-"""Test that the firmware levitates the bearing as simulated, bit for bit, and its faults."""
+"""Test that the firmware levitates the bearing exactly as simulated, and handles faults."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.study.bearings import GAP
 from tests.truths import path_of
 
 SOFT, FALL = 5e-3, 0.12
-"""Touch-down speeds, m/s: of a landing, and that of a free fall from where it hovers."""
+"""Touch-down speeds, m/s: of a landing, and of a free fall from the hover position."""
 
 LANDS = {
     "samples missing for 2 ms",
@@ -52,7 +52,7 @@ def running(firmware: Path) -> Iterator[BearingBench]:
 
 
 def hop(setup: BearingSetup) -> ScenarioBuilder:
-    """Lift off, step, lose a sample, step the load, land."""
+    """Lift off, step, drop a sample, change the load, land."""
     script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).command(DROP_SAMPLE_BIT).step(GAP, 0.02)
     script.set_load(setup.rig.settings.load.force_N + 20.0).hold(0.02)
     return script.command(Command.LAND).hold(land_time(setup.rig, setup.controller))
@@ -119,7 +119,7 @@ def test_long_flights_differ_in_no_tick(firmware: Path, ticks: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("measured", [pytest.param(False, marks=pytest.mark.campaign), True])
 def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
-    """Two magnets, two currents over the bus; as measured they are applied too."""
+    """The bus carries two currents; the measured currents are also the applied ones."""
     rig = bearings.pair_rig()
     file = bearings.pair_file(tmp_path / "controller.toml", "measured" if measured else "reference")
     setup, program = build_firmware(rig, file, bearings.knowledge(), "host", tmp_path)

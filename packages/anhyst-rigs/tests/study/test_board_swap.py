@@ -1,4 +1,4 @@
-"""Test the swap of a model while levitated: control continues, and the difference decays."""
+"""Test a model swap while levitated: control continues, and the difference decays."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ OTHERS = {
     "less pinning, a tenth more current": {"thresholds": 0.6, "c_H": 1.1},
 }
 AWAY = 6e-6
-"""Farthest from where it hovers, m; without a limit 10.6 um and 7.9 um were seen of these."""
+"""Limit of the distance from the hover position, m; 10.6 and 7.9 um without a rate limit."""
 
 
 @dataclass(frozen=True)
 class Built:
-    """A firmware and what it levitates."""
+    """A firmware and the setup that it levitates."""
 
     program: Path
     setup: BearingSetup
@@ -43,12 +43,12 @@ class Built:
 
     @property
     def step(self) -> float:
-        """Of the ramp to zero, in a tick, and two of the converter on top, A."""
+        """Current change per tick of the ramp to zero plus two steps of the converter, A."""
         given = self.setup.position_control.settings("fixed")
         return (given["release"] + 2 * given["current_step"]) / 2.0**31 * given["current_full"]
 
     def block(self, factors: dict[str, float]) -> Block:
-        """Return the block of the same magnet with other parameters, for the same signals."""
+        """Return a block for the same magnet and signals with other parameters."""
         known = bearings.knowledge()
         values, cells = dict(known.model.parameters), known.model.cells
         assert cells is not None
@@ -94,7 +94,7 @@ def usual(built: Built) -> FloatArray:
 
 
 def hovering(built: Built, other: Block | None) -> FloatArray:
-    """Hover for 0.1 s, with another block from the second tick on or as before."""
+    """Hover for 0.1 s; optionally swap to another block at the second tick."""
     with closing(BearingBench(built.setup, built.program)) as running:
         running.run(bearings.lifted(built.setup).hold(0.02).build())
         rows = [running.step()]
@@ -113,7 +113,7 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
     swapped = hovering(built, built.block(OTHERS[name]))
     drive, own = swapped[:, 1], usual[:, 1]
     assert drive[0] == own[0]
-    # The first tick asks for the same force with either; current for force is the other model's.
+    # Both models get the same force demand in the first tick, but convert it to different currents.
     asked = abs(own[1] - own[0])
     assert 0.0 < abs(drive[1] - own[1]) <= built.step + asked
     most = np.abs(np.diff(own)).max()

@@ -157,7 +157,7 @@ def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> 
 def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_noise() -> None:
     assert learnt("full").fits
     assert learnt("flux").fits
-    play = learnt("play")  # with one play in place of the iron's memory
+    play = learnt("play")  # one play operator instead of the hysteresis model
     assert play.fits
     assert play.residual_N > 2.0 * learnt("full").residual_N
     assert not learnt("single-valued").fits
@@ -309,7 +309,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
     found.save(tmp_path / "calibration.toml")
     text = (tmp_path / "calibration.toml").read_text()
     number = re.search(rf'name = "{name}", value = [^,]+', text)
-    if number is None:  # not of this method
+    if number is None:  # this method does not have the parameter
         text = text.replace('name = "bias_N"', f'name = "{name}"', 1)
         number = re.search(rf'name = "{name}", value = [^,]+', text)
     assert number is not None
@@ -322,7 +322,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
 
 @pytest.mark.slow
 def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
-    """Independent least squares: tick by tick, without filter, delay, prior or recorded readings."""
+    """Compare with least squares per tick, without filter, delay, prior or recorded readings."""
     run, found = recorded(), learnt()
     compensator = corrected().compensator
     truth = run["force_N"] - found.value("bias_N")

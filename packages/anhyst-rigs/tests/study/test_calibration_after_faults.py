@@ -33,7 +33,7 @@ OFTEN |= {"five ticks missed", "overload for 100 ms"}
 
 
 class Flight:
-    """A flight and its rows; a missing position repeats the reading before."""
+    """A flight and its rows; a missing position repeats the previous reading."""
 
     def __init__(self, running: BearingBench) -> None:
         self.running, self.rows = running, list[list[float]]()
@@ -65,7 +65,7 @@ class Flight:
 
 
 def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
-    """Fly steps, then with something that is done, then steps again; until when all was well."""
+    """Fly steps, then a fault, then steps again; also return the rows before the fault."""
     plant = drifted_plant(setup().rig, WRONG_DRIFT, 1)
     with closing(BearingBench(setup(), firmware, board="library", bearing=plant)) as running:
         flight, supply = Flight(running), plant.supply

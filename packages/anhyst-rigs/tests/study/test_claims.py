@@ -1,4 +1,7 @@
-"""Test the aims of compensation with the bundled bearing; benchmarks/bearing.py has the table."""
+"""Test the accuracy targets of compensation with the bundled bearing.
+
+The script benchmarks/bearing.py makes the complete table.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ def test_full_overshoots_at_most_half_as_much_as_ratio(fraction: float) -> None:
 
 @pytest.mark.slow
 def test_steps_arrive() -> None:
-    """The paper found settling and the error that stays almost unchanged; both are distinguished."""
+    """Check settling and the error that remains after it, because the paper reports both."""
     for cell in cells("full", "fixed", 0.15):
         assert abs(cell.figures["steady_error_m"].mean) < 20e-9
         assert 0.0 < cell.figures["rise_time_s"].mean < 10e-3
@@ -59,14 +62,14 @@ def test_steps_arrive() -> None:
 
 
 def quiet(setup: BearingSetup) -> BearingSetup:
-    """With a sensor of 5 nm rms instead of the encoder."""
+    """The setup with a sensor of 5 nm rms instead of the encoder."""
     bandwidth = setup.rig.settings.gap_sensor.bandwidth_Hz
     sensor = bearings.sensor("capacitive", noise_m=5e-9, bandwidth_Hz=bandwidth)
     return bearings.with_rig(setup, {"gap_sensor": sensor})
 
 
 def standstill(setup: BearingSetup) -> float:
-    """Mean rms over the seeds, m; no limit cycle in any."""
+    """Mean rms over the seeds, m; requires that no run has a limit cycle."""
     found = [run_standstill(ExperimentTrial(setup, seed)) for seed in SEEDS]
     held = [one for one in found if one is not None]
     assert [one.cycles for one in held] == [()] * len(SEEDS)
@@ -80,7 +83,7 @@ def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float
 
 
 def test_what_overshoots_is_reported_from_what_only_moves_about() -> None:
-    """A constant ratio overshoots; of the best curve without memory the noise is all there is."""
+    """A constant ratio overshoots; the best curve without memory only shows the noise."""
     assert all(cell.has_overshoot for cell in cells("ratio", "fixed", 0.15))
     least = cells("single-valued", "fixed", 0.15)[0]
     assert not least.has_overshoot
@@ -136,5 +139,6 @@ def test_fixed_point_does_as_f64() -> None:
     for change in (lambda setup: setup, quiet):
         setups = [change(bearings.single("full", name)) for name in ("fixed", "f64")]
         fixed, double = (standstill(setup) for setup in setups)
-        # Rounded values hold still within their steps, where f64 follows each count of the encoder.
+        # Rounded values stay constant within their steps, whereas f64 follows each count of the
+        # encoder.
         assert 0.75 * double <= fixed <= 1.1 * double

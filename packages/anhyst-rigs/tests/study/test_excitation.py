@@ -1,4 +1,4 @@
-"""Test the design of the shortest calibration move of a stage, and its gain."""
+"""Test the design of the shortest calibration move of a stage, and the benefit of the move."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_the_shortest_move_is_chosen_that_shows_all_that_any_shows() -> None:
     hidden = ["gap_zero_1_m", "gap_zero_2_m"]
     assert found.move.hidden == hidden
     assert found.work.hidden == hidden
-    # only a longer way shows a cable
+    # only a longer move makes the cable stiffness identifiable
     cable = {"spread.cable_N_per_m": 10.0, "scan.speed_m_per_s": 0.5}
     longer = find_move(change_rig(rig, cable), bearings.knowledge())
     assert longer.legs["x"].speed > leg.speed
@@ -66,7 +66,7 @@ def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_on
     found = find_move(short_stage(), bearings.knowledge())
     assert not found.move.hidden
     assert {"scale_5", "scale_6", "centre_x_m"} <= set(found.work.hidden)
-    assert max(found.legs["y"].peaks) == pytest.approx(11.0)  # one pair carries it
+    assert max(found.legs["y"].peaks) == pytest.approx(11.0)  # one pair carries this force
     learner = ParameterEstimator(StageLaw(short_stage(), bearings.knowledge(), "full"))
     setup = make_stage(short_stage(), bearings.knowledge(), "full")
     moved = fly_legs(replace(setup, drift=plant()), found.legs, 1)

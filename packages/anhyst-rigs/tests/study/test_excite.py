@@ -1,4 +1,4 @@
-"""A drive that measures loops keeps to the limits, and its loops make as good a model as others."""
+"""Test that ``excite`` keeps its limits and that its loops give models as good as others."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ def check_limits(found: Excitation) -> None:
     assert played.current.min() >= specimen.min_current
     rate = np.abs(np.diff(played.current)) / specimen.sample_s
     is_regular = np.diff(played.time) < 1.5 * specimen.sample_s
-    assert is_regular.all()  # the account is complete
+    assert is_regular.all()  # the history has no missing sample
     assert rate.max() <= specimen.max_rate.value * (1.0 + 1e-9)
     assert np.diff(played.gap)[np.abs(played.current[1:]) > 0.0].max() <= 0.0
     if specimen.winding is None:
         return
-    # The firmware's own step, and its share.
+    # Temperature step of the firmware, with its filter constant.
     share, warmth, max_warmth = specimen.sample_s / specimen.winding.time_constant, 0.0, 0.0
     for current in played.current.tolist():
         warmth += share * ((current / specimen.winding.continuous_current) ** 2 - warmth)
@@ -104,7 +104,7 @@ def test_the_winding_lowers_the_current_where_rests_do_not_help(tmp_path: Path) 
     check_limits(warm)
     assert all(place.peak.key == "excite.continuous_A" for place in warm.probed_gaps)
     assert all(2.0 < place.peak.value < 4.4 for place in warm.probed_gaps)
-    # A slow winding with the same current needs rests and no lower current.
+    # A slow winding with the same current needs rests, but no lower current.
     slow = measure_gaps(replace(free, winding=Winding(1.7, 200.0)))
     check_limits(slow)
     assert all(place.peak.value == 4.5 for place in slow.probed_gaps)
@@ -235,7 +235,8 @@ def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() 
     specimen = read_specimen(STAGE).specimen
     specimen = replace(specimen, gaps=(0.45e-3,))
     (place,) = measure_gaps(specimen).probed_gaps
-    # 10 kg, 22 m/s2 in 5.5 ms; force about as the square of the current, a half of 240 N.
+    # The stage (10 kg) reaches 22 m/s2 in 5.5 ms. The force is about proportional to the current
+    # squared; the operating force is 120 N, half of 240 N.
     force = 10.0 * 22.0 / 5.5e-3
     assert place.required_rate == pytest.approx(force * place.operating_current / (2.0 * 120.0), rel=0.25)
     slow = measure_gaps(replace(specimen, fast_rates=(20.0,)))
@@ -249,7 +250,7 @@ PIEZO = ROOT / "examples" / "piezo" / "rig.toml"
 
 
 def piezo(folder: Path, **keys: float) -> Path:
-    """The bundled piezo stage with other numbers."""
+    """The bundled piezo stage with changed values."""
     lines = PIEZO.read_text().splitlines()
     path = folder / "rig.toml"
     for key, value in keys.items():
@@ -267,13 +268,14 @@ def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_
     assert drive.min() == 0.0
     assert drive.max() == 150.0
     (place,) = made.probed_gaps
-    assert place.is_force_reached  # the middle of the triangle, 19 um, comes well below 150 V
+    assert place.is_force_reached  # the middle of the triangle, 19 um, needs much less than 150 V
     assert 40e-6 < place.largest_force < 50e-6
     again = read_loops(tmp_path / "new.csv")
     for loop, first in zip(again.loops, made.loops.loops, strict=True):
         assert loop.history == first.history
         assert loop.time is not None
-        # Reversal curves are open: at half of the range the branches differ by more than a micrometre.
+        # Reversal curves are open: at half of the range the branches differ by more than a
+        # micrometre.
         rising = np.gradient(loop.input) > 0.0
         middle = np.abs(loop.input - 70.0) < 5.0
         assert loop.output[middle & ~rising].mean() - loop.output[middle & rising].mean() > 1e-6
@@ -300,7 +302,7 @@ def test_a_slow_stage_is_driven_so_slowly_that_it_hardly_rings(
     figures = made.as_dict()
     assert figures["rate_V_per_s"] == pytest.approx(300.0 / slower, rel=0.01)
     major = made.loops.loops[0]
-    # Second differences from sensor noise and ringing; a quarter of it is 0.3 % of 45 um.
+    # Second differences from sensor noise and ringing; a quarter of the limit is 0.3 % of 45 um.
     assert np.std(np.diff(major.output, 2)) < 4.0 * 0.003 * 45e-6
 
 

@@ -1,6 +1,6 @@
-"""What play cells must reach in the bearing with irons that are no law of the package.
+"""Test play cells in the bearing with irons that no law of the package describes exactly.
 
-The whole table is benchmarks/families.py.
+The complete table is made by benchmarks/families.py.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ RATE = 20e3
 
 @cache
 def rig_of(name: str) -> BodyRig:
-    """Return the bearing with an iron; its loops are measured in coarser steps, to be quick."""
+    """Return the bearing with an iron; its loops are measured in coarse steps to save time."""
     rig = change_rig(bearings.example(), {"measurement.sample_s": 0.025})
     return rig if name == "cells" else change_rig(rig, {"iron": generator().tables()[name]})
 
@@ -66,7 +66,7 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
 
 @pytest.mark.slow
 def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says_so() -> None:
-    """Play cells leave 3 times as much of the closings of that iron as of noise, and follow its loops best."""
+    """Play cells: closing error 3 times that of noise, but the best fit of this iron's loops."""
     loops, options = measure_loops(rig_of("duhem-hard")), IdentifyTable()
     with pytest.warns(ReturnPointMemoryWarning, match="law effective-field is taken"):
         assert identify_magnet_with_ripple(loops, options, lambda _: True).model.law == "effective-field"
@@ -88,7 +88,7 @@ def overshoot(setup: BearingSetup, height: float) -> float:
 
 @pytest.mark.slow
 def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves() -> None:
-    """A fifth, 0.4 N of 1.9 N; the law of the paper cannot be compiled for it."""
+    """The measured ratio is a fifth, 0.4 N to 1.9 N; the paper's law cannot be compiled for it."""
     full, curve = (triangle_error("preisach-usual", one) for one in ("full", "single-valued"))
     assert full < 0.5 * curve
 
@@ -96,10 +96,10 @@ def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves()
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["play-cells", "auto"])
 def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
-    """A search from a law of Jiles and Atherton alone, which hardly moves there, ends at 26 N.
+    """A search that starts only from a Jiles-Atherton law barely moves and ends at 26 N.
 
-    That law itself fits the loops to 0.3 % and puts the first rise at 67 times their width below;
-    its tables do not go into 16 bits. Offsets of the force sensor differ from gap to gap there.
+    That law fits the loops to 0.3 %, but its initial curve is too low by 67 times their width, and
+    its tables do not fit into 16 bits. The offset of the force sensor differs from gap to gap.
     """
     known = knowledge("duhem-soft", law)
     assert known.model.law == "play-cells"
@@ -112,7 +112,7 @@ def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
 
 @pytest.mark.slow
 def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -> None:
-    """Where hysteresis damps, a drive that knows none overshoots less than its own loop would."""
+    """Hysteresis can damp: a curve as model overshoots less than a loop without hysteresis."""
     soft = change_iron(rig_of("cells"), None, 0.02)
     known = identify_magnet(measure_loops(soft), IdentifyTable(law="effective-field"))
     alone = make_setup(soft, bearings.controller().settings, known, "single-valued", "fixed")
@@ -125,7 +125,7 @@ def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cells", pytest.param("preisach-usual", marks=pytest.mark.slow)])
 def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: str) -> None:
-    """The force of the iron itself, without a dead band: 0.002 and 0.004 % of the largest."""
+    """The iron's force without a dead band drifts by 0.002 and 0.004 % of the largest force."""
     plan = make_plan(knowledge(name).model, CompileRequest("full", "q31", RATE), 0)
     assert plan.block.kind == "cells"
     scales = plan.block.scales

@@ -1,7 +1,7 @@
-"""What runs in the loop is what would be flashed: every current code, from the pieces alone.
+"""Test that the simulated loop gives every current code of the code that would be flashed.
 
-The recorded readings go through the core's fixed-point controller and the compiled block, each by
-itself and in integers; nothing of the simulation takes part.
+The test feeds the recorded readings to the fixed-point controller of the core and to the compiled
+block. Both run separately, in integers, without any part of the simulation.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NO_FLUX = -(2**31)
 
 
 def steps(setup: BearingSetup) -> Scenario:
-    """Everything that may be in the way: steps, a lost sample, a load beyond the largest force."""
+    """Difficult script: steps, a lost sample, a load beyond the largest force."""
     script = bearings.lifted(setup)
     for gap in (GAP - 50e-6, GAP + 50e-6, GAP):
         script.step(gap, 0.02)
@@ -46,7 +46,7 @@ def steps(setup: BearingSetup) -> Scenario:
 
 
 class Pieces:
-    """Controller and compiled block of a setup, each by itself; signals are codes."""
+    """Separate controller and compiled block of a setup; signals are codes."""
 
     def __init__(self, setup: BearingSetup) -> None:
         control = setup.position_control
@@ -61,14 +61,14 @@ class Pieces:
         self.demand = 0
 
     def code(self, value: float, name: str) -> int:
-        """Nearest code of a reading, as a converter of the rig's would give it."""
+        """Nearest code of a reading, as a converter of the rig would return it."""
         return int(np.floor(value / self.words[f"{name}_full"] * Q31 + 0.5))
 
     def position(self, gap: float) -> int:
         return self.code(self.words["gap_middle"] - gap, "position")
 
     def gap(self, position: int) -> int:
-        """Where the drive's range of gaps has this position."""
+        """Convert a position code to a gap code of the drive."""
         mantissa, shift = (int(self.words[f"gap_{name}_1"]) for name in ("mantissa", "shift"))
         part = (position * mantissa // 65536) >> -shift
         return max(-(2**31), min(2**31 - 1, int(self.words["gap_offset_1"]) + 2 * part))
@@ -81,7 +81,7 @@ class Pieces:
 
 
 def flashed(setup: BearingSetup) -> FixedCompensator | None:
-    """The block that ``anhyst compile`` writes, in the compensator that it writes beside it."""
+    """The block and the compensator that ``anhyst compile`` writes, or None without hysteresis."""
     law = setup.compensator.parameters
     if not isinstance(law, HysteresisInverse):
         return None
@@ -90,7 +90,7 @@ def flashed(setup: BearingSetup) -> FixedCompensator | None:
 
 
 def replay(setup: BearingSetup, recording: Recording) -> Iterator[tuple[int, int, int]]:
-    """Yield tick, current code and demand code that the pieces give."""
+    """Yield tick, current code and demand code of the separate parts."""
     pieces = Pieces(setup)
     controls = (RISE_CODE, HOVER_CODE, DESCEND_CODE)
     rows = [dict(zip(COLUMNS, row, strict=True)) for row in recording.table.tolist()]
@@ -125,7 +125,7 @@ def replay(setup: BearingSetup, recording: Recording) -> Iterator[tuple[int, int
 
 
 def differs_at(setup: BearingSetup, recording: Recording) -> int | None:
-    """First tick at which the pieces give another current or demand than was recorded."""
+    """First tick whose current or demand differs from the recording."""
     pieces = Pieces(setup)
     currents = [pieces.code(value, "current") for value in recording["command_A"].tolist()]
     demands = [pieces.code(value, "demand") for value in recording["demand_N"].tolist()]

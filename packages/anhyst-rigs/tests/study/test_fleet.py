@@ -44,7 +44,7 @@ SETTINGS = FleetSettings(
 
 
 def draw_magnets(count: int, uncertainty: float, seed: int) -> list[MagnetEstimate]:
-    """Draw magnets of mean (2, -30), scatter (0.1, 3), whose loops leave two correlated errors."""
+    """Draw magnets of mean (2, -30) and scatter (0.1, 3), measured with two correlated errors."""
     rng = np.random.default_rng(seed)
     true = np.array([2.0, -30.0]) + rng.standard_normal((count, 2)) * [0.1, 3.0]
     std = uncertainty * np.array([0.1, 3.0])
@@ -156,7 +156,8 @@ def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> No
     assert [result["name"] for result in found.evaluated] == ["m00", "m01", "m02", "m03", "odd"]
     assert list(found.failed) == ["damaged"]
     assert "damaged.csv: line 2" in found.failed["damaged"]
-    # Each is good with its controller; with a common model, outputs that differ by 5 % are not.
+    # Each magnet is good with its own controller. A common model does not suit outputs that differ
+    # by 5 %.
     assert all(found.is_good)
     assert sum(found.is_good_shared) < 4
     assert found.outliers == ["odd"]
@@ -180,7 +181,7 @@ def test_a_stopped_run_goes_on_and_gives_the_same(
     kept = found.out / "m00" / RESULT_FILE
     stamp = kept.stat().st_mtime_ns
     (found.out / "m01" / RESULT_FILE).unlink()
-    (found.out / "m02" / RESULT_FILE).write_text('{"name": "m02"')  # the power went
+    (found.out / "m02" / RESULT_FILE).write_text('{"name": "m02"')  # as after a power failure
     again = fleet(magnets, found.out, SETTINGS, jobs=1)
     assert kept.stat().st_mtime_ns == stamp
     # Any order of work gives the same files, byte for byte; no file contains a time.
@@ -193,7 +194,7 @@ def test_a_stopped_run_goes_on_and_gives_the_same(
 
 @pytest.mark.slow
 def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
-    # Few loops, 1 % of noise: gap and pinning trade against each other from magnet to magnet.
+    # With few loops and 1 % noise, estimates of gap and pinning are correlated in each magnet.
     rng = np.random.default_rng(11)
     made = [magnet(*(1.0 + SCATTER * rng.standard_normal(2))) for _ in range(12)]
     fits = [
@@ -202,7 +203,7 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
             law="effective-field",
             gap_map="reluctance",
             offsets=False,
-            dead_band=False,  # the truth has none
+            dead_band=False,  # the true magnets have none
         ).model.uncertainty
         for place, magnet in enumerate(made)
     ]
@@ -222,7 +223,7 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
     drive = np.concatenate([np.linspace(0.0, 2.5, 60), np.linspace(2.5, 0.5, 60)])
 
     def forces(magnets: list[Model]) -> FloatArray:
-        """Return them at a gap that no loop was measured at."""
+        """Return the forces at a gap without measured loops."""
         return np.array([magnet(drive, 8e-4, history="demagnetised") for magnet in magnets])
 
     def force_off(values: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""Test force control from end to end: loops, models, firmware over its link, figures."""
+"""Test force control from loops and models to the linked firmware and the figures."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def known(loops: Loops, *_: object, **__: object) -> Model:
-    """The model that these loops give."""
+    """The model identified from these loops."""
     return truth("solenoid-three-gaps" if len(loops.by_schedule()) > 1 else "solenoid-held")
 
 
@@ -117,7 +117,7 @@ def test_its_table_and_its_picture_hold_every_controller(run: ForceControl) -> N
 def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceControl) -> None:
     summary = run.figures["summary"]
     assert set(summary) == {"end", "end_demagnetised", "positions", "moving"}
-    # At a measured gap, and between gaps that lie far apart here.
+    # At a measured gap, and between gaps, which are far apart here.
     for stage, most in (("end", 0.4), ("positions", 0.7)):
         assert summary[stage]["full"]["of_single"] < most
         assert summary[stage]["simplified"]["of_single"] < 0.85
@@ -208,7 +208,7 @@ def test_errors_are_drawn_under_every_force(run: ForceControl, small: Path) -> N
             assert other.y1 <= one.y0
             assert one.x0 == pytest.approx(other.x0, abs=0.02)
             lines = {str(line.get_label()): line for line in above.lines}
-            # The demand lies below what follows it, wide enough to be seen beside it.
+            # The demand is drawn below the measured force, with a line wide enough to be visible.
             assert lines["demand"].get_linewidth() > 2.0 * lines["measured, full"].get_linewidth()
             assert labels(above).index("demand") < labels(above).index("measured, full")
 
@@ -218,7 +218,7 @@ def labels(ax: Axes) -> list[str]:
 
 
 def program_of(run: ForceControl, firmware: Path) -> Program:
-    """The program of the stroke's end again, from what was written."""
+    """Rebuild the program for the end of the stroke from the written files."""
     folder = run.out / "end" / "full"
     model = read_model(folder / "model.toml")
     sha = json.loads((folder / "controller" / "manifest.json").read_text())["model"]["sha256"]

@@ -21,7 +21,7 @@ gaps_m = [1.0e-3]
 
 @pytest.fixture
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A rig of one gap, and a cache of its own."""
+    """A rig with one gap and a separate cache."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = measured_rig("solenoid", tmp_path / "rig", extra_lines=ONE_GAP, law="play-cells").path
     excite(path, path.with_name("loops.csv"))
@@ -29,14 +29,14 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 class Again(Exception):  # noqa: N818 - nothing went wrong
-    """It is prepared once more."""
+    """The bench is prepared again."""
 
 
 @pytest.mark.slow
 def test_the_same_files_are_prepared_once_and_others_anew(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with prepare_cached(rig, None) as first:
         assert isinstance(first, PreparedForce)
-    assert not first.program.firmware.exists()  # built in a folder that is gone
+    assert not first.program.firmware.exists()  # it was built in a folder that no longer exists
 
     def again(*given: object) -> None:
         raise Again
@@ -63,7 +63,7 @@ def test_the_same_files_are_prepared_once_and_others_anew(rig: Path, monkeypatch
         pass
 
     pickled = place / "prepared.pickle"
-    pickled.write_bytes(pickled.read_bytes()[:-100])  # half a file is none
+    pickled.write_bytes(pickled.read_bytes()[:-100])  # a truncated file is invalid
     with pytest.raises(Again), prepare_cached(rig, None):
         pass
 

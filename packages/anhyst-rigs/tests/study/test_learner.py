@@ -63,7 +63,7 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
 
 @pytest.mark.slow
 def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
-    """Scans with three noise seeds in turn; the estimate recovers after forgetting."""
+    """Scans with three noise seeds are used in turn; the estimate recovers after forgetting."""
     setup = replace(stages.setup("flux"), drift=WRONG_DRIFT)
     runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
     scans = [motion_of_run(run) for run in runs]
@@ -133,7 +133,7 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
 def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
     column: str, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    """The same motion without the fault, taken in a second time, moves numbers as well."""
+    """The reference is a second update from the same motion without the fault."""
     learner, right = make_estimator(), make_estimator()
     learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
     right.update(motion_of_run(recorded()))

@@ -15,7 +15,7 @@ Row = FloatArray
 
 
 def noise(rng: np.random.Generator, damping: float) -> Row:
-    """10 nm rms of noise through a resonance at 120 Hz, as a loop with that damping leaves it."""
+    """Noise of 10 nm rms, filtered by a resonance at 120 Hz as in a loop with that damping."""
     w = 2 * np.pi * 120.0
     above, below = signal.bilinear([w**2], [1.0, 2.0 * damping * w, w**2], RATE)
     row = signal.lfilter(above, below, rng.standard_normal(len(T) + 4000))[4000:]

@@ -23,11 +23,11 @@ from anhyst_rigs.study.bearing.linear import (
 )
 
 RATE = 20e3
-# The example bearing: 80 Hz of unstable pole.
+# The example bearing with an unstable pole of 80 Hz.
 POINT = LinearBearing(
     mass=2.0, k_i=123.0, k_s=2.0 * (2.0 * math.pi * 80.0) ** 2, inductance=20e-3, resistance=1.2, damping=3.0
 )
-# Follows its reference as a lag of 2500 Hz.
+# Follows its reference with a first-order lag of 2500 Hz.
 AMPLIFIER = AnalogueAmplifier(gain=2.0 * math.pi * 2500.0 * 20e-3, integral_gain=2.0 * math.pi * 2500.0 * 1.2)
 CONTROLLER = Pidd2(
     rate=RATE, **vars(design(2.0, 120.0, 1.0, virtual_mass=0.2)), cutoff=2000.0, cutoff_2=2000.0, weight=0.3
@@ -184,7 +184,7 @@ def test_without_a_controller_the_magnet_falls() -> None:
     loop = replace(LOOP, controller=Pidd2(rate=RATE, K_p=0.0), compensation=Compensation(123.0))
     assert not loop.is_stable
     s = math.log(float(np.max(np.abs(loop.poles)))) * RATE
-    # The amplifier lets motion change the current a little, which slows the fall down.
+    # The amplifier lets motion change the current slightly, which slows the fall.
     assert 0.95 * POINT.current_drive_pole < s / (2.0 * math.pi) < POINT.current_drive_pole
     winding = (POINT.inductance * s + POINT.resistance) * (s + 2.0 * math.pi * 2500.0)
     brake = POINT.k_i**2 * s**2 / winding
@@ -225,9 +225,9 @@ def test_sampling_of_the_plant_agrees_with_scipy() -> None:
 
 
 def in_laplace(point: LinearBearing, amplifier: AnalogueAmplifier, s: complex) -> complex:
-    """Position for each ampere of the reference, from the equations as they are written down."""
+    """Transfer function from current reference to position, m/A, solved from the equations."""
     tau = point.eddy_time
-    # Unknown: position, i_m, current, voltage, flux linkage.
+    # Unknowns: position, i_m, current, voltage, flux linkage.
     equations = np.array(
         [
             [point.mass * s**2 + point.damping * s - point.k_s, -point.k_i, 0.0, 0.0, 0.0],
@@ -256,7 +256,7 @@ def test_the_plant_follows_its_equations(eddy_time: float) -> None:
 
 
 def test_a_digital_current_controller_computes_once_a_tick() -> None:
-    """Against the same law in a loop over the ticks, around the plant of a voltage."""
+    """Compare with the same control law in a loop over the ticks, around a voltage-driven plant."""
     digital = DigitalAmplifier(feedforward=1.1, gain=150.0, integral_gain=8.0, sensor_bandwidth=10e3)
     chain = LoopTiming(RATE, 1.25, 5e3)
     point, fine = replace(POINT, eddy_time=50e-6), 4
@@ -266,7 +266,7 @@ def test_a_digital_current_controller_computes_once_a_tick() -> None:
     for reference in references:
         found.append(float(c @ state))
         state = a @ state + b * reference
-    # Position, velocity, i_m, the position read, the current read.
+    # States: position, velocity, i_m, measured position, measured current.
     held, lags = point.eddy_time / point.inductance, 2.0 * math.pi * np.array([5e3, 10e3])
     share = 1.0 / (1.0 + point.resistance * held)
     motion = np.zeros((5, 5))

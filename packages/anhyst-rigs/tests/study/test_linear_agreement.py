@@ -54,7 +54,7 @@ def soft_rig(folder: Path, mode: str, eddy_time: float) -> BodyRig:
 
 
 def linear_loop(rig: BodyRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float) -> LinearLoop:
-    """Put the loop together from the rig's numbers."""
+    """Make the linear loop from the parameters of the rig."""
     gain, reset = current_controller_gains(rig)
     bandwidth = rig.settings.current_sensor.bandwidth_Hz
     amplifier = (

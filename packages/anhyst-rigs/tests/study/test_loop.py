@@ -1,4 +1,4 @@
-"""A bearing in its loop: it lifts, hovers, carries its load and lands; in C as step by step."""
+"""Test a complete bearing flight, and that the loop in C equals single steps from Python."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_it_hovers_at_every_gap_and_lands_again(arrangement: str, number_format:
 
 
 def eventful(setup: BearingSetup) -> Scenario:
-    """Lift, step, follow, load, lose samples, land."""
+    """Lift off, step, follow, change the load, lose samples, land."""
     script = bearings.lifted(setup, GAP)
     script.step(GAP - 60e-6, 0.03).command(DROP_SAMPLE_BIT, 2).step(GAP + 30e-6, 0.03)
     script.follow(GAP + 20e-6 * np.sin(np.linspace(0.0, 20.0, 600)))
@@ -64,7 +64,7 @@ def eventful(setup: BearingSetup) -> Scenario:
 
 
 def pair_of(values: list[float], nothing: float) -> tuple[float, float]:
-    """Return what a controller of a pair is given of one magnet or two."""
+    """Return the two inputs of a pair controller for one magnet or two."""
     return values[0], values[1] if len(values) > 1 else nothing
 
 
@@ -187,7 +187,7 @@ def test_processes_make_no_difference() -> None:
 
 
 def test_noise_is_of_the_seed_alone() -> None:
-    """Variants are compared under the same noise: they see the same as long as they do the same."""
+    """Variants with equal behaviour get equal noise, so that their comparison is fair."""
     idle = [
         bearings.run_plant(setup, ScenarioBuilder(setup.rig, GAP).hold(0.05), seed=4)
         for setup in map(bearings.single, ("single-valued", "full"))
@@ -199,9 +199,9 @@ def test_noise_is_of_the_seed_alone() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("number_format", ["f64", "fixed"])
 def test_a_pair_is_symmetrical(number_format: NumberFormat) -> None:
-    """Settled cycles around the middle: the way out is the mirror image of the way in.
+    """Steady-state cycles around the middle: both directions are mirror images.
 
-    Before, the first steps show what lift-off left in the two irons, which is no mirror image.
+    The first steps are excluded, because lift-off leaves an asymmetric state in the two irons.
     """
     silent = {
         "gap_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),

@@ -1,4 +1,4 @@
-"""Lift-off and landing; a magnet or a head is lost: the others carry on, or the body is set down."""
+"""Test lift-off, landing and lost magnets or sensor heads: the body flies on or is set down."""
 
 from __future__ import annotations
 
@@ -37,9 +37,10 @@ from tests.study.test_axes import planar
 
 @cache
 def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> StageSetup:
-    """Return the example with the magnets of a layout, which looks for lost ones.
+    """Return the example with the magnets of a layout and with detection of lost magnets.
 
-    With a number of heads, if given; a seventh one measures at the fourth corner.
+    Detection of lost heads is on if a number of heads is given. A seventh head is at the fourth
+    corner.
     """
     file, lines = planar().settings, LAYOUTS[name]
     more = file.position_sensors[-1].model_copy(update={"position_m": [0.12, -0.1, -0.05]})
@@ -153,7 +154,7 @@ UP, DOWN, TICKS = 200, 2200, 4200
 def commanded(
     setup: StageSetup, commands: Mapping[int, Command], since: int = 0, failing: int = 0
 ) -> Recording:
-    """Return the record of a body that rests away from its position, with faults from a tick on."""
+    """Return the record of a body that starts at rest off its position, with scheduled faults."""
     rig = setup.rig
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
@@ -170,7 +171,7 @@ def poses(run: Recording) -> np.ndarray:
 
 
 def phases(run: Recording) -> list[int]:
-    """Return the phases in their order, states and lost magnets left out."""
+    """Return the sequence of phases, without states and lost magnets."""
     found = run["state"].astype(int) % 16
     return [int(found[0]), *found[1:][np.diff(found) != 0].tolist()]
 
@@ -182,12 +183,12 @@ def test_from_rest_off_its_place_to_flight_and_back() -> None:
     pose, speed = poses(run), run["velocity_3_m_per_s"]
     hover = slice(DOWN - 100, DOWN)
     assert np.abs(pose[hover, :3]).max() < 30e-9
-    assert pose[:, 2].max() < 3e-6  # of 100 um to the upper stop
+    assert pose[:, 2].max() < 3e-6  # the upper stop is at 100 um
     assert np.abs(pose[:, :2]).max() < 61e-6
     assert pose[:, 0].min() > -3e-6
     assert speed[UP:].max() < 5e-3
     touch = int(np.argmax(pose[DOWN:, 2] < -0.1e-3)) + DOWN
-    assert 1.5e-3 < -speed[touch] < 3e-3  # a dead fall: 44 mm/s
+    assert 1.5e-3 < -speed[touch] < 3e-3  # a free fall would reach 44 mm/s
     assert pose[-1, 2] == pytest.approx(-0.1e-3, abs=0.5e-6)
 
 

@@ -1,4 +1,4 @@
-"""A loop that is unstable or lost is said first, gets no verdict, and ends with exit code 1."""
+"""Test that an unstable or lost loop is reported first, without a verdict, with exit code 1."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_loop_is_lost_at_the_first_tick_beyond_its_bounds(
 
 
 def unstable(folder: Path) -> Path:
-    """The bundled stage with short set-points and a crossover that its delay does not allow."""
+    """The bundled stage with short set-points and a crossover that is unstable with its delay."""
     for name in ("rig.toml", "loops.csv", "loops.toml"):
         shutil.copy(EXAMPLES / "stage" / name, folder)
     text = (folder / "rig.toml").read_text()

@@ -1,4 +1,4 @@
-"""Test figures of steps and records against responses in closed form."""
+"""Test metrics of steps and records against responses in closed form."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def second_order(damping: float, w: float, t: Row) -> Row:
 
 
 def hold(way: Row, before: float, after: float) -> tuple[Row, Row, Row]:
-    """Time, reference and gap of a step: one sample of the old level, then the way 0 to 1."""
+    """Time, reference and gap of a step: one old sample, then a response from 0 to 1."""
     t = np.arange(-1, len(way)) / RATE + 0.3
     reference = np.concatenate([[before], np.full(len(way), after)])
     gap = np.concatenate([[before], before + (after - before) * way])
@@ -97,7 +97,7 @@ def test_whoever_trembles_more_does_not_settle_sooner() -> None:
 
 @pytest.mark.parametrize("rms", [0.002, 0.02])
 def test_the_overshoot_of_a_step_that_has_none_is_its_noise(rms: float) -> None:
-    """Deviations to both sides over half the hold: as many chances as to one side over all."""
+    """Deviations to both sides over half the hold are as likely as to one side over all of it."""
     rng = np.random.default_rng(7)
     t = np.arange(2000) / RATE
     way = 1.0 - np.exp(-t / 1e-5)
@@ -158,7 +158,7 @@ def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:
     for _ in range(2000):
         found = mean_interval(7.0 + rng.standard_normal(5), level=0.9)
         held += abs(found.mean - 7.0) <= found.half_width
-    # Normal quantiles in place of Student's would hold it in 82 % only.
+    # Normal instead of Student quantiles would contain the mean in 82 % of the cases only.
     assert held / 2000 == pytest.approx(0.9, abs=0.02)
 
 

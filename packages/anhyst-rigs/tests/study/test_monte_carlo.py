@@ -265,7 +265,7 @@ def test_drawn_plants_have_the_spreads_of_the_file(rig: BodyRig) -> None:
     drawn = [sample_drift(file, np.random.default_rng([1, i])) for i in range(4000)]
     pinning = np.array([drift.pinning for drift in drawn])
     offset = np.array([drift.gap_offset for drift in drawn])
-    # Cut off at three, a normal distribution keeps 98.7 % of its deviation.
+    # A normal distribution truncated at 3 sigma has 98.7 % of its standard deviation.
     assert np.std(pinning) == pytest.approx(0.1 * 0.9866, rel=0.03)
     assert np.std(offset) == pytest.approx(2e-6 * 0.9866, rel=0.03)
     assert np.max(np.abs(pinning)) <= 0.1 * MAX_SAMPLE_SIGMA
@@ -330,7 +330,7 @@ def test_the_sensor_turns_around_the_operating_gap(rig: BodyRig, controller: Con
     begin = script.ticks
     script.follow(np.full(2000, 0.40e-3))
     found = loop.run(script.hold(0.2).build())
-    # The loop brings the reading to the reference.
+    # The loop drives the sensor reading to the reference.
     middle = found.slice_ticks(begin - 500, begin)
     assert np.mean(middle["gap_m"]) == pytest.approx(0.45e-3 - 3e-6 / 1.02, abs=30e-9)
     moved = np.mean(middle["gap_m"]) - np.mean(found["gap_m"][-500:])
@@ -381,13 +381,13 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
         loop = SimulatedLoop(setup, plant=drifted_plant(law, drift, 1))
         recording = loop.run(ScenarioBuilder(law, 0.45e-3).lift_off(controller.settings).build())
         gaps.append(float(np.mean(recording["current_A"][-1000:])))
-    assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load
+    assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet needs more current for the same load
 
 
 def test_plants_that_are_lost_count_as_the_worst(
     rig: BodyRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
-    # An armature that rests beyond what the controller believes possible is not lifted.
+    # The armature is not lifted if it rests beyond the position limits of the controller.
     far = with_drift(rig, gap_zero_m=30e-6)
     found = monte_carlo(far, controller, tmp_path / "a", 8, ("linearised",), jobs=1)
     lost = [run.lost_s is not None for run in found.runs["linearised"]]

@@ -91,7 +91,7 @@ def test_a_stage_is_run_with_each_error_alone_and_with_all(tmp_path: Path) -> No
     assert [row["error"] for row in rows] == [*cases]
     by_error = dict(zip(cases, rows, strict=True))
     assert by_error["none"]["worst"] < by_error["all"]["worst"]
-    assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe
+    assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' uses no probe
     assert found.verdict.level in {"yes", "mixed"}
 
 

@@ -42,12 +42,12 @@ def test_it_recovers_from_an_overload(variant: MethodName) -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("event", SHOWN)
 def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
-    """More than a reading is uncertain by, and not for ever."""
+    """The deviation exceeds the uncertainty of a reading, and it ends."""
     found = run_event(ExperimentTrial(bearings.single(variant), 0, event))
     assert found is not None
     assert set(found.figures) == {"excess_peak_m", "excess_s"}
-    # Play cells remember a wrong state until the field has come over it again, but a good model
-    # hardly moves the armature by it.
+    # Play cells keep a wrong state until the field has passed over it again. With a good model, the
+    # armature moves little.
     remembered = event == "wrong initial state" and variant == "full"
     assert (0.0 if remembered else MIN_EXCESS_BAND_M) < found.figures["excess_peak_m"] < RECOVERY_BAND_M
     least, most = (0.0, 0.1) if remembered else (0.002, 0.03)
@@ -56,7 +56,7 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
 
 @pytest.mark.parametrize("event", SHOWN)
 def test_what_does_not_happen_does_not_show(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the event both runs are one, to the bit: what is counted is the event alone."""
+    """Without the event both runs are equal bit for bit, so that only the event is counted."""
     monkeypatch.setattr(experiments, "DROP_SAMPLE_BIT", 0)
     monkeypatch.setattr(experiments, "SimulatedLoop", lambda setup, seed, _: SimulatedLoop(setup, seed))
     found = run_event(ExperimentTrial(bearings.single("full"), 0, event))
@@ -101,7 +101,7 @@ def test_an_overload_takes_force_and_current_to_their_limits_and_the_armature_to
 
 
 def test_a_wrong_initial_state_is_one() -> None:
-    """The iron that has seen the largest current pulls more than the controller believes."""
+    """Iron after the largest current pulls more than the controller assumes."""
     setup = bearings.single("full")
     script = bearings.lifted(setup)
     known, unknown = (
@@ -132,7 +132,7 @@ def test_few_dropped_samples_do_not_matter(count: int) -> None:
 
 @pytest.mark.parametrize("count", [PATIENCE + 1, 5000])
 def test_too_many_dropped_samples_end_in_a_fault_on_the_ground(count: int) -> None:
-    """Four lose the position for a tick, then it lands controlled; 5000 never come back."""
+    """Four dropped samples cause a controlled landing; 5000 never return."""
     setup = bearings.single("full")
     rig = setup.rig
     script = bearings.lifted(setup)

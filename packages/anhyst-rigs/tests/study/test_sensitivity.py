@@ -1,4 +1,4 @@
-"""Test a measured sensitivity against a known one, and its zones."""
+"""Test the measured sensitivity of a known linear loop, and its margin zones."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ LINEAR = LinearLoop(POINT, AMPLIFIER, LoopTiming(RATE, 1.0), CONTROLLER, Compens
 
 
 def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording]:
-    """Position and winding in quarters of a tick under the core's controller, one tick of delay.
+    """Simulate position and winding in quarter ticks with the core's controller and a delay.
 
-    `stick` is a dead zone of the force around the demand, N: what no linear loop has.
+    The delay is one tick. `stick` is a nonlinear dead zone of the force around the demand, N.
     """
     k, a = POINT, AMPLIFIER
     motion = [
@@ -57,7 +57,8 @@ def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording
         state, waiting, kept = np.zeros(4), 0.0, 0.0
         table = np.zeros((len(inject), len(COLUMNS)))
         for i, added in enumerate(inject.tolist()):
-            # A gap of 0.45 mm less the position; what is added to the gap is taken from it.
+            # The gap is 0.45 mm minus the position, so that an addition to the gap lowers the
+            # position.
             read = 0.45e-3 - float(state[0]) + noise * rng.standard_normal() + added
             table[i, COLUMNS.index("gap_read_m")] = read
             position = 0.45e-3 - read
@@ -84,7 +85,7 @@ def clean() -> Sensitivity:
 def test_it_is_that_of_the_linear_loop(clean: Sensitivity) -> None:
     expected = LINEAR.sensitivity(FREQUENCIES)
     assert np.max(np.abs(clean.ratio / expected - 1.0)) < 5e-3
-    # Beyond the loop's bandwidth what is injected passes; where it controls, it does not.
+    # Injected signals above the loop's bandwidth pass unchanged; the loop suppresses those below.
     assert clean.magnitude[-1] == pytest.approx(1.0, abs=0.1)
     assert clean.peak > 1.2
     assert np.max(clean.residual_ratio) < 5e-3

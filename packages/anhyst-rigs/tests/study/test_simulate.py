@@ -1,4 +1,4 @@
-"""Test the function of the command: its files, their order, and its errors."""
+"""Test ``simulate`` as a function: its files, their order, and its errors."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def change(path: Path, changes: dict[str, str]) -> None:
 
 
 def make_folder(folder: Path) -> Path:
-    """The example, shortened, with a controller that is quick to fit."""
+    """The shortened example with a controller that needs little time to fit."""
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         shutil.copy(bearings.EXAMPLE / name, folder)
     write_model(bearings.knowledge().model, folder / "model.toml")
@@ -73,14 +73,14 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True, scope="module")
 def compared() -> Iterator[None]:
-    """Compare with what is quick to fit."""
+    """Compare the variants that need little time to fit."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "COMPARED_VARIANTS", ("ratio", "flux"))
         yield
 
 
 def simulate(rig: Path, out: Path, progress: Progress | None = None) -> Simulation:
-    """Explore a bearing, and write what was found."""
+    """Simulate a bearing and write the results."""
     found = simulate_bearing(rig, out, progress=progress)
     found.save(out)
     return found
@@ -182,7 +182,7 @@ def test_every_state_phase_and_flag_is_documented() -> None:
 
 
 def names_in(value: Any) -> set[str]:
-    """Names of all figures; variants are none."""
+    """Names of all metrics, without variants."""
     if isinstance(value, list):
         return set().union(*map(names_in, value))
     if not isinstance(value, dict):
@@ -209,7 +209,7 @@ def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -
 
 @pytest.mark.slow
 def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A converter of the position too coarse to settle on: no infinity in the file."""
+    """The position converter is too coarse to settle; the file must not contain infinity."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     coarse = {"\nstep_m = 50e-9": "\nstep_m = 4e-6", "noise_seeds = 2": "noise_seeds = 3"}
     change(folder / "rig.toml", coarse)
@@ -250,14 +250,15 @@ def test_gains_that_do_not_hold_it_are_reported_and_the_recording_is_kept(
     assert tuple(table.columns) == COLUMNS
     time = re.search(r"at (\d+\.\d+) s", str(caught.value))
     assert time
-    # The time that is said is rounded to two ticks; one later, it may have bounced off the stop.
+    # The reported time is rounded to two ticks. One tick later, the armature may have left the
+    # stop.
     then = table[np.abs(table["t_s"] - float(time[1])) < 1e-4]
     touches = (then["gap_m"] <= 0.35e-3) | (then["gap_m"] >= 0.55e-3)
     assert how != "lost" or (touches | (then["state"] >= FAULT_CODE)).any()
 
 
 def test_what_an_earlier_run_left_is_removed_where_this_one_is_lost(folder: Path) -> None:
-    """Figures beside a recording are of that recording or they are not there."""
+    """Figures in a folder must belong to the recording in it; otherwise they are deleted."""
     for name in ("figures.json", "report.html"):
         (folder / "out" / name).write_text("of another run")
     change(folder / "controller.toml", {"damping = 1.0": "damping = 0.02"})
@@ -274,7 +275,7 @@ SLOW = {
 
 @pytest.mark.slow
 def test_a_slow_lift_off_is_waited_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Force in 1.5 s, way in 1 s: slower than the example by far, and no fault of the gains."""
+    """A lift-off that is much slower than that of the example is not an error."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ())
     change(folder / "controller.toml", SLOW)
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
@@ -295,7 +296,7 @@ def test_a_rise_that_never_ends_is_no_fault_of_the_gains(
 
 
 def test_samples_that_are_rejected_are_reported_from_bad_gains(folder: Path) -> None:
-    """A noise of the sensor beyond the largest step from tick to tick."""
+    """The noise of the sensor exceeds the largest allowed step between ticks."""
     change(folder / "controller.toml", {"\nstep_m = 20e-6": "\nstep_m = 60e-9"})
     change(folder / "rig.toml", {"noise_m = 5e-9": "noise_m = 200e-9"})
     with refused("levitation-lost: rejected; 4 in a row", NegativeResult):
@@ -321,7 +322,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
 def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A load step beyond the force: the run of steps holds, what follows does not."""
+    """A load step exceeds the largest force: runs of steps succeed, runs of load steps fail."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     change(folder / "rig.toml", {"forces_N = [20.0]": "forces_N = [147.0]"})
     out = folder / "out"
@@ -344,7 +345,7 @@ def test_a_loop_that_is_late_is_reported(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_variant_that_cannot_be_made_is_reported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The law of 1986 has no compensator: the others are compared, and this is said."""
+    """The law of 1986 has no compensator; the report compares the others and states this."""
     model = replace(truth("bearing-jiles-atherton"), law="jiles-atherton-1986")
     write_model(model, folder / "model.toml")
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio", "full"))
@@ -358,7 +359,7 @@ def test_a_variant_that_cannot_be_made_is_reported(folder: Path, monkeypatch: py
 
 @pytest.mark.slow
 def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: Path) -> None:
-    """At 50 Hz nothing holds the armature but what cancels the negative stiffness."""
+    """At 50 Hz only variants that cancel the negative stiffness levitate the armature."""
     change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 50.0"})
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
     figures = json.loads((folder / "out" / "figures.json").read_text())

@@ -17,7 +17,7 @@ def pull(current: float, gap: float) -> float:
 
 
 class Play:
-    """Plays of current in parallel, pinned by up to 0.1 A, and a share that nothing pins."""
+    """Parallel plays of the current with up to 0.1 A half-width, and a reversible part."""
 
     def __init__(self, reversible: float) -> None:
         self.reversible = reversible
@@ -35,7 +35,7 @@ class Play:
 def test_what_answers_after_a_reversal_is_the_reversible_share(reversible: float) -> None:
     iron = Play(reversible)
     found = measure_slopes(iron.step, CURRENT, GAP, 0.0, 4.5, 1e-6)
-    # The mean of both branches, whose currents lie 0.06 A apart to either side (rms 0.064 A).
+    # Mean of both branches, whose currents are 0.06 A to either side (rms 0.064 A).
     lag = (1.0 - reversible) * 0.06
     assert found.static.force == pytest.approx(pull(math.hypot(CURRENT, lag), GAP), rel=1e-3)
     assert found.static.k_i == pytest.approx(2.0 * pull(CURRENT, GAP) / CURRENT, rel=1e-3)

@@ -1,4 +1,4 @@
-"""A bearing on solid iron: simulated, compiled and run by a firmware with the layers of its model."""
+"""Test a bearing with a solid core: simulated, compiled and run by a firmware with layers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SOLID = SolidTable(depth_m=10e-3, conductivity_S_per_m=2e6, path_m=0.15)
 
 @cache
 def solid() -> BodyRig:
-    """Return the example, most of the path of its magnet solid."""
+    """Return the example with solid iron in most of its magnetic path."""
     return change_rig(
         bearings.example(),
         {
@@ -51,7 +51,7 @@ def solid() -> BodyRig:
 
 @cache
 def known() -> IdentifiedMagnet:
-    """What is identified from loops of the plant's own sensors."""
+    """Model identified from loops of the plant's simulated sensors."""
     return identify_magnet(measure_loops(solid()), solid().settings.loops)
 
 

@@ -1,4 +1,4 @@
-"""Test force control of solid iron: layers in the firmware against the model at rest."""
+"""Test force control of solid iron: layers in the firmware against the static model."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def measured(rig: ForceControlRig, sweeps: tuple[float, ...] = SWEEPS, seed: int
 
 @cache
 def foreign(folder: Path) -> tuple[Path, Loops]:
-    """A rig of Preisach iron, and its loops beside it."""
+    """A rig with Preisach iron, and its loops in the same folder."""
     path = rig_in(folder)
     loops = measured(read_rig(path))
     loops.save(folder / "loops.csv")
@@ -179,7 +179,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
     for stage in ("end", "positions", "moving"):
         found = run.figures["summary"][stage]
         full, still = found["full"], found["at-rest"]
-        # A tick and the amplifier are late too, by 0.6 % of the largest force on these slopes.
+        # Tick and amplifier also cause a delay, 0.6 % of the largest force at these slopes.
         assert full["rms_percent"] < 0.5 * still["rms_percent"], stage
         assert full["worst_percent"] < 0.7 * still["worst_percent"], stage
         assert full["worst_percent"] < 0.4 * found["single"]["worst_percent"], stage
@@ -196,11 +196,11 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
 
 
 @pytest.mark.slow
-@pytest.mark.campaign  # its parts are run one by one above, below and in tests/compilation
+@pytest.mark.campaign  # other tests here and in tests/compilation run its steps separately
 def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     folder: Path, tmp_path: Path
 ) -> None:
-    """On the magnet itself its C leaves a fifth of what iron taken to be at rest leaves."""
+    """On the magnet, the error of its C code is less than a fifth of the static model's error."""
     path, loops = foreign(folder)
     files = []
     for name, sweep in zip(("slow", "middle", "fast"), SWEEPS, strict=True):
@@ -225,7 +225,7 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
 def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_rest_does(
     folder: Path, tmp_path: Path
 ) -> None:
-    """At 0.3 and 0.4 mm, the latter not measured; a quarter at 0.5 mm, where the error is least."""
+    """A fifth at 0.3 and 0.4 mm (0.4 mm not measured); a quarter at 0.5 mm with the least error."""
     path, loops = foreign(folder)
     rig, model = read_rig(path), identify(loops, law="play-cells").model
     request = CompileRequest("full", "q31", 20e3)
@@ -238,12 +238,12 @@ def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_res
 
 
 def force_at(rig: ForceControlRig, gap: float) -> float:
-    """Return the force of the largest current; N."""
+    """Return the force of the largest current, N."""
     return rig.magnet().hold(TOP, gap)
 
 
 def worst_of_the_last_cycle(rig: ForceControlRig, model: Model, gap: float, reached: float) -> float:
-    """Let a magnet follow triangles of 50 Hz between 10 and 50 % of what it reaches there; N."""
+    """Return the largest force error on 50 Hz triangles of 10 to 50 % of the reached force, N."""
     plan = make_plan(model, CompileRequest("full", "q31", 20e3), 0)
     part = np.arange(1600) / 400.0
     demand = reached * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0))) * np.minimum(2.0 * part, 1.0)
@@ -256,7 +256,7 @@ def worst_of_the_last_cycle(rig: ForceControlRig, model: Model, gap: float, reac
 
 @pytest.mark.slow
 def test_one_slow_loop_is_followed_to_its_noise_mostly_whatever_that_is(folder: Path) -> None:
-    """A descent that ends on the flat before leaves twice as much."""
+    """A search that stops early in a flat valley has twice this error."""
     followed = 0
     for seed in (35, 45, 55):
         loops = measured(read_rig(rig_in(folder)), SWEEPS[:1], seed).at(GAPS[0])

@@ -96,7 +96,7 @@ def test_conductivity_drifts_where_there_is_solid_iron() -> None:
 
 @pytest.mark.slow
 def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
-    """Loops of the plant's own sensors at three speeds."""
+    """The loops come from the plant's simulated sensors at three speeds."""
     rig = solid(**{"measurement.fast_A_per_s": [45.0, 450.0], "force_sensor.bandwidth_Hz": 20e3})
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     motion, slit = stages.evaluation_set_point(rig), rig.settings.scan.slit_s

@@ -1,4 +1,4 @@
-"""Test a stage that follows set-points: its loop, and the gain of compensation."""
+"""Test a stage that follows set-points: its control loop, and the benefit of compensation."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
 
 
 def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> None:
-    """One that is beaten in settling alone, by one baseline alone, is worth it in part only."""
+    """If one baseline is better in settling alone, the verdict is "mixed"."""
     study = stages.study()
     found = study.verdict
     assert found.level == "yes"

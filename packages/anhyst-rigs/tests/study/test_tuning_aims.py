@@ -1,4 +1,4 @@
-"""Test that gains within all limits cost less than others, and that lost bodies cost most."""
+"""Test the tuning cost: low for gains within all limits, highest for lost bodies."""
 
 from __future__ import annotations
 

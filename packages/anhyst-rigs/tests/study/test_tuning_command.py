@@ -1,4 +1,4 @@
-"""``anhyst tune`` from the command line: files, exit codes, interruption."""
+"""Test ``anhyst tune`` on the command line: files, exit codes, interruption."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.study import bearings
 
 @cache
 def files() -> tuple[str, str]:
-    """Rig and controller of the example with little to try."""
+    """Rig and controller of the example with few trials."""
     rig = (bearings.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     for key, value in {
         "also_gaps_m": "[]",
@@ -41,7 +41,7 @@ def files() -> tuple[str, str]:
 
 @pytest.fixture
 def here(tmp_path: Path) -> Path:
-    """A folder with a bearing that is quickly tuned; its model has been identified."""
+    """Folder with a bearing that tunes quickly and has an identified model."""
     rig, controller = files()
     (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
     (tmp_path / "controller.toml").write_text(controller, encoding="utf-8")

@@ -30,7 +30,7 @@ from tests.study.test_excite import piezo as piezo_file
 
 
 def straight_rig(folder: Path, **keys: float) -> PiezoRig:
-    """A piezo stage of which nothing but resonance, delay and feedback is left."""
+    """A piezo stage with resonance, delay and feedback only."""
     none = {"slope_m_per_V": 1e-15, "bend_m_per_V2": 0.0, "noise_m": 1e-6, "step_m": 1e-12}
     rig = read_piezo_rig(piezo_file(folder, **(none | keys)))
     still = rig.settings.with_changes({"stack.creep_shares": [0.0] * 4})
@@ -38,12 +38,12 @@ def straight_rig(folder: Path, **keys: float) -> PiezoRig:
 
 
 def loop_of(rig: PiezoRig) -> PiezoLoop:
-    """The same behind a constant, which is its inverse."""
+    """The loop of this stage with a constant as its inverse."""
     return PiezoLoop(rig, piezo._constant_inverse(piezo.measure_stage_loops(rig), rig))
 
 
 class Sine:
-    """Noise that is a sine."""
+    """Random generator that returns a sine."""
 
     def __init__(self, omega: float) -> None:
         self.omega = omega

@@ -1,4 +1,4 @@
-"""Test that the screen of many gains equals the linear loop of each set of gains."""
+"""Test that the fast screening of many sets of gains agrees with the linear loop of each set."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_peaks_are_those_of_the_linear_loop() -> None:
 
 
 def step_response(loop: LinearLoop, ticks: int) -> tuple[np.ndarray, np.ndarray]:
-    """Position and demand of a step, tick by tick, as core/include/anhyst/control/pidd2.h runs it."""
+    """Position and demand of a step, computed as in core/include/anhyst/control/pidd2.h."""
     a, b, c = loop.plant
     p, k, d, e, _, _, s, t, weight = loop.controller.per_tick[:9]
     x, filtered, velocity, integral = np.zeros(a.shape[0]), 0.0, 0.0, 0.0
@@ -80,7 +80,7 @@ def test_steps_are_those_of_the_controller_run_tick_by_tick() -> None:
         outside = np.flatnonzero(np.abs(position - 1.0) > 0.02)
         overshoot = 100.0 * max(0.0, position.max() - 1.0)
         assert found.overshoot_percent[place] == pytest.approx(overshoot, abs=0.1)
-        # It looks at every fourth tick.
+        # The screen evaluates every fourth tick.
         assert found.settling_time_s[place] == pytest.approx((outside[-1] + 1) * 5e-5, abs=5e-4)
         assert found.effort[place] == pytest.approx(np.abs(demand).max() / reserve, rel=0.05)
 

@@ -1,4 +1,4 @@
-"""Test that a point of the box gives a controller: its poles, its file, its limits."""
+"""Test that a point of the search space gives a controller: its poles, its file, its limits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_the_gains_put_the_poles_where_the_numbers_say(place: np.ndarray) -> Non
     w, z = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"]
     pair = np.roots([1.0, 2.0 * z * w, w**2])
     wanted = np.concatenate([pair, [-at["real_pole"] * w]])
-    # Five digits of every gain; multiple poles answer by the root of that.
+    # Gains have five digits. The error of a multiple pole is the root of the error of a gain.
     for pole in wanted:
         assert np.min(np.abs(found - pole)) < 0.05 * abs(pole)
 

@@ -71,7 +71,7 @@ def test_a_loop_is_called_stable_where_its_poles_are_within_the_unit_circle() ->
         peak = late.evaluate(columns)[0].item()
         b0, b1, b2, a1, a2 = pid_coefficients(rig).values()
         body = rig.dt**2 / (2.0 * rig.settings.body.mass_kg)
-        # A mass behind a hold and one tick: body*(z + 1)/(z*(z - 1)^2).
+        # Mass with zero-order hold and one tick of delay: body*(z + 1)/(z*(z - 1)^2).
         closed = np.polymul([1.0, a1, a2], [1.0, -2.0, 1.0, 0.0])
         closed = np.polyadd(closed, np.polymul([b0, b1, b2], [body, body]))
         assert math.isfinite(peak) == bool(np.abs(np.roots(closed)).max() < 1.0), crossover
@@ -147,7 +147,7 @@ def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(monkeypatch: p
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with the example, its set-points short, its magnets known."""
+    """Folder with the example, with short set-points and known magnets."""
     text = (stages.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     for old, new in (
         ("speed_m_per_s = 0.5\n", "speed_m_per_s = 0.25\n"),
@@ -179,7 +179,7 @@ def test_a_tuned_rig_file_is_written_that_is_read_like_any_other(here: Path) -> 
     assert tuned.measured_loops.files[0].samefile(here / "loops.csv")
     before = read_stage(here / "rig.toml").settings
     back = {f"control.{name}": getattr(before.tracking, name) for name in one["gains"]}
-    others = {"given_loops"}  # named as seen from there
+    others = {"given_loops"}  # a path relative to the new folder
     restored = tuned.settings.with_changes(back).model_dump(exclude=others)
     assert restored == before.model_dump(exclude=others)
     text = (here / "tuned" / "rig.toml").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The evolution strategy finds minima of known functions within a few hundred evaluations."""
+"""Test that the evolution strategy minimises known functions in a few hundred evaluations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def search(cost: Callable[[FloatArray], float], generations: int, seed: int = 0)
 
 
 def valley(point: FloatArray) -> float:
-    """A valley that runs across the axes, a hundred times as steep as it is long."""
+    """Quadratic valley oblique to the axes whose curvature varies by a factor of 100."""
     turned = np.linalg.qr(np.random.default_rng(4).normal(size=(7, 7)))[0] @ (point - BOTTOM)
     return float(np.sum(np.geomspace(1.0, 1e2, 7) * turned**2))
 

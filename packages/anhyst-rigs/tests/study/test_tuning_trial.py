@@ -1,4 +1,4 @@
-"""Test the trial of one set of gains in the nonlinear loop: figures, and early stops."""
+"""Test the simulation of one set of gains in the nonlinear loop: metrics, and early termination."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_peak_between_frequencies_is_seen() -> None:
     coarse = measured([size(x) for x in (-1.0, -0.5, 0.0, 0.5, 1.0)])
     assert coarse.peak < 2.4
     assert interpolate_peak(coarse) == pytest.approx(2.5, rel=1e-6)
-    assert interpolate_peak(measured([1.0, 1.5, 2.0])) == 2.0  # at the end there is nothing between
+    assert interpolate_peak(measured([1.0, 1.5, 2.0])) == 2.0  # no neighbour at the end
 
 
 def test_another_noise_changes_little_but_something() -> None:

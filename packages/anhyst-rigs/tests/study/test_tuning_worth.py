@@ -1,4 +1,4 @@
-"""Test the sentence that states whether a hysteresis model is worth it after tuning."""
+"""Test the sentence that states whether a hysteresis model is beneficial after tuning."""
 
 from __future__ import annotations
 

@@ -17,9 +17,9 @@ from tests.rig.test_iron_families import EXAMPLES
 from tests.truths import truth
 
 RATE = 250
-"""Samples a second: every fourth tick of the bundled rig."""
+"""Samples per second: every fourth tick of the bundled rig."""
 LEARNT = 15
-"""Cycles of a second before anything drifts."""
+"""Cycles of one second before the drift begins."""
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def model() -> Model:
 def true_force(
     rig: ForceControlRig, current: FloatArray, gap: FloatArray, pinning: float = 1.0
 ) -> FloatArray:
-    """Return the force of the solenoid with other pinning, from demagnetised on."""
+    """Return the force of the solenoid with changed pinning, from the demagnetised state."""
     file = rig.solenoid_file
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * pinning  # type: ignore[union-attr]
@@ -48,13 +48,13 @@ def true_force(
 def sensed(
     rig: ForceControlRig, current: FloatArray, gap: FloatArray, force: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what the rig's own sensors say, with their noise."""
+    """Return the readings of the rig's sensors with noise."""
     sensors = rig.make_sensors([5], 1.0 / RATE)
     return (sensors["current"].read(current), sensors["gap"].read(gap), sensors["force"].read(force))
 
 
 def cycles(count: int, low: float, high: float) -> FloatArray:
-    """Return a current that goes to and fro once a second, A."""
+    """Return a current that cycles once per second, A."""
     time = np.arange(count * RATE) / RATE
     return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(2.0 * np.pi * time)
 
@@ -113,7 +113,7 @@ def test_what_is_found_does_not_depend_on_the_chunks(rig: ForceControlRig, model
 
 def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: Model) -> None:
     assert model.valid is not None
-    half = 0.7 * REVERSAL_RATIO * np.ptp(model.valid.input)  # to either side of where it begins
+    half = 0.7 * REVERSAL_RATIO * np.ptp(model.valid.input)  # amplitude around the initial current
     current = 0.6 + half * np.sin(2.0 * np.pi * np.arange(8 * RATE) / RATE)
     at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
     watch = DriftMonitor(model, 1.3e-3)
@@ -125,7 +125,7 @@ def test_an_hour_of_noise_is_no_drift(rig: ForceControlRig, model: Model) -> Non
     few = cycles(4, 0.1, 1.0)
     force = true_force(rig, few, np.full(few.size, 1.25e-3))
     last, before = force[3 * RATE :], force[2 * RATE : 3 * RATE]
-    np.testing.assert_allclose(last, before, atol=1e-9)  # settled: an hour is 3600 of them
+    np.testing.assert_allclose(last, before, atol=1e-9)  # steady state: 3600 cycles in an hour
     watch = DriftMonitor(model, 1.25e-3, "demagnetised")
     sensors = rig.make_sensors([6], 1.0 / RATE)
     for minute in range(60):
@@ -151,7 +151,8 @@ def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(correlation: float,
         for place in range(1, row.size):
             row[place] = correlation * row[place - 1] + np.sqrt(1 - correlation**2) * row[place]
         chart = CusumChart(Reference.from_values(row[:10].tolist()), 0.0, wanted)
-        # Shifts are in units of what is added up: independent values of the same effect.
+        # The shift is scaled for the correlation, so that its effect equals that on independent
+        # values.
         after = row[10:] + shift * np.sqrt((1 + correlation) / (1 - correlation))
         length = next((n for n, one in enumerate(after, 1) if chart.add(float(one))), after.size)
         runs.append(length)

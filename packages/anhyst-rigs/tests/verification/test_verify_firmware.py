@@ -1,4 +1,4 @@
-"""A whole firmware as a target of ``anhyst verify``."""
+"""Test a whole firmware as a target of ``anhyst verify``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiled controller of a stage on other processors: the same bits, and what they cost there."""
+"""Test the compiled controller of a stage on other processors: equal bits, and measured cost."""
 
 from __future__ import annotations
 

@@ -5,13 +5,13 @@ With ``x = H_e = H + alpha*M`` and ``M_an(x) = M_s*L(x/a)`` the irreversible par
     dM_irr/dx = (M_an(x) - M_irr)/(k*sign(dx)),      held where sign(dx)*(M_an - M_irr) < 0,
     M = (1 - c)*M_irr + c*M_an(x)                                                       (eq. 8)
 
-which is eqs. 13 and 14 of the paper, misprints corrected. Everything here is normalised to
-``M_s = a = 1``: ``kappa = k/a``. The equation is linear in ``M_irr``, so a step of any length has a
-closed form built on the steady ascending branch (`exact`), and a cheaper second-order one where the
-anhysteretic curve is taken as straight over the step (`linear`).
+These are eqs. 13 and 14 of the paper without their misprints. All values are normalised to ``M_s =
+a = 1``: ``kappa = k/a``. The equation is linear in ``M_irr``. Therefore, a step of any length has a
+closed form that uses the steady ascending branch (`exact`). A cheaper second-order step assumes a
+straight anhysteretic curve over its length (`linear`).
 
-An optional play of half-width ``r_d`` in front of the irreversible part stops the creep under
-chatter that the law has by itself: chatter of less than ``2*r_d`` closes exactly.
+The law alone creeps under chatter. An optional play of half-width ``r_d`` before the irreversible
+part prevents this: chatter of less than ``2*r_d`` closes exactly.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ class EffectiveField(LaggingLaw):
     Parameters
     ----------
     kappa : float
-        Pinning field over shape field, ``k/a > 0``.
+        Pinning field relative to the shape field, ``k/a > 0``.
     c : float
         Reversible fraction, 0 to 1.
     play : float, optional
-        Half-width of the play over the shape field, ``r_d/a >= 0``; 0 is none.
+        Half-width of the play relative to the shape field, ``r_d/a >= 0``; 0 is none.
     kind : {"exact", "linear"}, optional
         The step: exact to rounding at any length, or second order in the length with an error below
         ``0.0133*(d/a)**2`` of ``M_s`` for a step of length ``d``.
@@ -114,9 +114,9 @@ class EffectiveField(LaggingLaw):
         Parameters
         ----------
         x0, x1 : float
-            Start and end of the path, over the shape field.
+            Start and end of the path, relative to the shape field.
         y0 : float
-            Irreversible part at the start, over ``M_s``.
+            Irreversible part at the start, relative to ``M_s``.
 
         Returns
         -------
@@ -146,9 +146,9 @@ class EffectiveField(LaggingLaw):
         Parameters
         ----------
         x0, x1 : float
-            Start and end of the path, over the shape field.
+            Start and end of the path, relative to the shape field.
         y0 : float
-            Irreversible part at the start, over ``M_s``.
+            Irreversible part at the start, relative to ``M_s``.
 
         Returns
         -------

@@ -1,6 +1,6 @@
 """One scalar equation for every use of a law: ``x + w*M(x) = r``.
 
-The uses differ in ``w`` and ``r`` alone. With ``R = rho + e``, ``e`` the eddy coefficient:
+The uses differ only in ``w`` and ``r``. With ``R = rho + e`` and the eddy coefficient ``e``:
 
 ======================================== ========================= ===============================
 use                                      w                         r
@@ -11,7 +11,7 @@ forward through the gap, current given   ``R/(1 + R) - alpha``     ``(c_H*I + me
 inverse through the gap                  ``1 - alpha``             ``B/mu0``
 ======================================== ========================= ===============================
 
-after which the field is ``H = x - alpha*M`` and the drive through the gap
+The field is then ``H = x - alpha*M``, and the drive through the gap is
 ``c_H*I = H + rho*B/mu0 + e*B/mu0 - memory``. The gap reluctance ratio is ``rho``; the eddy field
 ``gamma*dB/dt`` is discretised as ``e*B/mu0 - memory``.
 """
@@ -33,7 +33,7 @@ _SHORTEST_STRIDE = 1e-3
 
 
 class Use(NamedTuple):
-    """What one use of a law puts into the equation.
+    """Weight and right side of the equation for one use of a law.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Eddy(NamedTuple):
     e : float
         Coefficient of ``B/mu0``, dimensionless.
     memory : float
-        Known part, from the sample before, A/m.
+        Known part from the previous sample, A/m.
     """
 
     e: float
@@ -76,7 +76,7 @@ def backward_euler(gamma: float, dt: float, b0: float) -> Eddy:
     dt : float
         Time step, s.
     b0 : float
-        Flux density of the sample before, T.
+        Flux density of the previous sample, T.
 
     Returns
     -------
@@ -96,9 +96,9 @@ def trapezoid(gamma: float, dt: float, b0: float, rate0: float) -> Eddy:
     dt : float
         Time step, s.
     b0 : float
-        Flux density of the sample before, T.
+        Flux density of the previous sample, T.
     rate0 : float
-        ``dB/dt`` of the sample before, T/s.
+        ``dB/dt`` of the previous sample, T/s.
 
     Returns
     -------
@@ -114,12 +114,12 @@ def voltage_drive(
     """Return the drive and the eddy term that turn a current drive into a voltage drive.
 
     From ``u = R_c*I + N*S*dB/dt`` follows ``c_H*I = c_H*u/R_c - (c_H*N*S/R_c)*dB/dt``: the winding
-    acts like one more eddy current.
+    acts like an additional eddy current.
 
     Parameters
     ----------
     voltage : float
-        Voltage over the winding, V.
+        Voltage across the winding, V.
     c_h : float
         Field per current, 1/m.
     resistance : float
@@ -134,9 +134,9 @@ def voltage_drive(
     Returns
     -------
     drive : float
-        What stands for ``c_H*I``, A/m.
+        Equivalent of ``c_H*I``, A/m.
     eddy : Eddy
-        What stands for the eddy currents.
+        Equivalent of the eddy currents.
     """
     factor = c_h * flux_per_tesla / resistance
     total = Eddy(eddy.e + factor * rate.e, eddy.memory + factor * rate.memory)
@@ -153,7 +153,7 @@ def forward_use(alpha: float, drive: float, rho: float = 0.0, eddy: Eddy = NO_ED
     drive : float
         Field, or ``c_H*I`` through a gap, A/m.
     rho : float, optional
-        Reluctance of the gap over that of the iron path filled with air, dimensionless.
+        Ratio of the gap reluctance to that of the iron path filled with air, dimensionless.
     eddy : Eddy, optional
         Eddy currents.
 
@@ -185,7 +185,7 @@ def inverse_use(alpha: float, b: float) -> Use:
 
 
 def refuse(law: Operator, omega: float) -> None:
-    """Raise `InputError` where even the reversible part would jump, ``-w*c*A > 1``.
+    """Raise `InputError` if even the reversible part would jump, ``-w*c*A > 1``.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def refuse(law: Operator, omega: float) -> None:
 
 
 def may_jump(law: Operator, omega: float) -> bool:
-    """Return whether the equation may have several solutions, ``1 + w*A <= 0``."""
+    """Whether the equation may have several solutions, ``1 + w*A <= 0``."""
     return 1.0 + omega * law.largest_slope <= 0.0
 
 
@@ -224,17 +224,17 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
     omega : float
         Weight of the magnetisation, ``w*M_s/a``.
     r : float
-        Right side over the shape field, ``r/a``.
+        Right side relative to the shape field, ``r/a``.
 
     Returns
     -------
     LawStep
-        The candidate. Committing it is to go on from its ``state``.
+        The trial step. To commit it, continue from its ``state``.
 
     Raises
     ------
     InputError
-        If the set must be refused, see :func:`refuse`, or `r` is not finite.
+        If the parameters are rejected, see :func:`refuse`, or `r` is not finite.
 
     Notes
     -----
@@ -256,11 +256,11 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
     if may_jump(law, omega):
         return law.step(state, _walk(law, state, omega, r))
     near, far = sorted((d, d / (1.0 + omega * law.largest_slope)), key=abs)
-    # The residual rises along the path: doubling from the near end spares long steps.
+    # The residual rises along the path. Doubling from the near end avoids long steps.
     while 2.0 * abs(near) < abs(far) and residual(state.x + 2.0 * near) * d < 0.0:
         near *= 2.0
     far = math.copysign(min(abs(far), 2.0 * abs(near)), d)
-    # Rounding may put the root a few last places outside; the ends are widened by that much.
+    # Rounding may move the root out of the interval by a few ulp; therefore, it is widened.
     slack = 8.0 * _RTOL * (abs(state.x) + abs(r) + abs(omega) * (1.0 + abs(m0)))
     widen = math.copysign(slack, d)
     first = state.x + (near - widen if abs(near) > slack else 0.0)
@@ -268,7 +268,7 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
 
 
 def _root(residual: Callable[[float], float], first: float, last: float) -> float:
-    """Return the root between two ends, or the better end where rounding leaves no sign change."""
+    """Return the root between two ends, or the better end if rounding prevents a sign change."""
     at_first, at_last = residual(first), residual(last)
     if at_first * at_last >= 0.0:
         return first if abs(at_first) < abs(at_last) else last
@@ -276,11 +276,12 @@ def _root(residual: Callable[[float], float], first: float, last: float) -> floa
 
 
 def _walk(law: Operator, state: LawState, omega: float, r: float) -> float:
-    """Return the first root in the direction of travel where there may be several.
+    """Return the first root in the direction of travel if there may be several.
 
-    The weight is negative here, so along the path the residual climbs with a slope of 1 at most:
-    a stride as long as the residual is deep cannot pass a root. Where it gets shallow the strides
-    are short, and a fold (a summit between two of them) is looked at for a pair of roots.
+    The weight is negative, so that the residual rises along the path with a slope of at most 1. A
+    stride as long as the magnitude of the residual cannot pass a root. Near zero the strides are
+    short. If the slope changes its sign within a stride, the maximum between is tested for a pair
+    of roots.
     """
     sg = 1.0 if r - state.x - omega * law.magnetisation(state) > 0.0 else -1.0
 

@@ -1,14 +1,14 @@
-"""The paper's own explicit form, as the baseline to beat.
+"""The explicit scheme of the paper, as a baseline.
 
-Eq. 14, its misprints corrected, is integrated against the flux density and eq. 15 gives the field;
-the forward counterpart is integrated against the field. With
-``chi = max(0, sg*(M_an - M))/k + c*m'`` they read
+Eq. 14 without its misprints is integrated against the flux density, and eq. 15 gives the field. The
+forward counterpart is integrated against the field. With ``chi = max(0, sg*(M_an - M))/k + c*m'``
+the equations are
 
     dM/dB = (chi/mu0)/(1 + (1 - alpha)*chi),       dM/dH = chi/(1 - alpha*chi).
 
-Both take the effective field from the magnetisation of the step before. That is of low order at a
-turning point whatever the scheme and diverges quietly once a step is long against the curve, which
-is why :mod:`tests.oracles.equation` solves for the effective field instead.
+Both use the effective field of the previous magnetisation. This has a low order at reversal points
+for any scheme. It also diverges without a warning if a step is long compared with the curve.
+Therefore, :mod:`tests.oracles.equation` solves for the effective field instead.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Rate = Callable[[float, float, float], float]
 
 
 def integrate(rate: Rate, given: FloatArray, m0: float, scheme: Scheme) -> list[float]:
-    """Return the magnetisation after each step of an explicit scheme, one step a sample.
+    """Return the magnetisation after each step of an explicit scheme, one step per sample.
 
     Parameters
     ----------
@@ -112,16 +112,16 @@ class ExplicitForm:
         Parameters
         ----------
         b : array_like, shape (n,)
-            Flux density, T; the first sample is where it starts.
+            Flux density, T; the first sample is the start.
         scheme : {"euler", "rk4"}, optional
-            Scheme, one step a sample.
+            Scheme, one step per sample.
         m0 : float, optional
             Magnetisation at the first sample, A/m.
 
         Returns
         -------
         ndarray, shape (n,)
-            Field, A/m; infinite or not a number where the scheme diverged.
+            Field, A/m; infinite or NaN if the scheme diverged.
         """
         given = np.asarray(b, dtype=np.float64)
         m = np.array(integrate(self.inverse_rate, given, m0, scheme))
@@ -133,9 +133,9 @@ class ExplicitForm:
         Parameters
         ----------
         h : array_like, shape (n,)
-            Field, A/m; the first sample is where it starts.
+            Field, A/m; the first sample is the start.
         scheme : {"euler", "rk4"}, optional
-            Scheme, one step a sample.
+            Scheme, one step per sample.
         m0 : float, optional
             Magnetisation at the first sample, A/m.
 

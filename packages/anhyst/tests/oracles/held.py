@@ -1,4 +1,4 @@
-"""Amplifier and sensors of a held actuator, readable: the oracle of the plant's."""
+"""Reference implementation in Python of the plant's amplifier and sensors for a fixed armature."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from anhyst.support.numeric import FloatArray
 
 @dataclass(frozen=True)
 class Converter:
-    """A range in equal steps."""
+    """A converter range with equal steps."""
 
     low: float
     high: float
     step: float
 
     def __call__(self, value: float) -> float:
-        """Return the nearest value that it has."""
+        """Return the nearest value on the grid of the converter."""
         held = min(max(value, self.low), self.high)
         return self.low + round((held - self.low) / self.step) * self.step
 
 
 class OracleSensor:
-    """Gain, low-pass, offset, noise, converter, in this order."""
+    """Gain, low-pass filter, offset, noise and converter, in this order."""
 
     def __init__(self, numbers: Mapping[str, float]) -> None:
         self._numbers = numbers
         self._converter = Converter(numbers["low"], numbers["high"], numbers["step"])
-        self._value: float | None = None  # behind the low-pass
+        self._value: float | None = None  # output of the low-pass filter
 
     def read(self, value: float, noise: float) -> float:
-        """Return what it says of a value that stood for a tick, the first for ever."""
+        """Return the reading of a value that was constant for a tick; it starts in steady state."""
         value *= self._numbers["gain"]
         before = value if self._value is None else self._value
         self._value = before + self._numbers["share"] * (value - before)
@@ -39,7 +39,7 @@ class OracleSensor:
 
 
 class OracleAmplifier:
-    """Follows what its converter put out a tick before, as its shunt reads the current."""
+    """Follows the converter output of the previous tick, relative to the current in its shunt."""
 
     def __init__(self, numbers: Mapping[str, float]) -> None:
         self._numbers = numbers
@@ -47,7 +47,7 @@ class OracleAmplifier:
         self._reference = self.current = 0.0
 
     def tick(self, reference: float) -> float:
-        """Go on by a tick and take the next reference; return the current, A."""
+        """Advance by a tick and accept the next reference; return the current, A."""
         most = self._numbers["most"]
         missing = self._reference - self._numbers["zero"] - self.current
         change = min(max(self._numbers["share"] * missing, -most), most)
@@ -57,6 +57,6 @@ class OracleAmplifier:
 
 
 def currents(numbers: Mapping[str, float], reference: FloatArray) -> list[float]:
-    """Return what flows at each tick of a reference that was asked for at the tick before."""
+    """Return the current at each tick for references that were requested one tick earlier, A."""
     amplifier = OracleAmplifier(numbers)
     return [0.0, *(amplifier.tick(one) for one in reference[1:].tolist())]

@@ -1,8 +1,8 @@
-"""A piece of iron in physical units: the laws and the one equation, over whole records.
+"""A piece of iron in physical units: the laws and the common equation for whole records.
 
-This is the readable double of the C core, kept independent of it. Solving and committing are
-apart: :meth:`Iron.solve_forward` and :meth:`Iron.solve_inverse` give a candidate and touch nothing;
-the caller goes on from the state that really happened.
+This is a readable reference that is independent of the C core. A solution and its commit are
+separate: :meth:`Iron.solve_forward` and :meth:`Iron.solve_inverse` return a trial step and change
+nothing. The caller continues from the state that actually occurred.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LawName = Literal["effective-field", "jiles-atherton-1986"]
 
 
 class SolvedSample(NamedTuple):
-    """A solved sample that nobody has committed yet.
+    """Trial step: a solved sample that is not committed yet.
 
     Attributes
     ----------
@@ -131,12 +131,12 @@ class Iron:
     def solve_forward(
         self, state: LawState, drive: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
     ) -> SolvedSample:
-        """Return the candidate that the drive leads to.
+        """Return the trial step for a drive.
 
         Parameters
         ----------
         state : LawState
-            State of the sample before.
+            State of the previous sample.
         drive : float
             Field, or ``c_H*I`` through the gap, A/m.
         rho : float, optional
@@ -155,7 +155,7 @@ class Iron:
     def solve_inverse(
         self, state: LawState, b: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
     ) -> SolvedSample:
-        """Return the candidate whose flux density is `b` (T), and the drive it needs.
+        """Return the trial step for a flux density `b` (T), with its drive.
 
         Parameters are those of :meth:`solve_forward`.
         """

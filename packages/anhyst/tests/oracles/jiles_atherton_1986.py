@@ -1,16 +1,17 @@
-"""The law `jiles-atherton-1986`: eq. 6 of the paper to the letter, with the hold after reversals.
+"""The law `jiles-atherton-1986`: eq. 6 of the paper unchanged, with the hold after reversals.
 
-Eq. 6 puts ``alpha`` on ``M_irr`` alone while the effective field of eq. 2 carries the whole ``M``.
-Written against the effective field it reads
+Eq. 6 applies ``alpha`` to ``M_irr`` only, although the effective field of eq. 2 contains the whole
+``M``. As a function of the effective field it is
 
     dM_irr/dx = q*(1 - eps*m')/(1 - eps*q),   q = max(0, sg*(M_an - M_irr))/k,   eps = alpha*c,
 
-``m'`` the slope of the anhysteretic curve, so it runs behind the same solver as the law
-`effective-field`, with which it agrees at ``c = 0``. Normalised to ``M_s = a = 1`` the coupling is
-``eps = alpha*c*M_s/a``.
+with the slope ``m'`` of the anhysteretic curve. Therefore, it uses the same solver as the law
+`effective-field`, and both agree at ``c = 0``. Normalised to ``M_s = a = 1`` the coupling is ``eps
+= alpha*c*M_s/a``.
 
-Integrated in the lag ``D = sg*(L(x) - y)``, for which the equation is ``(kappa - eps*D)*D' =
-kappa*L'(x) - D``, by the extrapolated midpoint rule (Gragg, Bulirsch, Stoer) to 1e-14 a substep.
+The integration variable is the lag ``D = sg*(L(x) - y)`` with the equation ``(kappa - eps*D)*D' =
+kappa*L'(x) - D``. The extrapolated midpoint rule (Gragg, Bulirsch, Stoer) integrates it to 1e-14
+per substep.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ class JilesAtherton1986(LaggingLaw):
     Parameters
     ----------
     kappa : float
-        Pinning field over shape field, ``k/a > 0``.
+        Pinning field relative to the shape field, ``k/a > 0``.
     c : float
         Reversible fraction, 0 to 1.
     eps : float
         Coupling ``alpha*c*M_s/a``, below 3 (``alpha*c*A < 1``).
     play : float, optional
-        Half-width of the play over the shape field, ``r_d/a >= 0``; 0 is none.
+        Half-width of the play relative to the shape field, ``r_d/a >= 0``; 0 is none.
 
     Raises
     ------
@@ -78,9 +79,9 @@ class JilesAtherton1986(LaggingLaw):
         Parameters
         ----------
         x0, x1 : float
-            Start and end of the path, over the shape field.
+            Start and end of the path, relative to the shape field.
         y0 : float
-            Irreversible part at the start, over ``M_s``.
+            Irreversible part at the start, relative to ``M_s``.
 
         Returns
         -------
@@ -111,7 +112,7 @@ class JilesAtherton1986(LaggingLaw):
         highest = max(self.eps, 0.0) * LARGEST_SLOPE
         memory = self.kappa * max((1.0 - lowest) ** 2, 1.0 / (1.0 - highest))
         if end - start > _MEMORY_LENGTHS * memory:
-            # What lies farther back is forgotten to exp(-40): any valid lag will do.
+            # Earlier lags have decayed by exp(-40): any valid initial lag is sufficient.
             start = end - _MEMORY_LENGTHS * memory
             lag = self.kappa * langevin_slope_scalar(start)
         longest = 0.5 * min(1.0, self.kappa * (1.0 - highest))

@@ -1,4 +1,4 @@
-"""What the two laws on the Langevin curve share: all but how the irreversible part moves."""
+"""Common part of the two laws on the Langevin curve, without the irreversible step."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class LaggingLaw(ABC):
     Attributes
     ----------
     kappa : float
-        Pinning field over shape field, ``k/a > 0``.
+        Pinning field relative to the shape field, ``k/a > 0``.
     c : float
         Reversible fraction, 0 to 1.
     play : float
-        Half-width of the play over the shape field, ``r_d/a >= 0``; 0 is none.
+        Half-width of the play relative to the shape field, ``r_d/a >= 0``; 0 is none.
     """
 
     kappa: float
@@ -51,7 +51,7 @@ class LaggingLaw(ABC):
 
     @property
     def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself, ``min(1, kappa)``."""
+        """Distance over which the slope changes considerably, ``min(1, kappa)``."""
         return min(1.0, self.kappa)
 
     def magnetisation(self, state: LawState) -> float:
@@ -79,14 +79,14 @@ class LaggingLaw(ABC):
             )
 
     def step(self, state: LawState, x1: float) -> LawStep:
-        """Return where the law arrives when the effective field moves straight to `x1`.
+        """Return the state after a straight change of the effective field to `x1`.
 
         Parameters
         ----------
         state : LawState
-            Where it starts.
+            Initial state.
         x1 : float
-            New effective field over the shape field.
+            New effective field relative to the shape field.
 
         Returns
         -------

@@ -1,13 +1,12 @@
 """The Langevin function, its slope and its inverse, accurate to rounding everywhere.
 
-The anhysteretic curve of the paper (eqs. 1, 3, 12) is ``M_s * L(x/a)`` with
-``L(z) = coth(z) - 1/z``. Written like that it loses every digit near ``z = 0``, and switching to a
-short series at ``1e-3`` or ``1e-4`` still costs 4e-10 to 1e-7. Below ``|z| = 1.5`` the continued
-fraction
+The anhysteretic curve of the paper (eqs. 1, 3, 12) is ``M_s * L(x/a)`` with ``L(z) = coth(z) -
+1/z``. In this form all digits are lost near ``z = 0``. A short series below ``1e-3`` or ``1e-4``
+still has errors of 4e-10 to 1e-7. Below ``|z| = 1.5`` this module uses the continued fraction
 
     L(z) = z / (3 + z^2/(5 + z^2/(7 + ... )))
 
-is used instead, above it the exponential form.
+and above it the exponential form.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ def _fraction(t: Number) -> Number:
 
 
 def langevin_scalar(z: float) -> float:
-    """Return :func:`langevin` of one float, without the overhead of arrays."""
+    """Return :func:`langevin` of a float, without the overhead of arrays."""
     size = abs(z)
     if size < _SWITCH:
         return z / _fraction(z * z)
@@ -49,7 +48,7 @@ def langevin_scalar(z: float) -> float:
 
 
 def langevin_slope_scalar(z: float) -> float:
-    """Return :func:`langevin_slope` of one float, without the overhead of arrays."""
+    """Return :func:`langevin_slope` of a float, without the overhead of arrays."""
     size = abs(z)
     if size < _SWITCH:
         q = _fraction(z * z)
@@ -59,7 +58,7 @@ def langevin_slope_scalar(z: float) -> float:
 
 
 def inverse_langevin_scalar(y: float) -> float:
-    """Return :func:`inverse_langevin` of one float, without the overhead of arrays."""
+    """Return :func:`inverse_langevin` of a float, without the overhead of arrays."""
     if abs(y) >= 1.0:
         return float(inverse_langevin(y))
     z = y * (3.0 - y * y) / (1.0 - y * y)

@@ -1,7 +1,7 @@
-"""Solid iron by shooting: the readable double of the core's layers.
+"""Solid iron by a shooting method: a readable reference for the layers of the core.
 
-From the field of the innermost layer every other quantity follows, and all rise with it; the one
-number is found by SciPy. Slow, and good for a few layers.
+All other quantities follow from the field of the innermost layer and increase with it. SciPy finds
+this one unknown. The method is slow and suits a few layers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tests.oracles.play_cells import PlayCells
 
 @dataclass(frozen=True)
 class SolidIron:
-    """Layers of play cells without interaction; the equations are those of `anhyst.model.dynamics`."""
+    """Layers of play cells without interaction, with the equations of `anhyst.model.dynamics`."""
 
     iron: PlayCells
     count: int
@@ -26,7 +26,7 @@ class SolidIron:
     laminated: float
 
     def forward(self, drive: FloatArray, rho: float, eddy: float) -> FloatArray:
-        """Return the flux density, T, over a record from the demagnetised state on."""
+        """Return the flux density of a record from the demagnetised state, T."""
         shares = np.full(self.count, (1.0 - self.surface) / (self.count - 1))
         shares[0] = self.surface
         states = [self.iron.demagnetised for _ in range(self.count)]

@@ -6,7 +6,7 @@ one bounded state ``u = (M_an - M_irr)/(k*K_1)`` in [-1, 1]. With ``b = B/mu0``,
 
     H = h1*b + h0 + h2*u,   h1 = (1 - alpha*K_1)/lam,  h0 = -K_2/lam,  h2 = (1 - c)*K_1*k/lam,
 
-and over a step of ``S = beta*|db|`` in the direction of travel ``v = 1 - sign(db)*u`` runs down by
+and over a step of ``S = beta*|db|`` in the direction of travel ``v = 1 - sign(db)*u`` decreases by
 ``ln v1 - nu*v1 = ln v - nu*v - S``, which the Lambert function solves.
 """
 
@@ -32,14 +32,14 @@ class LinearAnhysteretic:
     """The simplified law, in physical units.
 
     It is also an operator for :func:`tests.oracles.equation.solve`, with ``M_s = a = 1``: then
-    ``omega`` is ``w`` and ``r`` in A/m, and the state holds ``x`` and ``M_irr`` in A/m.
+    ``omega`` is ``w`` and ``r`` in A/m, and the state contains ``x`` and ``M_irr`` in A/m.
 
     Parameters
     ----------
     k1 : float
         Slope of the anhysteretic curve ``K_1 > 0`` (eq. 20), dimensionless.
     k2 : float
-        Its offset ``K_2``, A/m (eq. 19). Where it is not zero odd symmetry is lost.
+        Its offset ``K_2``, A/m (eq. 19). If it is not zero, the law is not odd.
     k : float
         Pinning field ``k > 0``, A/m.
     c : float
@@ -80,7 +80,7 @@ class LinearAnhysteretic:
 
     @property
     def lam(self) -> float:
-        """``1 + (1 - alpha)*K_1``: flux density over ``mu0*x`` on the anhysteretic curve."""
+        """``1 + (1 - alpha)*K_1``: ratio of flux density to ``mu0*x`` on the anhysteretic curve."""
         return 1.0 + (1.0 - self.alpha) * self.k1
 
     @property
@@ -100,7 +100,7 @@ class LinearAnhysteretic:
 
     @property
     def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself, ``k``."""
+        """Distance over which the slope changes considerably, ``k``."""
         return self.k
 
     def anhysteretic(self, x: float) -> float:
@@ -122,7 +122,7 @@ class LinearAnhysteretic:
             )
 
     def step(self, state: LawState, x1: float) -> LawStep:
-        """Return where the law arrives when the effective field (A/m) moves straight to `x1`."""
+        """Return the state after a straight change of the effective field to `x1` (A/m)."""
         sg = 1.0 if x1 >= state.x else -1.0
         lag0 = sg * (self.anhysteretic(state.x) - state.y)
         held = max(0.0, -lag0) / self.k1

@@ -1,4 +1,4 @@
-"""What every hysteresis law looks like from outside: a state, a step, a slope."""
+"""Interface of every hysteresis law: a state, a step, a slope."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import NamedTuple, Protocol
 
 
 class LawState(NamedTuple):
-    """Everything a law remembers, in units that do not depend on the parameter set.
+    """State of a law in units that do not depend on the parameter set.
 
     Attributes
     ----------
     x : float
-        Effective field over the shape field, ``H_e/a``.
+        Effective field relative to the shape field, ``H_e/a``.
     y : float
-        Irreversible magnetisation over saturation, ``M_irr/M_s``.
+        Irreversible magnetisation relative to saturation, ``M_irr/M_s``.
     p : float
-        Position of the play over the shape field, ``x_p/a``; equal to `x` without play.
+        Position of the play relative to the shape field, ``x_p/a``; equal to `x` without play.
     """
 
     x: float
@@ -24,18 +24,18 @@ class LawState(NamedTuple):
 
 
 DEMAGNETISED = LawState(0.0, 0.0, 0.0)
-"""The state after demagnetising."""
+"""The demagnetised state."""
 
 
 class LawStep(NamedTuple):
-    """Where a law arrives when the effective field moves to a new value.
+    """Result of a straight change of the effective field to a new value.
 
     Attributes
     ----------
     state : LawState
         The new state.
     m : float
-        Magnetisation over saturation there, ``M/M_s``.
+        Magnetisation relative to saturation in this state, ``M/M_s``.
     slope : float
         Slope of `m` against the new effective field, ``(a/M_s)*dM/dx``.
     """
@@ -58,7 +58,7 @@ class Operator(Protocol):
 
     @property
     def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself."""
+        """Distance over which the slope changes considerably, relative to the shape field."""
 
     def magnetisation(self, state: LawState) -> float:
         """Return ``M/M_s`` in a state (eq. 8)."""
@@ -67,4 +67,4 @@ class Operator(Protocol):
         """Raise `InputError` for a state that the law cannot have reached."""
 
     def step(self, state: LawState, x1: float) -> LawStep:
-        """Return where the law arrives when the effective field moves straight to `x1`."""
+        """Return the state after a straight change of the effective field to `x1`."""

@@ -1,7 +1,7 @@
-"""Play cells in the effective field, by direct sums: the readable double of the core.
+"""Play cells in the effective field by direct sums: a readable reference for the core.
 
-Every curve of every cell is summed where it is needed, and roots come from SciPy; nothing is
-tabulated. :mod:`anhyst.laws.play_cells` says what the numbers mean.
+Each curve of each cell is summed when it is needed, and SciPy finds the roots. No value is
+tabulated. :mod:`anhyst.laws.play_cells` defines the parameters.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from anhyst.support.units import MU_0
 from tests.oracles.langevin import langevin
 
 _PLACES = 4000
-"""At which a path that may jump is looked at, one after the other."""
+"""Number of points at which a path with possible jumps is evaluated."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,17 @@ class PlayCells:
 
     @property
     def demagnetised(self) -> FloatArray:
-        """State with all places, and the effective field first, at zero."""
+        """State with the effective field, which is first, and all plays at zero."""
         return np.zeros(self.cells.thresholds.size)
 
     @property
     def steepest(self) -> float:
-        """Upper bound of dM/dx: every curve at its steepest at once."""
+        """Upper bound of dM/dx: all curves at their largest slope at the same time."""
         slope = 1.0 if self.cells.shape == "tanh" else 1.0 / 3.0
         return float((self.cells.weights / self.cells.widths).sum()) * slope
 
     def moved(self, state: FloatArray, x: float) -> FloatArray:
-        """Return the state after the effective field went straight to a value."""
+        """Return the state after a straight change of the effective field to `x`."""
         r = self.cells.thresholds
         moved = np.clip(state, x - r, x + r)
         moved[0] = x
@@ -72,7 +72,7 @@ class PlayCells:
         return total
 
     def solve(self, state: FloatArray, w: float, r: float) -> FloatArray:
-        """Return the state at the first place with ``x + w*M = r`` on a straight path."""
+        """Return the state at the first solution of ``x + w*M = r`` on a straight path."""
 
         def missing(x: float) -> float:
             return x + w * self.magnetisation(self.moved(state, x)) - r

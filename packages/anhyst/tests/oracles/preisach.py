@@ -1,4 +1,4 @@
-"""A plain Preisach operator of relays on a grid of levels, and its weights by least squares."""
+"""A Preisach operator of relays on a grid of levels, with weights from least squares."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Preisach:
     low, high : float
         Range of the input. Every relay is down before a record.
     levels : int
-        Number of levels over the range.
+        Number of levels in the range.
     """
 
     low: float
@@ -28,13 +28,13 @@ class Preisach:
 
     @property
     def relays(self) -> tuple[FloatArray, FloatArray]:
-        """Levels at which each relay switches up, and down."""
+        """Levels at which each relay switches up and down."""
         level = np.linspace(self.low, self.high, self.levels)
         up, down = np.nonzero(level[:, None] >= level)
         return level[up], level[down]
 
     def states(self, drive: FloatArray) -> FloatArray:
-        """Return the state of each relay, -1 or 1, over a record; shape (n, relays)."""
+        """Return the state of each relay, -1 or 1, for a record; shape (n, relays)."""
         up, down = self.relays
         found, state = np.empty((drive.size, up.size)), np.full(up.size, -1.0)
         for index, value in enumerate(drive.tolist()):
@@ -43,7 +43,7 @@ class Preisach:
         return found
 
     def fitted(self, drive: FloatArray, output: FloatArray) -> FloatArray:
-        """Return the weights of the relays, not below zero, and the offset either way."""
+        """Return the non-negative weights of the relays and of an offset in either direction."""
         matrix = self._columns(drive)
         normal = matrix.T @ matrix
         normal += 1e-10 * np.trace(normal) / len(normal) * np.eye(len(normal))
@@ -52,7 +52,7 @@ class Preisach:
         return np.asarray(weights)
 
     def predict(self, drive: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return the output of fitted weights over a record."""
+        """Return the output of fitted weights for a record."""
         return np.asarray(self._columns(drive) @ weights)
 
     def _columns(self, drive: FloatArray) -> FloatArray:

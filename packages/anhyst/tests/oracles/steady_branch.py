@@ -1,12 +1,12 @@
-"""The steady ascending branch: the irreversible part after a rise from far below.
+"""The steady ascending branch: the irreversible part after a rise from a very low field.
 
 In the effective field the irreversible part lags the anhysteretic curve by the distance ``kappa``,
 
     kappa * A_up'(x) = L(x) - A_up(x),      A_up(x) = integral_0^inf L(x - kappa*s) * exp(-s) ds.
 
-Beyond ``|x| = 30`` the Langevin function is ``sign(x) - 1/x`` to rounding and the integral is
-known in exponential integrals. In between the equation is solved by Chebyshev collocation, panel
-by panel from the lower end.
+For ``|x| > 30`` the Langevin function is ``sign(x) - 1/x`` to rounding, and exponential integrals
+give the solution. For smaller ``|x|``, Chebyshev collocation solves the equation panel by panel
+from the lower end.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class SteadyBranch:
     Parameters
     ----------
     kappa : float
-        Pinning field over shape field, ``k/a > 0``.
+        Pinning field relative to the shape field, ``k/a > 0``.
     """
 
     def __init__(self, kappa: float) -> None:
@@ -89,11 +89,11 @@ class SteadyBranch:
         return _clenshaw(self._panels[panel], 2.0 * (place - panel) - 1.0)
 
     def _below(self, x: float) -> float:
-        """Return the branch where the Langevin function is ``-1 - 1/x``."""
+        """Return the branch in the range where the Langevin function is ``-1 - 1/x``."""
         return -1.0 + _scaled_exp1(-x / self.kappa) / self.kappa
 
     def _above(self, x: float) -> float:
-        """Return the branch where the Langevin function is ``1 - 1/x``."""
+        """Return the branch in the range where the Langevin function is ``1 - 1/x``."""
         fade = math.exp(-(x - _EDGE) / self.kappa)
         hyperbola = _scaled_expi(x / self.kappa) - fade * _scaled_expi(_EDGE / self.kappa)
         return 1.0 + (self._upper - 1.0) * fade - hyperbola / self.kappa
@@ -104,7 +104,8 @@ class SteadyBranch:
         values = chebyshev.chebvander(nodes, _DEGREE)
         identity = np.eye(_DEGREE + 1)
         slopes = chebyshev.chebval(nodes, chebyshev.chebder(identity)).T
-        # Rows: the equation at every node but the first, where the value is handed over instead.
+        # Rows: the equation at every node except the first, whose value comes from the previous
+        # panel.
         system = slopes * (2.0 * self.kappa / _WIDTH) + values
         system[0] = values[0]
         inverse = np.linalg.inv(system)

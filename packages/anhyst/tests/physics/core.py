@@ -1,4 +1,4 @@
-"""The C core behind the face of the reference, so that a claim can be put to both."""
+"""Call the C core through the interface of the reference, so that tests can use both."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.oracles.operator import DEMAGNETISED, LawState
 
 
 class Record(NamedTuple):
-    """What the core returns, the state as the reference has it."""
+    """Result of the core, with the state in the form of the reference."""
 
     found: FloatArray
     field: FloatArray
@@ -35,7 +35,7 @@ def run(
     eddy: ArrayLike = 0.0,
     state: LawState = DEMAGNETISED,
 ) -> Record:
-    """Run the core forward or inverse without asking for success."""
+    """Run the core forward or inverse without checking its status."""
     samples = np.atleast_1d(np.asarray(given, dtype=np.float64))
     ratio = np.broadcast_to(np.asarray(rho, dtype=np.float64), samples.shape).copy()
     memory = np.broadcast_to(np.asarray(eddy, dtype=np.float64), samples.shape).copy()
@@ -47,7 +47,7 @@ def run(
 def forward(
     iron: Iron, drive: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: LawState = DEMAGNETISED
 ) -> tuple[FloatArray, FloatArray, LawState]:
-    """Return what :meth:`Iron.forward` returns, from the core."""
+    """Return the result of the core in the form of :meth:`Iron.forward`."""
     record = run(core_of(iron), "forward", drive, rho, eddy, state)
     assert record.status == 0, (_core.status_text(record.status), record.sample, iron)
     return record[:3]
@@ -56,7 +56,7 @@ def forward(
 def inverse(
     iron: Iron, b: ArrayLike, rho: ArrayLike = 0.0, eddy: ArrayLike = 0.0, state: LawState = DEMAGNETISED
 ) -> tuple[FloatArray, FloatArray, LawState]:
-    """Return what :meth:`Iron.inverse` returns, from the core."""
+    """Return the result of the core in the form of :meth:`Iron.inverse`."""
     record = run(core_of(iron), "inverse", b, rho, eddy, state)
     assert record.status == 0, (_core.status_text(record.status), record.sample, iron)
     return record[:3]

@@ -1,4 +1,4 @@
-"""Random irons of every law, in the core, the same in every run."""
+"""Provide random irons of every law in the core, equal in every run."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ JILES_ATHERTON: dict[str, tuple[LawName, StepKind, bool, float]] = {
     "effective-field, linear step": ("effective-field", "linear", False, 1.0),
     "jiles-atherton-1986": ("jiles-atherton-1986", "exact", False, 0.01),
 }
-"""Name of the law, its step, whether with a dead band, and for which part of the sets there is
-time."""
+"""Law, step, dead band, and fraction of the parameter sets that is tested for reasons of time."""
 
 PLAY_CELLS: dict[str, Shape] = {"play-cells": "tanh", "play-cells-langevin": "langevin"}
 
@@ -52,7 +51,7 @@ class Sample(NamedTuple):
         eddy: FloatArray | float = 0.0,
         state: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return flux density, field and state after, by the core."""
+        """Return flux density, field and final state from the core."""
         return self._record(self.core.forward, drive, rho, eddy, state)
 
     def inverse(
@@ -62,7 +61,7 @@ class Sample(NamedTuple):
         eddy: FloatArray | float = 0.0,
         state: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return drive, field and state after, by the core."""
+        """Return drive, field and final state from the core."""
         return self._record(self.core.inverse, flux_density, rho, eddy, state)
 
     def _record(
@@ -122,7 +121,7 @@ def _cells(rng: np.random.Generator, shape: Shape, *, jumping: bool) -> Sample |
 
 
 def samples(law: str, count: int, seed: int, *, jumping: bool = False) -> list[Sample]:
-    """Return irons of every kind of a law; jumping ones have ``alpha*A`` above 1."""
+    """Return irons of every kind of a law; with `jumping`, ``alpha*A`` is above 1."""
     if law in JILES_ATHERTON:
         name, step, play, part = JILES_ATHERTON[law]
         many = max(4, int(part * count))

@@ -1,4 +1,4 @@
-"""Random parameter sets and drives, the same in every run."""
+"""Provide random parameter sets and drives, equal in every run."""
 
 from __future__ import annotations
 
@@ -53,26 +53,26 @@ def random_cases(
         r_d = a * kappa * rng.uniform(0.01, 0.5) if play else 0.0
         iron = Iron(m_s, a, kappa * a, c, alpha, r_d, law, step)
         amplitude = log_uniform(rng, 0.3, 30.0) * (a + max(-alpha, 0.0) * m_s / 3.0)
-        # Below this the rounding of B alone is 1e-9 of the amplitude of H.
+        # For smaller amplitudes the rounding of B alone exceeds 1e-9 of the amplitude of H.
         if amplitude > m_s / 3e5:
             cases.append(Case(iron, amplitude))
     return cases
 
 
 def sine(amplitude: float, samples: int, cycles: int = 1) -> FloatArray:
-    """Return whole cycles of a sine that starts after zero, `samples` a cycle."""
+    """Return whole cycles of a sine that starts after zero, with `samples` per cycle."""
     phase = 2.0 * np.pi * np.arange(1, samples * cycles + 1) / samples
     return np.asarray(amplitude * np.sin(phase))
 
 
 def random_walk(amplitude: float, samples: int, seed: int) -> FloatArray:
-    """Return turning points drawn from the whole range: many reversals, steps of every size."""
+    """Return random reversal points in the whole range: many reversals, steps of every size."""
     rng = np.random.default_rng(seed)
     return np.asarray(amplitude * rng.uniform(-1.0, 1.0, samples) * rng.uniform(0, 1, samples))
 
 
 def wandered(iron: Iron, seed: int) -> LawState:
-    """Return a state that lies somewhere inside the major loop."""
+    """Return a random state inside the major loop."""
     rng = np.random.default_rng(seed)
     state = DEMAGNETISED
     for x in rng.normal(scale=3.0, size=6).tolist():
@@ -81,7 +81,7 @@ def wandered(iron: Iron, seed: int) -> LawState:
 
 
 def virgin_fold(iron: Iron) -> tuple[float, float] | None:
-    """Return effective field (over `a`) and field (A/m) of the first jump of the virgin rise."""
+    """Return field/`a` (effective) and field (A/m) of the first jump on the initial curve."""
     law, weight = iron.operator, -iron.alpha * iron.m_s / iron.a
     places = np.linspace(0.01, 10.0, 500).tolist()
     slopes = [1.0 + weight * law.step(DEMAGNETISED, x).slope for x in places]

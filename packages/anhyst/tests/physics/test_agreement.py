@@ -1,4 +1,4 @@
-"""Where laws must agree, and how far the simpler ones are from the exact one."""
+"""Test that laws agree where theory requires it, and measure the errors of simpler ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .sets import random_cases, random_walk, sine
 
 LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 SHEET = Iron(m_s=1.35e6, a=60.0, k=60.0, c=0.15, alpha=8e-5)
-"""Something like silicon steel."""
+"""Parameters similar to silicon steel."""
 FORM = ExplicitForm(SHEET.m_s, SHEET.a, SHEET.k, SHEET.c, SHEET.alpha)
 
 
@@ -44,7 +44,7 @@ def test_laws_differ_with_a_reversible_part() -> None:
 
 
 def truth_of_linear_law(law: LinearAnhysteretic, b: FloatArray) -> list[float]:
-    """Return the field by integrating eqs. 13 to 15, corrected, with SciPy."""
+    """Return the field by integrating eqs. 13 to 15 (corrected) with SciPy."""
     m, before, found = law.k2 / law.lam, 0.0, []
     weight = 1.0 - law.alpha
     for b1 in b.tolist():
@@ -113,7 +113,7 @@ def test_closed_form_does_not_depend_on_how_the_path_is_cut() -> None:
 
 
 def explicit_errors(scheme: Scheme, samples: int) -> tuple[float, float]:
-    """Return the worst forward error over ``M_s`` and inverse error over the largest field."""
+    """Return the largest errors: forward relative to ``M_s``, inverse relative to the field."""
     h = np.concatenate([[0.0], sine(400.0, samples, cycles=2)])
     b = np.concatenate([[0.0], SHEET.forward(h[1:])[0]])
     with np.errstate(all="ignore"):

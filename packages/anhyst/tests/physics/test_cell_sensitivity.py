@@ -1,4 +1,4 @@
-"""Derivatives of a path of play cells against differences of the path itself."""
+"""Test derivatives of a path of play cells against differences of the path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from anhyst.support.numeric import FloatArray
 
 NUMBERS = np.array([3e4, 50.0, 3e5, 40.0, 20.0, 1.5, 1e5, 120.0, 80.0, 2.0])
 OMEGA, DRIVE = 0.01, 0.012
-"""By these, and by a factor of the drive, is differentiated too."""
+"""Scales of omega and of the drive; derivatives with respect to both are tested too."""
 BEGINS = np.zeros(1, dtype=np.int64)
 
 
@@ -20,7 +20,7 @@ def pinned(numbers: FloatArray) -> list[Population]:
 
 
 def path(numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return omega and r, sample by sample, and what omega is a factor of."""
+    """Return omega and r of each sample, and the time-dependent factor of omega."""
     time = np.arange(1, 161) / 80.0
     drive = 5000.0 * np.sin(2.0 * np.pi * time) * np.exp(-0.3 * time) + 700.0 * np.sin(9.7 * time)
     moving = 1.0 + 0.2 * np.sin(3.1 * time)
@@ -33,7 +33,7 @@ def operator(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> C
 
 
 def follow(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> FloatArray:
-    """Return x and M over the path, driven a second time."""
+    """Return x and M of the second pass over the path."""
     core = operator(numbers, shape, centres)
     omega, r, _ = path(numbers)
     x, m, status = core.run(np.tile(omega, 2), np.tile(r, 2), BEGINS)
@@ -67,7 +67,7 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape, centre
         difference = (ends[0] - ends[1]) / (2e-6 * numbers[place])
         for found, expected in zip((x_t, m_t), difference, strict=True):
             off = np.abs(found[:, place] - expected)
-            # A sample where a cell just begins to move has a derivative on either side only.
+            # At a sample where a cell starts to move, the left and right derivatives differ.
             assert np.quantile(off, 0.97) < 2e-6 * np.abs(expected).max(), place
             assert off.max() < 2e-2 * np.abs(expected).max(), place
 

@@ -1,4 +1,4 @@
-"""The compensator that runs on a controller, against the models in double precision."""
+"""Test the compensator of a controller against the models in double precision."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ MAGNETS: list[tuple[GapMap, float]] = [
     (gap_map, play) for gap_map in ("scaling", "reluctance", "circuit") for play in (0.0, 40.0)
 ]
 PROMISED = 0.002
-"""Of the largest force."""
+"""Error limit, as a fraction of the largest force."""
 
 
 def jumps(high: float) -> FloatArray:
-    """Full-range jumps in one sample, and jumps to anywhere."""
+    """Full-range jumps in one sample, and jumps to random levels."""
     anywhere = np.random.default_rng(5).uniform(0.04, 0.95, 2000) * high
     return np.concatenate([np.tile([0.95 * high, 0.04 * high], 200), anywhere])
 
@@ -52,7 +52,7 @@ DEMANDS: dict[str, Callable[[float], FloatArray]] = {
 
 
 def gap_of(kind: str, samples: int) -> FloatArray:
-    """Return a gap that stands, sweeps the whole range, or is anywhere from sample to sample."""
+    """Return a gap that is constant, sweeps the whole range, or is random at each sample."""
     if kind == "standing":
         return np.full(samples, WIDE)
     if kind == "moving":
@@ -76,7 +76,7 @@ def test_full_gives_the_demanded_force(gap_map: GapMap, play: float, demand: str
 
 @pytest.mark.parametrize(("gap_map", "play"), MAGNETS)
 def test_a_demand_too_slow_for_single_codes_loses_nothing(gap_map: GapMap, play: float) -> None:
-    """A hundred thousand steps up, each a fraction of a code of 16 bits, and down again."""
+    """Ramps of 100,000 steps up and down, each step a fraction of a 16-bit code."""
     high = largest_force(gap_map, play)
     up = np.linspace(0.1 * high, 0.5 * high, 100_000)
     wanted = np.concatenate([nested(high), up, up[::-1]])
@@ -105,7 +105,7 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
 def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave(
     gap_map: GapMap, play: float, io: str
 ) -> None:
-    """What was wanted does not count: the memory follows the current that was applied."""
+    """The memory follows the applied current, not the requested one."""
     largest = largest_force(gap_map, play, GAPS[0])
     wanted = jumps(largest_force(gap_map, play, GAPS[-1]))[::5]
     at = gap_of("moving", wanted.size)
@@ -124,7 +124,7 @@ def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave(
 
 
 def test_limited_current_leads_to_the_force_it_can_give() -> None:
-    """A demand beyond the limits of the current is flagged, and tracked for what it gives."""
+    """A demand beyond the limits of the current is flagged; its possible force is tracked."""
     wide = 0.999 * largest_force("reluctance", 0.0, GAPS[0])
     twin, model = FixedTwin(compiled("full")), magnet()
     rest = twin.solve(0.3 * wide, GAPS[-1])
@@ -141,12 +141,12 @@ def test_limited_current_leads_to_the_force_it_can_give() -> None:
 
 
 def test_below_the_residual_force_the_current_takes_the_flux_away() -> None:
-    """At the demand of the force that is there without flux, or less, the iron is emptied."""
+    """A demand of at most the force without flux removes the flux from the iron."""
     twin, model = FixedTwin(compiled("full")), magnet()
     history = [twin.run([60.0], [WIDE])[0], twin.solve(0.2 * RESIDUAL, WIDE)]
     assert twin.flags == DEMAND_LIMITED
     twin.commit(history[1], WIDE)
-    assert history[1] < 0.0  # remanence has to be driven out
+    assert history[1] < 0.0  # a negative current removes the remanence
     answer = model.predict(history, np.full(2, WIDE), history="demagnetised")
     assert abs(answer.flux_density[-1]) < 0.005 * answer.flux_density[0]
     assert answer.output[-1] == pytest.approx(RESIDUAL, abs=1e-3)
@@ -158,7 +158,7 @@ IRONS = [(a, k, c) for a in (150.0, 1000.0) for k in (0.1, 0.75, 3.0) for c in (
 
 @pytest.mark.parametrize(("a", "kappa", "c"), IRONS)
 def test_every_kind_of_iron_is_inverted(a: float, kappa: float, c: float) -> None:
-    """Soft and hard, also one without a reversible part, whose force does not answer at a turn."""
+    """Soft and hard irons; without reversible part, the force does not change after a reversal."""
     changed = dict(magnet().parameters) | {"a": a, "k": kappa * a, "c": c}
     model = replace(magnet(), parameters=changed)
     both = np.array([0.0, 1.2])

@@ -1,4 +1,4 @@
-"""A converter rounds every current: what is committed is never quite what was solved for."""
+"""Test commits of rounded currents: a converter never outputs exactly the solved current."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TICKS = 60_000
 
 
 def demands(ticks: int, top: float) -> FloatArray:
-    """Slow ramps, holds, holds under noise, noise that walks, and small fast loops, in turn."""
+    """Return a ramp, a hold, a noisy ramp and hold, a random walk, and small fast loops in turn."""
     rng = np.random.default_rng(11)
     part = ticks // 6
     at = np.arange(part) / part
@@ -36,7 +36,7 @@ def demands(ticks: int, top: float) -> FloatArray:
 def followed(
     kind: Kind, play: float, bits: int, ticks: int, *, searched: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Follow demands with a converter of so many bits; searched: commits forget what was solved.
+    """Follow demands with a converter of `bits`; `searched` commits ignore the previous solution.
 
     Returns the expected outputs, the currents, and the demands.
     """
@@ -61,7 +61,7 @@ def followed(
 
 
 def worst(play: float, bits: int, ticks: int, *, searched: bool) -> tuple[float, float]:
-    """Return the worst and the last tenth's mean error of the expected force, over the largest."""
+    """Return largest error and mean error of the last tenth, relative to the largest force."""
     expected, current, _ = followed("full", play, bits, ticks, searched=searched)
     exact = magnet("reluctance", play).predict(current, np.full(current.size, WIDE), history="demagnetised")
     error = np.abs(expected - exact.output) / largest_force("reluctance", play)
@@ -95,7 +95,7 @@ def test_a_standing_demand_on_a_converters_grid_moves_nothing(play: float, bits:
             memories.append(core.memory.tolist())
         if play:
             assert memories[-1] == memories[20]
-        else:  # without a dead band the field may go to and fro by the last places
+        else:  # without a dead band the field may alternate by 2e-6
             settled = np.array(memories[20:])
             assert np.ptp(settled, axis=0).max() < 2e-6 * 2**30
-            assert np.ptp(settled[:, 1]) == 0  # the irreversible part rests
+            assert np.ptp(settled[:, 1]) == 0  # the irreversible part is constant

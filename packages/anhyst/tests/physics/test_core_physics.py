@@ -1,4 +1,4 @@
-"""Claims about the laws on the Langevin curve alone, put to the C core over hundreds of sets."""
+"""Test claims about the laws on the Langevin curve with the C core and hundreds of sets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_jump_happens_at_the_fold_and_not_before() -> None:
         iron, fold = case.iron, virgin_fold(case.iron)
         if fold is None:
             continue
-        # The table of the core moves the fold by its error times M_s/a.
+        # The table error of the core, times M_s/a, shifts the fold.
         shift = 1e-10 * abs(iron.alpha) * iron.m_s
         x, field = fold
         before = core.forward(iron, [field * (1.0 - 1e-8) - shift])[2].x

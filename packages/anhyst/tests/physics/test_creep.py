@@ -1,4 +1,4 @@
-"""What the law really does with small motion: it creeps, and the play cures it."""
+"""Test that the law creeps under small motion, and that a play prevents this."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tests.oracles.operator import LawState
 from .sets import random_cases, sine
 
 NOISE = 0.01
-"""Rms of the field noise over ``k``."""
+"""Rms of the field noise relative to ``k``."""
 
 
 def remanent(iron: Iron) -> LawState:
-    """Return the state after saturating and going back to zero field."""
+    """Return the state at zero field after saturation."""
     return iron.forward([40.0 * (iron.a + iron.k + iron.r_d), 0.0])[2]
 
 
 def cycle_gaps(iron: Iron, amplitude: float, cycles: int) -> list[float]:
-    """Return by how much each minor cycle from remanence fails to close, over ``M_s``."""
+    """Return the closing error of each minor cycle from remanence, relative to ``M_s``."""
     state = remanent(iron)
     gaps = []
     for _ in range(cycles):
@@ -34,7 +34,7 @@ def cycle_gaps(iron: Iron, amplitude: float, cycles: int) -> list[float]:
 
 
 def shaken(iron: Iron, samples: int, seed: int) -> list[float]:
-    """Return the remanence under white noise of the field, over the remanence before."""
+    """Return the remanence under white field noise, relative to its initial value."""
     rng = np.random.default_rng(seed)
     state = remanent(iron)
     start = iron.magnetisation(state)
@@ -68,7 +68,7 @@ def test_minor_cycles_of_every_set_converge() -> None:
 def test_noise_of_one_percent_of_k_halves_hysteresis_in_about_a_hundred_samples() -> None:
     iron = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.0, alpha=0.0)
     halves = [int(np.argmax(np.array(shaken(iron, 300, seed)) < 0.5)) for seed in range(15)]
-    # Half of the travel of white noise relaxes: 1 sample forgets rms/(sqrt(pi)*k).
+    # Half of the travel of white noise relaxes the iron: rms/(sqrt(pi)*k) per sample.
     expected = math.log(2.0) * math.sqrt(math.pi) / NOISE
     assert expected == pytest.approx(123.0, abs=0.5)
     assert np.median(halves) == pytest.approx(expected, rel=0.15)
@@ -78,12 +78,13 @@ def test_noise_of_one_percent_of_k_halves_hysteresis_in_about_a_hundred_samples(
 @pytest.mark.parametrize("alpha", [-2e-3, 0.0, 5e-4])
 def test_play_of_four_to_five_times_the_noise_cures_the_creep(alpha: float) -> None:
     plain = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=alpha)
-    # The play sees the effective field: field noise times 1/(1 - alpha*c*A) while held.
+    # The input of the play is the effective field. With a fixed play, its noise is the field noise
+    # times 1/(1 - alpha*c*A).
     stretch = 1.0 / (1.0 - alpha * plain.c * plain.m_s / (3.0 * plain.a))
     for factor in (4.0, 5.0):
         r_d = factor * stretch * NOISE * plain.k
         cured = Iron(plain.m_s, plain.a, plain.k, plain.c, alpha, r_d)
-        # The peaks of the noise still push the play once, by a few percent of k.
+        # The peaks of the noise still move the play once, by a few percent of k.
         assert shaken(cured, 1500, seed=3)[-1] > 0.95
     assert shaken(plain, 1500, seed=3)[-1] < 0.1
 

@@ -1,4 +1,4 @@
-"""No loop gives energy back: heat, loop area and the bounds of the slope."""
+"""Test that no loop produces energy: heat, loop area and the bounds of the slope."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 def settle(iron: Iron, drive: FloatArray, cycles: int = 60) -> LawState:
-    """Repeat a cycle until the irreversible part comes back to itself."""
+    """Repeat a cycle until the irreversible part is periodic."""
     state = DEMAGNETISED
     for _ in range(cycles):
         before = state
@@ -30,10 +30,10 @@ def settle(iron: Iron, drive: FloatArray, cycles: int = 60) -> LawState:
 
 
 def heat_rates(iron: Iron, state: LawState, x1: float) -> FloatArray:
-    """Return the heat per distance at quadrature nodes of a straight path, over ``mu0*M_s*a``.
+    """Return the heat per distance at quadrature nodes of a straight path, in ``mu0*M_s*a``.
 
-    It is the way from the anhysteretic curve at the same irreversible part to the field, times what
-    the irreversible part moves.
+    It is the distance of the field from the anhysteretic curve at the same irreversible part, times
+    the slope of the irreversible part.
     """
     rates = []
     for x in (0.5 * (state.x + x1) + 0.5 * (x1 - state.x) * NODES).tolist():
@@ -55,7 +55,7 @@ def test_settled_loop_area_is_positive(samples: int, kind: str) -> None:
     for case in random_cases(60, seed=11, play=kind == "play", jumping=kind == "jumping"):
         drive = sine(case.amplitude, samples)
         b, h, _ = case.iron.forward(drive, state=settle(case.iron, drive))
-        # A loop that stays within the play encloses nothing but rounding.
+        # The area of a loop within the play is zero except for rounding.
         least = -1e-14 * case.amplitude * np.max(np.abs(b)) if kind == "play" else 0.0
         assert polygon_area(h, b) > least, case
 

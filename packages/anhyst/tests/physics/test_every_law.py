@@ -1,4 +1,4 @@
-"""What every law of the core keeps, over hundreds of irons: one suite, a further law is a row."""
+"""Test the properties of every law of the core with hundreds of irons each."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_magnetisation_rises_with_the_effective_field_by_its_bound_at_most(law: 
         m = b / MU_0 - h
         x = h + one.alpha * m
         dm, dx = np.diff(m), np.diff(x)
-        # What rounding leaves of M and of x.
+        # Allowance for the rounding of M and x.
         slack = 1e-13 * (one.saturation + one.steepest * np.max(np.abs(x)))
         assert np.all(dm * np.sign(dx) >= -slack), one
         assert np.all(np.abs(dm) <= one.steepest * np.abs(dx) * (1.0 + 1e-9) + slack), one

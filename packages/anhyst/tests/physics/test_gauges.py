@@ -1,4 +1,4 @@
-"""Parameters that no measurement can tell apart: outputs unchanged to rounding."""
+"""Test changes of parameters that no measurement can distinguish: outputs equal to rounding."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ GAPS = np.array([0.3, 0.4, 0.6])
 
 
 def force(iron: Iron, c_h: float, c_b: float, rho: float, current: FloatArray) -> FloatArray:
-    """Return the force ``c_B*B**2`` of a record of the current (eqs. 10 and 11), N."""
+    """Return the force ``c_B*B**2`` for a record of the current (eqs. 10 and 11), N."""
     b, _, _ = iron.forward(c_h * current, rho)
     return np.asarray(c_b * b * np.abs(b))
 
 
 def gauge_cases() -> list[Case]:
-    """Sets of both laws; `current` is the drive over a ``c_H`` of 1e3."""
+    """Sets of both laws; the current is the drive divided by a ``c_H`` of 1e3."""
     default = random_cases(40, seed=51) + random_cases(20, seed=52, play=True)
     return default + random_cases(1, seed=53, law="jiles-atherton-1986")
 

@@ -1,8 +1,8 @@
-"""A wrong idea of the iron's past: how long it costs force, in the full law and the simplified one.
+"""Measure how long a wrong initial state causes force errors in the full and simplified laws.
 
 The paper claims that the simplified model has no initial-value problem. In small loops it has one,
-as the full law has; both forget it by themselves. ``benchmarks/initial_state.py`` counts the same
-on a fitted model.
+like the full law, and in both the error decays. ``benchmarks/initial_state.py`` measures the same
+quantities on a fitted model.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 
 
 class Bench:
-    """The benchmark's own functions, on the hand-made magnet; each study is run once."""
+    """Functions of the benchmark for the hand-made magnet; each study runs once."""
 
     def __init__(self) -> None:
         import initial_state
@@ -45,7 +45,7 @@ class Bench:
         return self._done[key]
 
     def cycles(self, outcome: Outcome) -> float:
-        """Most cycles until every wrong start is within 1 % of the largest force."""
+        """Maximum number of cycles until all errors are below 1 % of the largest force."""
         return float(outcome.samples[:, 0].max()) / self.module.SAMPLES
 
 
@@ -71,7 +71,7 @@ def test_small_loops_take_longer_to_forget(bench: Bench, kind: Kind) -> None:
 
 
 def test_a_memory_at_random_costs_the_full_law_more(bench: Bench) -> None:
-    """The one bounded state of the simplified law bounds what it can do wrong."""
+    """The simplified law has only one, bounded state, which limits its error."""
     full, simple = (bench.outcome(kind, 0.3, 0.7, at_random=True) for kind in ("full", "simplified"))
     assert full.largest > 2.0 * simple.largest
     assert bench.cycles(full) > bench.cycles(simple)
@@ -97,7 +97,7 @@ def test_every_law_has_an_initial_value_where_loops_are_not_full(bench: Bench, k
 
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7), (0.45, 0.55)])
 def test_the_simplified_law_forgets_no_later_than_the_full_one(bench: Bench, low: float, high: float) -> None:
-    """What is true of the claim: here it forgets sooner, elsewhere as soon."""
+    """The valid part of the claim: the error decays at least as fast as with the full law."""
     full, simple = (bench.outcome(kind, low, high) for kind in ("full", "simplified"))
     assert bench.cycles(simple) <= bench.cycles(full)
 

@@ -1,4 +1,4 @@
-"""Solid iron: layers of a law between which the field diffuses."""
+"""Test solid iron: layers of a law between which the field diffuses."""
 
 from __future__ import annotations
 
@@ -67,10 +67,10 @@ def test_the_core_gives_what_shooting_gives(count: int, laminated: float) -> Non
 
 @pytest.mark.parametrize("part", [0.1, 1.0, 10.0])
 def test_many_layers_of_linear_iron_are_a_slab(part: float) -> None:
-    """Mean flux density over surface field: mu*tanh(q)/q, q = sqrt(i*omega*sigma*mu*d^2)."""
+    """Ratio of mean flux density to surface field: mu*tanh(q)/q, q = sqrt(i*omega*sigma*mu*d^2)."""
     ratio, count, samples, cycles = 1000.0, 16, 3000, 12
     made = CellIron(np.array([0.0]), np.array([1e5]), np.array([[(ratio - 1.0) * 1e5]]))
-    # A surface layer of half the others puts its field on the surface.
+    # With half of the others' thickness, the surface layer has the field of the surface.
     made.make_solid(count, 0.5 / (count - 0.5), 0.0)
     mu = MU_0 * ratio
     slab = 0.01  # sigma*d^2, A s/(m T)
@@ -144,7 +144,7 @@ def test_layers_out_of_range_are_refused(wrong: tuple[int, float, float]) -> Non
 
 @pytest.mark.parametrize("family", NUMBERS)
 def test_drives_that_fade_to_nothing_are_followed(family: str) -> None:
-    """As in demagnetising: what laws leave by rounding is then more than is left of the drive."""
+    """As in demagnetisation: rounding errors of the laws finally exceed the remaining drive."""
     made, state = solid(family, 3, 0.1, 0.3)
     fading = 5000.0 * 0.93 ** np.arange(400) * (-1.0) ** np.arange(400)
     faint = 1e-7 * np.random.default_rng(5).normal(size=50)

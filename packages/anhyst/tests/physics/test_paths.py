@@ -1,4 +1,4 @@
-"""Where a path leads: not on how it is cut, and where the differential equation says."""
+"""Test paths: results do not depend on their division and agree with the differential equation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RateOfIrreversible = Callable[[float, float], float]
 
 
 def brute_force(rate: RateOfIrreversible, x0: float, y0: float, x1: float) -> float:
-    """Return the irreversible part at `x1` by SciPy, with an event where the hold ends."""
+    """Return the irreversible part at `x1` from SciPy, with an event at the end of the hold."""
     sg = math.copysign(1.0, x1 - x0)
 
     def lag(x: float, y: FloatArray) -> float:
@@ -44,7 +44,7 @@ def brute_force(rate: RateOfIrreversible, x0: float, y0: float, x1: float) -> fl
 
 
 def random_paths(count: int, seed: int) -> list[tuple[float, float, float]]:
-    """Return start, valid irreversible part and end for a law of ``kappa`` 0.5."""
+    """Return start, valid irreversible part and end for a law with ``kappa`` of 0.5."""
     rng = np.random.default_rng(seed)
     paths: list[tuple[float, float, float]] = []
     while len(paths) < count:

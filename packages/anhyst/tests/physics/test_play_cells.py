@@ -1,4 +1,4 @@
-"""Play cells in the core: against direct sums, and what they promise beyond every law."""
+"""Test play cells in the core against direct sums, and their additional properties."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_noise_of_a_percent_of_the_pinning_erases_nothing(shape: Shape) -> None:
     early = one.forward(np.append(noise[:2000], 0.0), state=start[2])[0][-1]
     late = one.forward(np.append(noise, 0.0), state=start[2])[0][-1]
     assert 0.95 < late / start[0][-1] <= 1.0
-    assert late == pytest.approx(early, rel=1e-2)  # the ten times rarer extremes
+    assert late == pytest.approx(early, rel=1e-2)  # extremes that are ten times rarer
 
 
 @shapes
@@ -162,4 +162,4 @@ def test_a_cycle_is_settled_after_one_pass() -> None:
     drive, zero = 200.0 + sine(150.0, 40), np.zeros(40)
     _, cycles, status = one.core.settle(drive, zero, zero, one.demagnetised)
     assert status == 0
-    assert cycles == 2  # the second sees that nothing has changed
+    assert cycles == 2  # the second cycle detects that nothing changed

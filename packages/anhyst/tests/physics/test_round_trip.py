@@ -1,4 +1,4 @@
-"""Forward and inverse undo each other at any sampling."""
+"""Test that forward and inverse cancel each other at any sampling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""However slowly a demand moves, nothing adds up; and where it stands, nothing moves at all."""
+"""Test that slow demands accumulate no error, and that constant demands change nothing."""
 
 from __future__ import annotations
 

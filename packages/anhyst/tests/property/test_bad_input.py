@@ -1,4 +1,4 @@
-"""Whatever a file holds, reading it succeeds or says what is wrong with it."""
+"""Read files with any content: reading succeeds or gives an error about the content."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ ENCODINGS = [*["utf-8"] * 6, "utf-8-sig", "latin-1", "utf-16", "utf-16-be"]
 
 @st.composite
 def damaged(draw: st.DrawFn, text: str) -> bytes:
-    """Cut, repeat, replace and move pieces of a good text; perhaps store it in another encoding."""
+    """Cut, repeat, replace and move parts of a valid text; sometimes use another encoding."""
     tokens = re.findall(r"[^\s,;=\[\]]+|.", text, re.DOTALL)
     for _ in range(draw(st.integers(1, 6))):
         place = draw(st.integers(0, max(0, len(tokens) - 1)))
@@ -85,7 +85,7 @@ def damaged(draw: st.DrawFn, text: str) -> bytes:
 
 @st.composite
 def odd_numbers(draw: st.DrawFn) -> bytes:
-    """Draw a table in good order whose numbers are few, equal, huge, tiny or wild."""
+    """Draw a well-formed table whose values are few, equal, huge, tiny or random."""
     answer = draw(st.sampled_from(["F_N", "B_mT", "psi_Wb", "x_um"]))
     names = ["I_A", answer, *draw(st.sampled_from([[], ["gap_mm"], ["t_s"], ["T_C", "t_s"]]))]
     some = st.sampled_from(draw(st.lists(st.sampled_from(NUMBERS), min_size=1, max_size=5)))
@@ -98,9 +98,9 @@ def odd_numbers(draw: st.DrawFn) -> bytes:
 
 
 def holds_or_is_refused(name: str, content: bytes, use: Callable[[Path], object]) -> None:
-    """Use a file; nothing but an error of its own may come out, reported in one printable line."""
+    """Use a file; only an `InputError` with a message of one line is allowed."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # overflow of absurd numbers
+        warnings.simplefilter("ignore", RuntimeWarning)  # overflow from very large values
         path = Path(folder) / name
         path.write_bytes(content)
         try:
@@ -132,7 +132,7 @@ def describe(path: Path) -> None:
 
 
 def model_of_everything() -> str:
-    """Text of a model file with every table that there is."""
+    """Text of a model file with all possible tables."""
     magnet = Model(
         name="magnet",
         input=QUANTITIES["current"],

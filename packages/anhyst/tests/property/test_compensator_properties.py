@@ -1,4 +1,4 @@
-"""Whatever a controller is given, its memory stays one the law can have."""
+"""Test the memory of a controller: it remains valid for any inputs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def check_memory(block: Block, core: FixedCompensator) -> None:
 def test_any_words_leave_a_memory_within_its_bounds(
     kind: Kind, play: float, gap_map: GapMap, steps: list[tuple[bool, int, int, int]]
 ) -> None:
-    """Solve anything, commit what was solved or anything else, at any gap."""
+    """Solve any demand, then commit the solution or any other current, at any gap."""
     block = block_of(kind, play, gap_map)
     core = FixedCompensator(kind, block.words)
     low, high = block.integer("CURRENT_LOW") * 65536, block.integer("CURRENT_HIGH") * 65536
@@ -78,7 +78,7 @@ def test_any_memory_leads_back_into_bounds(
     rest: int,
     turn: tuple[int, int],
 ) -> None:
-    """Also from a memory that no path of the law leads to."""
+    """The initial memory may be one that the law cannot reach."""
     block = block_of(kind, play, gap_map)
     core = FixedCompensator(kind, block.words)
     width = block.integer("FULL_PLAY") * 2**15 if kind == "full" else 0
@@ -98,7 +98,7 @@ def test_flags_show_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
     core = FixedCompensator(kind, block.words)
     current = core.solve_q31(demand, gap)
     low, high = (block.integer(f"DEMAND_{end}") * 65536 for end in ("LOW", "HIGH"))
-    residual = int(block.table("GAP_OFFSET")[0]) * 65536  # the same at every gap here
+    residual = int(block.table("GAP_OFFSET")[0]) * 65536  # equal at every gap in this test
     asked_too_much = not max(low, residual) <= demand <= high
     assert bool(core.flags & 1) == asked_too_much
     ends = {block.integer("CURRENT_LOW") * 65536, block.integer("CURRENT_HIGH") * 65536}
@@ -115,7 +115,7 @@ HISTORIES = st.lists(st.tuples(WORDS, WORDS), min_size=1, max_size=40)
 @settings(max_examples=60)
 @given(KINDS, HISTORIES, WORDS)
 def test_the_same_history_gives_the_same_bits(kind: Kind, steps: list[tuple[int, int]], last: int) -> None:
-    """Nothing but the commits and the solve before each counts: other solves change nothing."""
+    """Only the commits and the solve before each commit matter; other solves change nothing."""
     block = block_of(kind, 0.0)
     one, two = FixedCompensator(kind, block.words), FixedCompensator(kind, block.words)
     for current, gap in steps:
@@ -132,7 +132,7 @@ def test_the_same_history_gives_the_same_bits(kind: Kind, steps: list[tuple[int,
 def test_what_was_solved_before_hardly_moves_a_commit(
     kind: Kind, steps: list[tuple[int, int]], demand: int
 ) -> None:
-    """The solved path is a way to the same place, as far as tables and tangents can tell."""
+    """The solved path reaches the same state within the accuracy of tables and tangents."""
     block = block_of(kind, 0.0)
     one, two = FixedCompensator(kind, block.words), FixedCompensator(kind, block.words)
     for current, gap in steps:
@@ -149,7 +149,7 @@ def test_what_was_solved_before_hardly_moves_a_commit(
     PLAYS,
 )
 def test_any_demand_within_the_limits_is_met(shares: list[float], gaps: list[float], play: float) -> None:
-    """The force in double precision, jumps and a moving gap included, to 0.2 % of the largest."""
+    """Force in double precision, with jumps and a moving gap: error below 0.2 % of the largest."""
     demand = np.array(shares) * largest_force("reluctance", play, GAPS[-1])
     gap = np.array(gaps[: demand.size])
     drive = FixedTwin(compiled("full", "reluctance", play)).run(demand, gap)
@@ -168,7 +168,7 @@ def flux_block() -> Block:
 @settings(max_examples=100)
 @given(st.lists(WORDS, min_size=1, max_size=40))
 def test_a_mirrored_demand_gives_the_mirrored_current(flux_block: Block, demands: list[int]) -> None:
-    """Where nothing is offset the law is odd; codes are not, by a unit or two."""
+    """Without offsets the law is odd; codes differ by a unit or two."""
     up = FixedCompensator("full", flux_block.words)
     down = FixedCompensator("full", flux_block.words)
     for demand in demands:

@@ -1,4 +1,4 @@
-"""What is written is read back, for any names, units and numbers."""
+"""Write data and read them back unchanged, for any names, units and numbers."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from anhyst.data.path import MAX_MEASURED_VALUE, find_turning_points
 from anhyst.data.reading import read_loops
 from anhyst.support.units import DRIVE_QUANTITIES, QUANTITIES, QUANTITY_DIMENSIONS, UNITS, parse_header
 
-FINITE = st.floats(-MAX_MEASURED_VALUE, MAX_MEASURED_VALUE)  # beyond, nobody measured it
+FINITE = st.floats(-MAX_MEASURED_VALUE, MAX_MEASURED_VALUE)  # larger values are not measurements
 DIMENSION = dict(QUANTITY_DIMENSIONS)
 
 
 @st.composite
 def known_headers(draw: st.DrawFn) -> tuple[str, str, str]:
-    """Draw the name of a quantity, one of its units, and a header that says both."""
+    """Draw the name of a quantity, one of its units, and a header with both."""
     quantity = QUANTITIES[draw(st.sampled_from(sorted(QUANTITIES)))]
     dimension = DIMENSION.get(quantity.name, quantity.name)
     fitting = sorted(unit.symbol for unit in UNITS.values() if unit.dimension == dimension)

@@ -1,4 +1,4 @@
-"""Choices of gauge change parameters, never outputs."""
+"""Test the gauge of a model: its choice changes parameters, but never outputs."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> l
 
 
 def reluctance_scales(sets: list[ParameterSet]) -> list[ParameterSet]:
-    """Give each set the scale that the map demands of it."""
+    """Set the scale of each set to the value that the reluctance map requires."""
     return [replace(one, scale=sets[0].scale / (1.0 - one.h * one.omega)) for one in sets]
 
 
@@ -161,7 +161,7 @@ def test_a_free_model_gives_the_fitted_outputs(
 def test_a_reluctance_model_gives_the_fitted_outputs(
     sets: list[ParameterSet], names: tuple[str, str]
 ) -> None:
-    """Also where a reluctance, or the closed gap's, would come out negative and is lifted."""
+    """Also if a reluctance, including that of the closed gap, would be negative and is raised."""
     model = check_same_outputs(reluctance_scales(sets), "reluctance", "effective-field", names)
     rho = np.atleast_1d(model.parameters["rho"])
     assert rho.min() >= 0.0
@@ -195,7 +195,7 @@ def outputs(model: Model, gaps: Sequence[float] = GAPS) -> FloatArray:
 
 @given(local_sets(3, "scale"), st.floats(0.1, 10.0))
 def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[ParameterSet], q: float) -> None:
-    """M_s, a, k, c_H times q and c_out over q^2 is the same magnet."""
+    """A factor q on M_s, a, k, c_H and 1/q^2 on c_out gives the same magnet."""
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     model = model_of(sets, "scaling", "effective-field", quantities)
     size = {"M_s": q, "a": q, "k": q, "c_H": q, "c_out": q**-2}
@@ -224,7 +224,7 @@ def test_a_reluctance_model_has_two_redundancies(sets: list[ParameterSet], p: fl
 
 @given(local_sets(3, "everything"))
 def test_a_physical_model_is_always_a_valid_one(sets: list[ParameterSet]) -> None:
-    """Whatever the search ends at can be written down."""
+    """Every result of the search can be converted to a model."""
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     maps: tuple[GapMap, ...] = ("scaling", "reluctance", "free")
     for gap_map in maps:

@@ -1,4 +1,4 @@
-"""What a fit leaves is called noise where it is noise, and by its shape where it is none."""
+"""Test the classification of a fit's residual as noise or by its shape."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SETS = {"one loop": alone, "nested loops": nested, "records over the gap": over_
 
 
 def left_by(records: list[Residual], offs: list[FloatArray]) -> list[Residual]:
-    """Records of which a model leaves this: the measurement has the noise."""
+    """Records with these residuals of a model; the measurement contains the noise."""
     return [
         Residual(one.drive, one.measured - off, off, one.gap, one.is_cycle)
         for one, off in zip(records, offs, strict=True)
@@ -57,7 +57,7 @@ def filtered(rng: np.random.Generator, samples: int, with_last: float) -> FloatA
 @pytest.mark.parametrize("with_last", [0.0, 0.4, 0.7])
 @pytest.mark.parametrize("kind", SETS)
 def test_noise_is_called_noise(kind: str, with_last: float) -> None:
-    """White noise of records of all lengths, and a filtered sensor's where there are enough."""
+    """White noise in records of all lengths, and filtered noise in records that are long enough."""
     rng = np.random.default_rng(7)
     lengths = (24, 62, 200, 500) if with_last == 0.0 else (200, 500)
     alarms, tries = 0, 400 if with_last == 0.0 else 60
@@ -70,7 +70,7 @@ def test_noise_is_called_noise(kind: str, with_last: float) -> None:
 
 @pytest.mark.parametrize("digits", [2, 3, 9])
 def test_rounding_is_no_shape(digits: int) -> None:
-    """Steps of a converter, written digits, and what is exact."""
+    """Coarse steps as of a converter, rounded decimals, and almost exact values."""
     for samples in (60, 150, 400):
         records = [
             Residual(

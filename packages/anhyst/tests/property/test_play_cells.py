@@ -1,4 +1,4 @@
-"""Play cells of any kind, from any state: what holds without exception."""
+"""Test properties of play cells of any kind from any state."""
 
 from __future__ import annotations
 
@@ -80,5 +80,5 @@ def test_only_extremes_that_no_larger_one_followed_are_remembered(data: st.DataO
     whole = np.concatenate([path, tail])
     after = core.forward(whole, np.zeros(whole.size), np.zeros(whole.size), start)[2]
     short = core.forward(tail, np.zeros(3), np.zeros(3), start)[2]
-    # What a threshold as large as the drive never lets move stays where it is.
+    # A play whose threshold equals the drive never moves.
     np.testing.assert_allclose(after, short, rtol=0, atol=1e-9 * largest)

@@ -1,4 +1,4 @@
-"""Whatever a controller of the position is reported, its currents are those that may be driven."""
+"""Test the current limits of a position controller for any inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Another block for the same signals moves the current by what the two models differ, no more."""
+"""Test block swaps: the current changes by at most the difference of the two models."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from tests.actuators import GAPS, SIZES, closed_form, largest_force, magnet, ran
 from tests.swaps import apart, jump
 
 MAPS = st.sampled_from(["reluctance", "circuit"])
-"""With ``circuit`` the flux arm is negative."""
+"""With ``circuit`` the flux coefficient is negative."""
 
 FULL_SIZES = TableSizes(iterations=10)
 ACCURACY = 3e-4
-"""Of full scale: formats, tables and searches of both blocks."""
+"""Tolerance relative to full scale: formats, tables and searches of both blocks."""
 
 PLAY = 20.0
 REACHES = st.floats(0.75, 1.0)
@@ -46,7 +46,7 @@ def cycle(gap_map: GapMap) -> FloatArray:
 
 
 def block_of(gap_map: GapMap, model: Model, reach: float) -> Block:
-    """Return a block for the signals of the magnet whose current ends at a part of its range."""
+    """Return a block for the magnet's signals with current limits reduced by a factor."""
     scales, limits = ranges(gap_map, PLAY)
     low, high = limits.current
     narrow = DemandLimits(limits.demand, (reach * low, reach * high))
@@ -76,7 +76,7 @@ def test_the_same_model_with_another_limit_goes_on_as_if_nothing_had_happened(
 def test_another_model_moves_the_current_by_less_than_the_two_are_ever_apart(
     gap_map: GapMap, factors: tuple[float, ...], reach: float, seed: int, gap: float
 ) -> None:
-    """Apart: the two laws in double precision, each from the same start all the way and on."""
+    """The limit is the largest difference of both laws in double precision over the whole path."""
     model = magnet(gap_map, PLAY)
     changed = {
         name: factor * np.asarray(model.parameters[name])
@@ -98,7 +98,7 @@ def test_another_model_moves_the_current_by_less_than_the_two_are_ever_apart(
 def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
     factors: tuple[float, ...], offset: float, seed: int, gap: float
 ) -> None:
-    """Rate, width and flux arm, and another offset, to which the arms of a fit belong."""
+    """Changed rate, width and flux coefficient, and another offset, which belongs to a fit."""
     scales, limits = ranges("reluctance", PLAY)
     law = closed_form("reluctance")
     other = replace(
