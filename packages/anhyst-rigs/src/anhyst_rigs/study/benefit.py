@@ -1,7 +1,7 @@
 """Map the benefit of compensation over loop width and reversible fraction of the iron.
 
 The loops of every iron are measured, all methods are fitted to them, and all run with the same
-noise. A bearing is assessed by its steps of several heights. Other rigs are assessed by the figures
+noise. A bearing is assessed by its steps of several heights. Other rigs are assessed by the metrics
 of their random plants, without drift.
 """
 
@@ -88,15 +88,15 @@ class IronFigures:
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """The full compensator compared with a baseline in one figure."""
+    """The full compensator compared with a baseline in one metric."""
 
     # strongest baseline that kept the armature levitated; None if none did
     baseline: MethodName | None
-    # figure of ``full`` over that of the baseline; None if one of them lost the armature
+    # metric of ``full`` over that of the baseline; None if one of them lost the armature
     quotient: MeanRatio | None
-    difference: Interval | None  # figure of the baseline minus that of ``full``, seed by seed
+    difference: Interval | None  # metric of the baseline minus that of ``full``, seed by seed
     # overshoot that counts as none, % of the height: :data:`OVERSHOOT_FLOOR_FACTOR` times the
-    # larger standstill rms of both; None for other figures
+    # larger standstill rms of both; None for other metrics
     floor: float | None = None
     is_below_floor: bool = False  # whether both means are below the floor
 
@@ -125,7 +125,7 @@ class MapCell:
     figures: Mapping[MethodName, Mapping[str, Interval]]
     # by variant: rms of the gap at the end of the holds, mean over seeds and directions, m
     standstill: Mapping[MethodName, float]
-    # by metric: compared with the strongest of :data:`BASELINES` in this figure, and with ``ratio``
+    # by metric: compared with the strongest of :data:`BASELINES` in this metric, and with ``ratio``
     strongest: Mapping[str, MethodComparison]
     ratio: Mapping[str, MethodComparison]
     # compared with ``flux``, which measures the flux density; empty without a Hall probe
@@ -145,7 +145,7 @@ class Benefit:
     cells : tuple of MapCell
         In the order scale, reversible fraction, case.
     metrics : tuple of Metric
-        The compared figures.
+        The compared metrics.
     bearing : mapping of str to object
         For a bearing: the name of its controller and its operating point, m and N.
     """
@@ -282,7 +282,7 @@ def make_map_cell(
     has_probe: bool,
     keys: Sequence[str],
 ) -> MapCell:
-    """Return the cell of an iron from figures by method and key, one value per seed.
+    """Return the cell of an iron from metrics by method and key, one value per seed.
 
     Methods that were lost are missing.
     """
@@ -361,7 +361,7 @@ def map_plant_benefit(
 ) -> Benefit:
     """Map the benefit of compensation for a stage, a piezo stage or a force rig.
 
-    The loops of every iron are measured and identified. The figures are those of the random plants
+    The loops of every iron are measured and identified. The metrics are those of the random plants
     of this kind of rig, without drift, over several noise seeds.
     """
     default_count = (
@@ -408,7 +408,7 @@ def _map_plants(
 
 
 def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
-    """Return the cases of a map, with the positions of each in the figures of a plant."""
+    """Return the cases of a map, with the positions of each in the metrics of a plant."""
     if plants.single_case:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
@@ -419,7 +419,7 @@ def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
 
 
 def _largest_value(figure: float | Sequence[float | None] | None, positions: Sequence[int]) -> float:
-    """Return the largest of some values of a figure; infinite if a level was not reached."""
+    """Return the largest of some values of a metric; infinite if a level was not reached."""
     values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in values)
 

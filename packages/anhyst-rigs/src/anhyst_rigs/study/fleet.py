@@ -37,7 +37,7 @@ MIN_MAGNETS_FOR_SPREAD = 3
 TABLE_FILE = "fleet.csv"
 """Name of the table with one row for each magnet."""
 FIGURES_FILE = "fleet.json"
-"""Name of the file with all figures."""
+"""Name of the file with all metrics."""
 
 
 @dataclass(frozen=True, repr=False)

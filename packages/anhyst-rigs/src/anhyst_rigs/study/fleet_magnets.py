@@ -133,7 +133,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
     An error of one magnet is part of its result and does not stop the others.
     """
     settings = asdict(task.settings)
-    settings.pop("tolerance")  # does not affect the figures
+    settings.pop("tolerance")  # does not affect the metrics
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()

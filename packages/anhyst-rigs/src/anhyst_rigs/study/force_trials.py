@@ -164,7 +164,7 @@ STAGE_TITLES: Mapping[str, str] = {
 
 
 def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
-    """Return figures of a force error, in N and in per cent of the largest force of the rig."""
+    """Return metrics of a force error, in N and in per cent of the largest force of the rig."""
     errors = {
         "worst": peak_deviation(deviation),
         "rms": rms(deviation),
@@ -175,7 +175,7 @@ def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
 
 
 def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
-    """Return the error figures of every controller of a trial, after the lead-in.
+    """Return the error metrics of every controller of a trial, after the lead-in.
 
     ``true`` uses the exact force of the simulation, and ``read`` the sensor reading with noise and
     delay. ``simulated`` uses the prediction of the model. ``differing`` is the number of ticks at
@@ -273,7 +273,7 @@ def make_figures(rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: 
 
 
 Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
-"""Worst errors by stage, controller and figure."""
+"""Worst errors by stage, controller and metric."""
 
 
 def strongest_baselines(summary: Summary) -> dict[str, str]:

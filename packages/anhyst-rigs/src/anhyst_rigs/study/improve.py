@@ -163,7 +163,7 @@ class ModelComparison:
         return {"rms_N": rms(residual), "worst_N": peak_deviation(residual)}
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures, and the loops for drawing."""
+        """Return the metrics, and the loops for drawing."""
         rows = [
             {"gap_m": gap, "old": self.residual_figures(self.old, gap),
              "new": self.residual_figures(self.new, gap)}

@@ -102,7 +102,7 @@ class PiezoTracking(StudyResult):
 
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
-        """Deviations by compensation, in the figures of :data:`DEVIATION_METRICS`."""
+        """Deviations by compensation, in the metrics of :data:`DEVIATION_METRICS`."""
         deviations = {name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()}
         return {
             name: {"worst_m": peak_deviation(deviation), "rms_m": rms(deviation)}
@@ -169,7 +169,7 @@ class PiezoTracking(StudyResult):
         return Recording(columns).save(path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures for JSON."""
+        """Return the metrics for JSON."""
         return {
             "lost_in": self.lost_in,
             "rms_with_over_without": self.deviation_ratio("rms_m"),

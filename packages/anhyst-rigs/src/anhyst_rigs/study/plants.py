@@ -112,7 +112,7 @@ def bearing_plants(
 def run_bearing(
     setups: Mapping[MethodName, BearingSetup], method: MethodName, drift: Drift, noise: int
 ) -> dict[str, Any]:
-    """Run one plant of a bearing; returns its figures, or only the time of a loss."""
+    """Run one plant of a bearing; returns its metrics, or only the time of a loss."""
     setup = setups[method]
     rig, settings = setup.rig, setup.rig.settings
     scenario = plan_steps(rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S)

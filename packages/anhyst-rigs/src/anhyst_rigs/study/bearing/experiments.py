@@ -163,7 +163,7 @@ class ExperimentTrial:
 class ExperimentOutcome:
     """The result of an experiment."""
 
-    figures: dict[str, float]  # figures by name
+    figures: dict[str, float]  # metrics by name
     # the limit cycle, if any; None if none was searched for
     cycles: tuple[LimitCycle, ...] | None = None
 

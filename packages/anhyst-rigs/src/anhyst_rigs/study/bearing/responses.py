@@ -247,7 +247,7 @@ STEP_FIGURES = (
     "current_rate_rms_A_per_s",
     "heat_W",
 )
-"""Names of the figures of one step; docs/simulate.md explains them."""
+"""Names of the metrics of one step; docs/simulate.md explains them."""
 _FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
 """Figures of which the larger value of a step up and a step down counts. Others are averaged."""
 
@@ -264,7 +264,7 @@ class StepRun:
 
 
 class StepResult(NamedTuple):
-    """The figures of one step of a run."""
+    """The metrics of one step of a run."""
 
     height: float  # m
     figures: Mapping[str, float]  # by :data:`STEP_FIGURES`
@@ -272,7 +272,7 @@ class StepResult(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class StepCell(CaseFigures):
-    """The figures of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
+    """The metrics of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
 
     Both directions of a seed give one value: their mean, or the maximum of overshoot and noise.
     """
@@ -300,7 +300,7 @@ def position_resolution(rig: BodyRig) -> float:
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run; returns their figures, and the time of a loss (s) or None."""
+    """Run all steps of a run; returns their metrics, and the time of a loss (s) or None."""
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
@@ -335,7 +335,7 @@ def compare_steps(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> list[StepCell]:
-    """Run every setup at every gap and load with every seed, and summarise the figures."""
+    """Run every setup at every gap and load with every seed, and summarise the metrics."""
     runs = [
         StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
@@ -353,7 +353,7 @@ def compare_steps(
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
-    """Return the figures of steps up and down of one height together; None if there are no steps."""
+    """Return the metrics of steps up and down of one height together; None if there are no steps."""
     step_figures = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
     return {
         name: float(
@@ -406,7 +406,7 @@ class StepComparison:
     cells: Mapping[MethodName, StepCell]  # by variant
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
-        """Return a figure of every variant; without a mean if levitation was lost."""
+        """Return a metric of every variant; without a mean if levitation was lost."""
         return {key: cell.interval(name) for key, cell in self.cells.items()}
 
 

@@ -80,9 +80,9 @@ class Simulation(StudyResult):
     scenario : Scenario
         Scenario of these runs.
     cells : list of StepCell
-        Figures of all steps, over all seeds.
+        Metrics of all steps, over all seeds.
     experiments : Experiments
-        Figures of all other experiments.
+        Metrics of all other experiments.
     loops : mapping of str to linear.LinearLoop
         Linear loops for small movements, by variant.
     sensitivity : mapping of str to Sensitivity
@@ -169,7 +169,7 @@ class Simulation(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the figures of all steps, one row per variant, gap and height, SI and per cent."""
+        """Return the metrics of all steps, one row per variant, gap and height, SI and per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
         rows = []
         for cell in self.cells:

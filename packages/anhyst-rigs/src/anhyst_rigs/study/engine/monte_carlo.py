@@ -44,7 +44,7 @@ PERCENTILES = (5, 50, 95, 99)
 
 @dataclass(frozen=True)
 class PlantFigure(Metric):
-    """A figure that is measured on each plant."""
+    """A metric that is measured on each plant."""
 
     # cases in which it is measured; empty: one value for each plant
     cases: tuple[float | str, ...] = ()
@@ -60,11 +60,11 @@ class PlantFigure(Metric):
 
 @dataclass(frozen=True)
 class Plants:
-    """A rig with its controller, and the figures to measure on its plants."""
+    """A rig with its controller, and the metrics to measure on its plants."""
 
     file: RigFile  # rig file with the spread of the plants
     # runs a plant with a method and a noise seed, possibly in another process; returns every
-    # figure, infinite or null if it was not reached, or ``lost_s`` alone
+    # metric, infinite or null if it was not reached, or ``lost_s`` alone
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
     own_method: MethodName  # method that is compared with all others
@@ -104,7 +104,7 @@ def _hash(settings: str, files: Sequence[Path]) -> str:
 class PlantRun:
     """Result of one plant with one method."""
 
-    # by figure, one for each case; infinite if the loop was lost
+    # by metric, one for each case; infinite if the loop was lost
     values: Mapping[str, tuple[float, ...]]
     lost_s: float | None  # time of the loss of the loop, s
 
@@ -128,13 +128,13 @@ class MonteCarlo(StudyResult):
     runs: Mapping[MethodName, tuple[PlantRun, ...]]
 
     def values(self, method: MethodName, key: str, case: int = 0) -> list[float]:
-        """Return a figure of every plant, infinite if the loop was lost.
+        """Return a metric of every plant, infinite if the loop was lost.
 
         Parameters
         ----------
         method : str
         key : str
-            Of the figure.
+            Of the metric.
         case : int, optional
             Number of the case.
         """
@@ -169,7 +169,7 @@ class MonteCarlo(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial over all plants, for each figure and case."""
+        """Whether compensation is beneficial over all plants, for each metric and case."""
         own_method = self.plants.own_method
         if self.lost_count(own_method):
             return Judgement(
@@ -202,7 +202,7 @@ class MonteCarlo(StudyResult):
         return ComparedFigure(title, baseline, means[own_method].mean, means[baseline].mean, uncertainty)
 
     def facts(self) -> dict[str, str]:
-        """Return the first figure of every method, and the verdict."""
+        """Return the first metric of every method, and the verdict."""
         figure = self.plants.figures[0]
         facts = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
         for name in self.runs:
@@ -211,7 +211,7 @@ class MonteCarlo(StudyResult):
         return facts | self.losses_fact() | {"verdict": self.verdict.sentence}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return every figure of every plant, one row for each plant, method and case."""
+        """Return every metric of every plant, one row for each plant, method and case."""
         rows = []
         for figure in self.plants.figures:
             for case, name in enumerate(figure.case_names):

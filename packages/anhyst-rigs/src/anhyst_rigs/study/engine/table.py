@@ -1,8 +1,8 @@
-"""Compare the figures of methods in the cases of a study, and decide whether a model is beneficial.
+"""Compare the metrics of methods in the cases of a study, and decide whether a model is beneficial.
 
-A figure is stored by its key, as a mean over noise seeds; a :class:`Metric` has its title and unit.
-Each figure of the model is compared with the best baseline. A difference counts if it exceeds the
-uncertainty of both means. The model is beneficial if some figures are significantly smaller and
+A metric is stored by its key, as a mean over noise seeds; a :class:`Metric` has its title and unit.
+Each metric of the model is compared with the best baseline. A difference counts if it exceeds the
+uncertainty of both means. The model is beneficial if some metrics are significantly smaller and
 none is significantly larger.
 """
 
@@ -105,7 +105,7 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
 
 @dataclass(frozen=True, slots=True)
 class ComparedFigure:
-    """A figure of a model and that of a baseline; the smaller one is better."""
+    """A metric of a model and that of a baseline; the smaller one is better."""
 
     title: str
     baseline: str
@@ -174,7 +174,7 @@ def judge_against_baselines(
 
 
 def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
-    """List in which figures a model is significantly better, worse or equal."""
+    """List in which metrics a model is significantly better, worse or equal."""
     comparable = [
         comparison
         for comparison in comparisons
@@ -195,7 +195,7 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
 
 
 def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
-    """List figures with their ratios to the baseline, or count them."""
+    """List metrics with their ratios to the baseline, or count them."""
     if count > MAX_LISTED:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
         parts = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
@@ -222,12 +222,12 @@ def _format_range(low: float, high: float) -> str:
 
 
 FIGURES_FILE = "figures.json"
-"""Name of the file with figures next to a recording."""
+"""Name of the file with metrics next to a recording."""
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure by which methods are compared; smaller is better."""
+    """A metric by which methods are compared; smaller is better."""
 
     key: str  # name in files, with unit
     title: str  # in words
@@ -258,17 +258,17 @@ class CaseFigures:
         return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
-        """Return a figure, without a mean if any run lost the loop."""
+        """Return a metric, without a mean if any run lost the loop."""
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures as files store them."""
+        """Return the metrics as files store them."""
         figures = {name: interval.as_dict() for name, interval in self.figures.items()}
         return {"lost": self.lost, "runs": self.runs, **figures}
 
 
 def save_lost_run(recording: Recording, out: PathLike) -> None:
-    """Save the recording of a run that lost the loop, and delete older figures next to it."""
+    """Save the recording of a run that lost the loop, and delete older metrics next to it."""
     recording.save(out)
     (Path(out).parent / FIGURES_FILE).unlink(missing_ok=True)
 
@@ -278,7 +278,7 @@ Cases = Mapping[str, Mapping[MethodName, CaseFigures]]
 
 
 class StudyResult(Result):
-    """Result of a study: figures, verdict and lost runs."""
+    """Result of a study: metrics, verdict and lost runs."""
 
     __slots__ = ()
     kind: ClassVar[str]
@@ -311,5 +311,5 @@ class StudyResult(Result):
         return {"lost in": "; ".join(self.lost_in)} if self.lost_in else {}
 
     def write_figures(self, path: PathLike) -> None:
-        """Write the figures."""
+        """Write the metrics."""
         write_json(path, self.as_dict())

@@ -179,7 +179,7 @@ class VariantResult:
 
     @property
     def case_figures(self) -> CaseFigures:
-        """All figures on the test set-point over the seeds."""
+        """All metrics on the test set-point over the seeds."""
         runs = []
         for seed, measures in enumerate(self.measures):
             axis_errors = {key: values[seed] for key, values in self.cross_talk.items()}
@@ -297,7 +297,7 @@ class TrackingStudy(StudyResult):
         return min(completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
-        """Compare each figure with the smallest one of some variants."""
+        """Compare each metric with the smallest one of some variants."""
         compared = []
         for metric in (PEAK_ERROR, MOVING_AVERAGE, SETTLING_TIME):
             intervals = {name: self.variants[name].interval(metric.key) for name in names}

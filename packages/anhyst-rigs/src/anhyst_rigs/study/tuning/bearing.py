@@ -223,7 +223,7 @@ class BearingLoop:
 
 
 def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
-    """Return the largest value of each figure, with a given peak of the sensitivity."""
+    """Return the largest value of each metric, with a given peak of the sensitivity."""
     names = set(rows[0]) & set(BearingFigures().by_name())
     return BearingFigures(peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names})
 

@@ -38,7 +38,7 @@ class TunedVariant:
 
     @property
     def figures(self) -> GainFigures:
-        """The figures of the gains, the worst of all conditions."""
+        """The metrics of the gains, the worst of all conditions."""
         return self.search_result.figures
 
     @property
@@ -87,11 +87,11 @@ class Tuning(Result):
 
     @property
     def first_tuned(self) -> TunedVariant:
-        """The variant that was tuned first; all have the same rig, conditions and figures."""
+        """The variant that was tuned first; all have the same rig, conditions and metrics."""
         return next(iter(self.tuned.values()))
 
     def facts(self) -> dict[str, str]:
-        """Return the figures of every variant and its missed aims, as text."""
+        """Return the metrics of every variant and its missed aims, as text."""
         facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, tuned in self.tuned.items():
             figure_texts = [format_figure(title, value) for title, value in tuned.figures.by_name().items()]
@@ -100,7 +100,7 @@ class Tuning(Result):
         return facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the figures of every variant, the worst of all conditions."""
+        """Return the metrics of every variant, the worst of all conditions."""
         return rows_to_columns(
             [
                 {"variant": name, **tuned.figures.by_name(), "met": not tuned.missed_aims}
@@ -123,7 +123,7 @@ _PHRASES = {
     "average_m": ("has a moving average of", "one of", "moving average", BENEFICIAL_CONDITIONS["stage"]),
     "error_rms_m": ("has an rms error of", "one of", "rms error", BENEFICIAL_CONDITIONS["piezo"]),
 }
-"""For each minimised figure: verbs for the model and for the baseline, the name, and the advice."""
+"""For each minimised metric: verbs for the model and for the baseline, the name, and the advice."""
 
 
 def verdict_text(tuning: Tuning) -> str:
@@ -248,7 +248,7 @@ def format_aims(tuning: Tuning) -> str:
 
 
 def write_results(tuning: Tuning, folder: Path) -> None:
-    """Write the figures as JSON and the table as Markdown."""
+    """Write the metrics as JSON and the table as Markdown."""
     figures, table = (folder / name for name in RESULT_FILES[:2])
     write_json(figures, result_dict(tuning))
     with atomic_writer(table) as stream:
@@ -365,5 +365,5 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
 
 
 def meets_other_aims(aims: Aims, figures: GainFigures) -> bool:
-    """Whether all aims except minimised figure and peak sensitivity are met."""
+    """Whether all aims except minimised metric and peak sensitivity are met."""
     return not set(aims.missed_by(figures)) - {figures.cost_name, "peak_sensitivity"}

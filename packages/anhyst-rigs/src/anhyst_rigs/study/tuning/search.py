@@ -81,7 +81,7 @@ class ScreenResult:
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
-        """Return costs similar to :meth:`Aims.cost`, from the figures of linear loops, shape (n,)."""
+        """Return costs similar to :meth:`Aims.cost`, from the metrics of linear loops, shape (n,)."""
         excess = np.zeros(self.peak_sensitivity.size)
         limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
         for name, limit in (limits | {"peak_sensitivity": aims.peak_sensitivity}).items():
@@ -309,7 +309,7 @@ class TuningSearchResult:
 
     @property
     def figures(self) -> GainFigures:
-        """The figures of the best gains, from the check or, without a check, from the search."""
+        """The metrics of the best gains, from the check or, without a check, from the search."""
         if self.check is not None:
             return self.check.worst
         return self.candidates[0].outcome.worst

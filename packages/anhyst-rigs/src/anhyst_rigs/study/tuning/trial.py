@@ -141,7 +141,7 @@ class BearingCondition:
 class Limit:
     """One thing that limits the gains."""
 
-    # name of a figure, or ``noise``, ``force``, ``voltage``, ``current``, ``crossover``, ``delay``,
+    # name of a metric, or ``noise``, ``force``, ``voltage``, ``current``, ``crossover``, ``delay``,
     # ``damping``, ``amplifier``, ``pinning``
     what: str
     text: str  # a sentence with values
@@ -155,14 +155,14 @@ class CheckResult:
     figures: Mapping[Any, GainFigures]
     peak_frequencies: Mapping[Any, float]  # frequency of the peak sensitivity, Hz
     seed_count: int  # number of noise seeds
-    half_widths: Mapping[str, float]  # half-width of the 95 % interval of each worst figure
-    locations: Mapping[str, str]  # step of each worst figure
+    half_widths: Mapping[str, float]  # half-width of the 95 % interval of each worst metric
+    locations: Mapping[str, str]  # step of each worst metric
     rows: Mapping[str, Any]  # further results for tuning.json
     notes: tuple[str, ...] = ()  # further results as sentences
 
     @property
     def worst(self) -> GainFigures:
-        """The worst of each figure."""
+        """The worst of each metric."""
         return merge_worst_figures(self.figures.values())
 
     def find_binding_aims(self, aims: Aims) -> list[Limit]:
@@ -272,13 +272,13 @@ class GainOutcome:
     """The result of a trial."""
 
     cost: float  # :meth:`Aims.cost`; a lower bound if the trial stopped early
-    # figures of all conditions before the trial stopped or the body was lost
+    # metrics of all conditions before the trial stopped or the body was lost
     figures: dict[Any, GainFigures]
     is_complete: bool  # whether all conditions were tried
 
     @property
     def worst(self) -> GainFigures:
-        """The worst of each figure."""
+        """The worst of each metric."""
         return merge_worst_figures(self.figures.values())
 
 
