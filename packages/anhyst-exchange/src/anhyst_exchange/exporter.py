@@ -289,7 +289,7 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     ports = [
         f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")
-        for index, variable in enumerate(part.variables_with(kind), start=1)
+        for index, variable in enumerate(part.variables_with_causality(kind), start=1)
     ]
     timed = (
         f"%   It samples {part.rate:g} times a second."

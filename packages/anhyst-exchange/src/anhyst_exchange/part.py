@@ -51,7 +51,7 @@ class Part:
     variables: Sequence[Variable]
     sources: Mapping[str, bytes]  # C files and headers by path
 
-    def variables_with(self, causality: Causality) -> list[Variable]:
+    def variables_with_causality(self, causality: Causality) -> list[Variable]:
         """Return the variables of one causality."""
         return [variable for variable in self.variables if variable.causality == causality]
 
@@ -71,8 +71,8 @@ class Part:
             {
                 "PART_TOKEN": f'"{token}"',
                 "PART_RATE": repr(float(self.rate)),
-                "PART_INPUTS": len(self.variables_with("input")),
-                "PART_OUTPUTS": len(self.variables_with("output")),
+                "PART_INPUTS": len(self.variables_with_causality("input")),
+                "PART_OUTPUTS": len(self.variables_with_causality("output")),
                 "PART_VALUES": len(initial_values),
                 "PART_FIRST_VALUES": c_array_literal(initial_values),
             },
@@ -323,9 +323,9 @@ def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
             value = model.interpolate_parameter(spec.name, [0.0])
             coordinate, parts = "PLAIN", (value, value, value, value)
         else:
-            heights, slopes = curve.straight()
+            curve_heights, slopes = curve.straight()
             coordinate = spec.coordinate.upper()
-            parts = (curve.nodes, curve.values, heights, slopes)
+            parts = (curve.nodes, curve.values, curve_heights, slopes)
         names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
         rows += [c_array_definition(name, part) for name, part in zip(names, parts, strict=True)]
         curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")

@@ -172,10 +172,10 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
     def variables_of_axes(
         signal: str, causality: Causality, text: str, units: _AxisUnits = _POSITION_UNITS
     ) -> list[Variable]:
-        named = ((axis, units[axis_unit(axis) == "rad"]) for axis in file.body.free)
+        units_of_axes = ((axis, units[axis_unit(axis) == "rad"]) for axis in file.body.free)
         return [
-            Variable(f"{signal}_{axis}_{ending}", causality, unit, text, 0.0)
-            for axis, (ending, unit) in named
+            Variable(f"{signal}_{axis}_{name_suffix}", causality, unit, text, 0.0)
+            for axis, (name_suffix, unit) in units_of_axes
         ]
 
     stroke = "position of the long stroke at the end of the tick"
@@ -186,9 +186,10 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
         if len(file.body.free) > 1
         else []
     )
-    of_controller = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
+    controller_states = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
     states = [
-        Variable(name, "output", "1", f"of the controller: {text}") for name, text in of_controller.items()
+        Variable(name, "output", "1", f"of the controller: {text}")
+        for name, text in controller_states.items()
     ]
     return [
         *variables_of_axes("reference", "input", "demanded position"),

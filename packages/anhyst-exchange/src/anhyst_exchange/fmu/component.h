@@ -37,7 +37,7 @@ const char *anhyst_component_reset(anhyst_component *component);
 const char *anhyst_component_begin(anhyst_component *component, double start);
 const char *anhyst_component_run(anhyst_component *component);
 const char *anhyst_component_end(anhyst_component *component);
-int anhyst_component_is(const anhyst_component *component, anhyst_phase phase);
+int anhyst_component_is_in_phase(const anhyst_component *component, anhyst_phase phase);
 
 /* Values by reference: 0 is the time, then inputs, outputs, constants. Only inputs can be set. */
 const char *anhyst_component_get(const anhyst_component *component, const unsigned *at, size_t n,

@@ -129,7 +129,7 @@ def _run_and_log(do: Callable[[Improver], None], text: str) -> _StepAction:
     return act
 
 
-def _swap_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction:
+def _swap_model_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
         tick = exchange(improver)
         session.log_change(who, text)
@@ -156,8 +156,8 @@ _STEP_ACTIONS: Mapping[str, _StepAction] = {
     "measure": _measure,
     "identify": _run_and_log(Improver.identify, "a model is identified"),
     "compile": _run_and_log(Improver.compile, "the model is compiled"),
-    "swap": _swap_and_log(Improver.swap, "the new model is swapped in"),
-    "back": _swap_and_log(Improver.swap_back, "the model before is swapped in"),
+    "swap": _swap_model_and_log(Improver.swap, "the new model is swapped in"),
+    "back": _swap_model_and_log(Improver.swap_back, "the model before is swapped in"),
     "cancel": _run_and_log(Improver.cancel, "work cancelled"),
     "files": _files,
     "watch": _watch,
@@ -275,7 +275,7 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         return {}
     crossing = None
     if "signal" in fields:
-        crossing = session.recorder.make_crossing(
+        crossing = session.recorder.make_level_crossing(
             str(fields["signal"]), read_finite_number(fields, "level"), fields.get("rising") is not False
         )
     lasts = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf

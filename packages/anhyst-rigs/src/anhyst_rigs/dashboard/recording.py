@@ -309,7 +309,7 @@ class TickRecorder:
         )
         self._first_tick, self._last_tick = 0, math.inf  # ticks
 
-    def make_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
+    def make_level_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
         """Return the level crossing of a signal."""
         names = [one.name for one in self._signals]
         if signal not in names:

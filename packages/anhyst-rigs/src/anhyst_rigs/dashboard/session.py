@@ -288,8 +288,8 @@ class LiveSession:
             for listener in self._listeners:
                 listener(rows)
             if self._last_tick:
-                passed = int(rows[-1, 0]) - self._last_tick
-                self._missing_ticks += passed // self.bench.ticks_per_row - len(rows)
+                passed_ticks = int(rows[-1, 0]) - self._last_tick
+                self._missing_ticks += passed_ticks // self.bench.ticks_per_row - len(rows)
             self._last_tick = int(rows[-1, 0])
             self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 

@@ -24,7 +24,7 @@ TOP_CURRENT_RATIO = 0.95
 USABLE_FORCE_RATIO = 0.95
 """Fraction of the measured force that a controller may demand."""
 
-MAX_WEAKEST_FORCE_RATIO = 4.0
+MAX_DEMAND_TO_SMALLEST_FORCE = 4.0
 """Largest demanded force over the force at the weakest gap."""
 
 MIN_LOAD_RATIO = 0.01
@@ -54,7 +54,7 @@ class MeasuredMagnet:
         """
         # The reciprocal root of the force is nearly linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
-        return min(USABLE_FORCE_RATIO * force, MAX_WEAKEST_FORCE_RATIO * float(self.forces.min()))
+        return min(USABLE_FORCE_RATIO * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
         """Return the slopes of the force over current and gap at an operating point."""
@@ -200,7 +200,7 @@ class Machine:
         }
 
 
-def complete_machine(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
+def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
     """Complete the data of a machine by guesses."""
     for name, number, unit in (
         ("mass", request.mass, "kg"),

@@ -187,8 +187,8 @@ class _FitProblem:
         """Find the shape with the smallest residual."""
         from scipy.optimize import least_squares
 
-        extra = [0.0] * len(creep_times)
-        low = [-3.0, 0.0, 0.0, *extra]
+        min_creep_shares = [0.0] * len(creep_times)
+        low = [-3.0, 0.0, 0.0, *min_creep_shares]
         high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
         fits = []
@@ -222,10 +222,10 @@ class _FitProblem:
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
         matrix, target = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
-        signed = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
-        normal = signed.T @ signed
+        signed_columns = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
+        normal = signed_columns.T @ signed_columns
         factor = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
-        weights, _ = nnls(factor.T, np.linalg.solve(factor, signed.T @ target), maxiter=1000)
+        weights, _ = nnls(factor.T, np.linalg.solve(factor, signed_columns.T @ target), maxiter=1000)
         weights[1:4:2] -= weights[4:]
         weights = weights[:4]
         return weights, matrix @ weights - target
@@ -246,7 +246,7 @@ class _FitProblem:
         return columns
 
     def _creep(
-        self, loop: Loop, columns: FloatArray, shares: FloatArray, creep_times: Sequence[float]
+        self, loop: Loop, columns: FloatArray, creep_shares: FloatArray, creep_times: Sequence[float]
     ) -> FloatArray:
         """Return the creep after some columns, from rest at the first sample or about the mean."""
         from scipy.signal import lfilter
@@ -254,7 +254,7 @@ class _FitProblem:
         is_settled = loop.history.kind == "settled"
         initial = columns.mean(axis=0) if is_settled else columns[0]
         creep = np.zeros_like(columns)
-        for time, share in zip(creep_times, shares, strict=True):
+        for time, share in zip(creep_times, creep_shares, strict=True):
             decay = math.exp(-self.sample_s / time)
             start = decay * initial[None]
             creep += share * lfilter([1.0 - decay], [1.0, -decay], columns, axis=0, zi=start)[0]
@@ -290,9 +290,9 @@ def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> Floa
     start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
     initial_rate = rate_above if start >= 0.0 else rate_below
     # travel after the zero of g
-    travel_past_zero = travel - math.log1p(-start * initial_rate) / initial_rate
-    rate = np.where(travel_past_zero < 0.0, rate_below, rate_above)
-    return np.asarray(-np.expm1(-rate * travel_past_zero) / rate)
+    travel_from_zero = travel - math.log1p(-start * initial_rate) / initial_rate
+    rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
+    return np.asarray(-np.expm1(-rate * travel_from_zero) / rate)
 
 
 EXAMPLE_RESONANCE_HZ = 480.0

@@ -246,14 +246,14 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the largest errors of the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
-    fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
+    fastest_demand = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
     fixed_trials = (
         trial
         for trial in result.figures["trials"]
-        if trial["demand"] == fastest and trial["stage"] != "moving"
+        if trial["demand"] == fastest_demand and trial["stage"] != "moving"
     )
-    errors = worst_errors(fixed_trials, lambda _: fastest)[fastest]
-    detail = f"worst error, {fastest}, held, % of {result.figures['force_max_N']:g} N"
+    errors = worst_errors(fixed_trials, lambda _: fastest_demand)[fastest_demand]
+    detail = f"worst error, {fastest_demand}, held, % of {result.figures['force_max_N']:g} N"
     return tuple(
         Tile(format_number(errors[name]["worst_percent"], 2), CONTROLLER_TITLES[name], detail)
         for name in _DRAWN_ERRORS

@@ -37,7 +37,7 @@ from anhyst_rigs.reports.study.page import (
 )
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.tables import SPREADS
-from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
+from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantMetric, percentile
 
 
 def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
@@ -116,7 +116,7 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
     return make_table("Percentiles", head, rows, texts=2)
 
 
-def _figure_title(figure: PlantFigure, case: str) -> str:
+def _figure_title(figure: PlantMetric, case: str) -> str:
     return f"{figure.title}{', ' if case else ''}{case.replace(' um', f'{NBSP}µm')} ({figure.unit})"
 
 

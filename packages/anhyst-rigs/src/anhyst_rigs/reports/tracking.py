@@ -107,9 +107,9 @@ def figure_scan(tried: Mapping[MethodName, VariantResult], motion: SetPoint, sli
     axes[3].set_xlabel("time since the turnaround began [ms]")
     for ax in axes[1:3]:
         ax.set_yscale("symlog", linthresh=100.0)
-    exposed = 1e3 * (length + EXPOSURE_DELAY_S)
+    exposure_begin_ms = 1e3 * (length + EXPOSURE_DELAY_S)
     for ax in axes[1:]:
-        ax.axvspan(exposed, time[-1], color=SHADE_COLOUR, alpha=0.12, lw=0)
+        ax.axvspan(exposure_begin_ms, time[-1], color=SHADE_COLOUR, alpha=0.12, lw=0)
     legend_below(figure, axes[1], columns=6)
     return figure
 

@@ -132,8 +132,8 @@ class CalibratedMethod(Table):
 
     def width_changes(self, count: int) -> list[float]:
         """Return the relative change of the loop width of each magnet."""
-        common_change = self.value("width")
-        return [self.value(f"width_{number}") or common_change for number in range(1, count + 1)]
+        change_of_all_magnets = self.value("width")
+        return [self.value(f"width_{number}") or change_of_all_magnets for number in range(1, count + 1)]
 
 
 class CalibrationFile(Table):

@@ -42,13 +42,13 @@ from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 PINNED_CELL_COUNT = 24
 """Number of pinned cells."""
 
-IRON_LENGTH_SIDES = 11.0
+IRON_LENGTH_PER_POLE_SIDE = 11.0
 """Length of the flux path in the iron, relative to the side of a pole."""
 
 WINDING_RESISTIVITY_OHM_M = 1.75e-8 / 0.5
 """Resistivity of copper over a fill factor of 0.5, for a window as large as a pole, ohm m."""
 
-MEAN_TURN_SIDES = 5.0
+TURN_LENGTH_PER_POLE_SIDE = 5.0
 """Mean length of a turn, relative to the side of a pole."""
 
 MAX_FORCE_FLUX_DENSITY_T = 1.2
@@ -248,7 +248,7 @@ class _StaticFit:
         poles, steel = self._make_poles_and_steel(values)
         resistance = (
             WINDING_RESISTIVITY_OHM_M
-            * MEAN_TURN_SIDES
+            * TURN_LENGTH_PER_POLE_SIDE
             * poles.turns**2
             / math.sqrt(poles.width * poles.depth)
         )
@@ -276,7 +276,7 @@ class _StaticFit:
             width=width,
             depth=depth,
             leakage=math.exp(values["leakage"]) if table.leakage_H is None else table.leakage_H,
-            iron_length=table.iron_length_m or IRON_LENGTH_SIDES * side,
+            iron_length=table.iron_length_m or IRON_LENGTH_PER_POLE_SIDE * side,
             joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
         )
         saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])

@@ -45,7 +45,7 @@ from anhyst_rigs.rig.tables import SPREADS
 from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.responses import evaluate_step, position_resolution
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
-from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst_rigs.study.engine.monte_carlo import PlantMetric, Plants
 from anhyst_rigs.study.force_trials import ForceTrial, plan_trials
 from anhyst_rigs.study.piezo import (
     DEVIATION_METRICS,
@@ -98,9 +98,9 @@ def bearing_plants(
         methods=names,
         own_method=main_variant if main_variant in names else names[-1],
         figures=(
-            PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *height_cases),
-            PlantFigure("settling_s", "settling", "ms", 1e3, *height_cases),
-            PlantFigure("standstill_rms_m", "standstill, rms", "nm", 1e9),
+            PlantMetric("overshoot_percent", "overshoot", "%", 1.0, *height_cases),
+            PlantMetric("settling_s", "settling", "ms", 1e3, *height_cases),
+            PlantMetric("standstill_rms_m", "standstill, rms", "nm", 1e9),
         ),
         input_files=tuple(path for path in files if path is not None),
         setting_texts={"controller": controller.settings.model_dump_json()},
@@ -189,8 +189,8 @@ def force_plants(rig: ForceControlRig, model: Model | None = None, loops: Loops 
         methods=FORCE_METHODS,
         own_method="full",
         figures=(
-            PlantFigure("rms_N", "force error, rms", "N", 1.0, *trial_cases),
-            PlantFigure("worst_N", "force error, worst", "N", 1.0, *trial_cases),
+            PlantMetric("rms_N", "force error, rms", "N", 1.0, *trial_cases),
+            PlantMetric("worst_N", "force error, worst", "N", 1.0, *trial_cases),
         ),
         input_files=tuple(files),
         setting_texts={},
@@ -258,7 +258,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
         own_method="full",
         figures=(
             *(
-                PlantFigure(metric.key, metric.title, metric.unit, metric.factor)
+                PlantMetric(metric.key, metric.title, metric.unit, metric.factor)
                 for metric in reversed(DEVIATION_METRICS)
             ),
         ),
@@ -353,7 +353,7 @@ def stage_plants(
         methods=tuple(setups),
         own_method=COMPENSATOR,
         figures=tuple(
-            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
+            PlantMetric(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
             for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME, *cross_talk_metrics(rig.settings))
         ),
         input_files=tuple(rig.measured_loops.files),

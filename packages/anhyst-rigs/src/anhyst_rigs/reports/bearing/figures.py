@@ -86,18 +86,18 @@ def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, R
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
     """Draw the deviation beyond the end of a step in % of its height, scaled to the overshoot."""
-    step, largest = panel.step, 0.0
+    step, max_deviation = panel.step, 0.0
     direction = np.sign(step.before - step.after)
     for name in in_report_order(panel.recordings):
         time, part = _part_around_step(panel, name)
         deviation = 100.0 * direction * (step.after - part["gap_m"]) / step.height
-        largest = max(largest, float(deviation.max()))
+        max_deviation = max(max_deviation, float(deviation.max()))
         is_after_step = time >= 0.0
         ax.plot(*thin_curves(time[is_after_step], deviation[is_after_step]), **line_style(name))
     band = 100.0 * SETTLING_BAND
     ax.axhspan(-band, band, color=SHADE_COLOUR, alpha=0.2, lw=0)
     ax.axhline(0.0, color=INK_COLOUR, lw=0.9)
-    limit = max(1.2 * largest, 2.0 * band)
+    limit = max(1.2 * max_deviation, 2.0 * band)
     ax.set_ylim(-limit, limit)
     ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
     ax.set_xlabel("time (ms)")

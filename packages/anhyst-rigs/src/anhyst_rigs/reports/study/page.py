@@ -236,9 +236,11 @@ def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, 
     ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
 
 
-def draw_label(ax: Axes, at: Point, text: str, across: str = "center", up: str = "bottom") -> None:
+def draw_label(
+    ax: Axes, at: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
+) -> None:
     """Write a label at a point."""
-    ax.text(*at, text, ha=across, va=up, fontsize=_TEXT_SIZE_PT)
+    ax.text(*at, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
 
 
 REPORT_NAME = "report.html"

@@ -43,7 +43,7 @@ PERCENTILES = (5, 50, 95, 99)
 
 
 @dataclass(frozen=True)
-class PlantFigure(Metric):
+class PlantMetric(Metric):
     """A metric that is measured on each plant."""
 
     # cases in which it is measured; empty: one value for each plant
@@ -68,7 +68,7 @@ class Plants:
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
     own_method: MethodName  # method that is compared with all others
-    figures: tuple[PlantFigure, ...]
+    figures: tuple[PlantMetric, ...]
     input_files: tuple[Path, ...]  # files that affect the results
     setting_texts: Mapping[str, str]  # further settings that affect the results
     seed: int  # seed of all plants
@@ -185,7 +185,7 @@ class MonteCarlo(StudyResult):
         ]
         return judge_against_baselines(own_method, compared, "figures", self.plants.beneficial_condition)
 
-    def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
+    def _compare(self, figure: PlantMetric, case: int) -> ComparedFigure | None:
         """Compare with the strongest baseline plant by plant, because both have the same plants."""
         completed = [method for method in self.runs if not self.lost_count(method)]
         means = {method: mean_interval(self.values(method, figure.key, case)) for method in completed}

@@ -347,8 +347,8 @@ def evaluate_probe(
     min_operating, max_operating = (share * peak.value for share in OPERATING_RANGE)
     bias = float(driven[sufficient[0]]) if sufficient.size else np.inf
     operating = min(max(bias, min_operating), max_operating)
-    needed = _required_rate(specimen, driven, np.array(forces), operating)
-    return ProbedGap(gap, peak, max(forces), operating, bias == operating, needed)
+    required_rate = _required_rate(specimen, driven, np.array(forces), operating)
+    return ProbedGap(gap, peak, max(forces), operating, bias == operating, required_rate)
 
 
 def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:

@@ -208,14 +208,14 @@ class StageLaw(MotionLaw):
         speed = np.linalg.norm(position[SPEED_WINDOW_TICKS:] - position[:-SPEED_WINDOW_TICKS], axis=1) / (
             SPEED_WINDOW_TICKS * self.rig.dt
         )
-        noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
+        max_noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
         if abs(columns["demand_N"][0] + weight_along_scan(file)) > MIN_DEMAND_RATIO * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
         # a body that carries its weight falls until currents flow
         fall_speed = (
             abs(file.body.gravity_m_per_s2) * SPEED_WINDOW_TICKS * self.rig.dt * weight_wrench(file).any()
         )
-        is_moving = speed[0] > 0.02 * float(speed.max()) + noise_speed + fall_speed
+        is_moving = speed[0] > 0.02 * float(speed.max()) + max_noise_speed + fall_speed
         return ColumnFault("begins in motion", position_names[0]) if is_moving else None
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:

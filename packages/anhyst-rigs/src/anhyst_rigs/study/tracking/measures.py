@@ -234,10 +234,10 @@ class LossResult:
         """Return the table row, with the columns of :data:`LOSS_COLUMNS`."""
 
         def format_largest(error: Mapping[str, float]) -> str:
-            sizes = [
+            max_errors = [
                 1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0) for u in ("_m", "_rad")
             ]
-            return ", ".join(f"{size:.3g}" for size in sizes) if error else ""
+            return ", ".join(f"{size:.3g}" for size in max_errors) if error else ""
 
         speeds = [self.down_m_per_s, self.let_go[0], self.touch_m_per_s, self.let_go[1]]
         return [
@@ -338,7 +338,7 @@ class LossFlights:
         names = [] if outcome in ("lands", "let go", "falls") else error_columns(file.body.free)
         detection_off = {"control.lost_A": None, "control.head_m_per_s": None}
         unaware_rig = replace(self._rig, settings=file.with_changes(detection_off))
-        unaware_flights = replace(self, setup=replace(self.setup, rig=unaware_rig))
+        flights_without_detection = replace(self, setup=replace(self.setup, rig=unaware_rig))
         all_magnets = (1 << len(file.body_magnets)) - 1 << FIRST_FAILURE_BIT
         return LossResult(
             magnet=name,
@@ -350,7 +350,7 @@ class LossFlights:
             down_m_per_s=down,
             touch_m_per_s=touch,
             let_go=self._contact_speeds(self._fly(plan, faults | {notice_tick: all_magnets})),
-            unaware=self._contact_speeds(unaware_flights._fly(plan, faults)),
+            unaware=self._contact_speeds(flights_without_detection._fly(plan, faults)),
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:

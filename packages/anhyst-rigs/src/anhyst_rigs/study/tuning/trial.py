@@ -259,12 +259,14 @@ def find_helpful_changes(
     base_cost, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
     if not math.isfinite(base_cost):
         return []
-    helpful = sorted(
+    helpful_changes = sorted(
         (cost, change)
         for change, cost in zip(changes, costs, strict=True)
         if cost < (1.0 - _MIN_COST_REDUCTION) * base_cost
     )
-    return [Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful]
+    return [
+        Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful_changes
+    ]
 
 
 @dataclass(frozen=True)
