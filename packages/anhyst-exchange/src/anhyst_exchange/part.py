@@ -90,7 +90,11 @@ def c_array_definition(name: str, values: Iterable[float]) -> str:
 
 
 def kernel_expression(kernel: str, words: str) -> str:
-    """Return the C expression for the kernel of a block, which differs for layered iron."""
+    """Return the C expression that selects the kernel for a parameter block.
+
+    Blocks of layered iron have another kernel, which the function `for_block` of the default kernel
+    returns.
+    """
     return f"(*({kernel}.for_block != 0 ? {kernel}.for_block({words}) : &{kernel}))"
 
 
@@ -315,7 +319,7 @@ def _law_macros(model: Model) -> dict[str, object]:
 
 
 def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
-    """Return the curves of the circuit parameters over the schedule, and their arrays."""
+    """Return the curves of the circuit parameters against the schedule, and their arrays."""
     curves, rows = [], []
     for spec in CIRCUIT_SPECS:
         curve = model.curves.get(spec.name)

@@ -217,7 +217,8 @@ _COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]
-"""Units of a linear and of an angular quantity: the ending of names, and the unit for tools."""
+"""Units of a linear and of an angular quantity: each with the suffix of names and the unit for
+tools."""
 _POSITION_UNITS: _AxisUnits = (("m", "m"), ("rad", "rad"))
 _VELOCITY_UNITS: _AxisUnits = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
 _WRENCH_UNITS: _AxisUnits = (("N", "N"), ("N_m", "N.m"))

@@ -153,7 +153,7 @@ def _add_security_headers(send: Send) -> Send:
 
 MAX_FRAME_ROWS = 4000
 """Maximum number of rows in the queue of one page. If it is exceeded, rows are thinned to half of
-it."""
+this number."""
 
 _MAX_QUEUED_RUNS = 64
 """Maximum number of runs in the queue of one page; the oldest ones are dropped."""

@@ -113,7 +113,7 @@ class OperatorSeat(DrivenBoard, Protocol):
         """Make the next access raise an error once. The measurement then stops the controller."""
 
     def close(self) -> None:
-        """Give up the access."""
+        """Release the controller, so that the operator can use it again."""
 
 
 class BoardJob:

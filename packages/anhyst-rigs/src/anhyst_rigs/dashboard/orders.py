@@ -1,4 +1,4 @@
-"""Execute the orders of a page between two chunks of ticks."""
+"""Execute the orders that a browser page sends, between two chunks of ticks."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class SessionSeat:
         self._cancelled.set()
 
     def close(self) -> None:
-        """Give up the access."""
+        """Release the controller, so that the operator can use it again."""
         self._rows.close()
 
 
@@ -171,7 +171,7 @@ _MAX_STAGED_PARAMETERS = 200
 
 
 def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Execute the order of a message. Must be called in the thread of the bench."""
+    """Execute the order in a message from a page. Must be called in the thread of the bench."""
     action = _ORDER_ACTIONS.get(str(fields.get("do")))
     if action is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")

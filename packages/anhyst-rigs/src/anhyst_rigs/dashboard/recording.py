@@ -310,7 +310,7 @@ class TickRecorder:
         self._first_tick, self._last_tick = 0, math.inf  # ticks
 
     def make_level_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
-        """Return the level crossing of a signal."""
+        """Return a start condition: a signal crosses a level."""
         names = [one.name for one in self._signals]
         if signal not in names:
             raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")

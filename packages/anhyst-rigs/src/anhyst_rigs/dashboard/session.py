@@ -1,7 +1,7 @@
 """Run a bench in real time for its pages, its recorder and its log.
 
-The session also states which orders are possible in the current state, and the reason for the
-others.
+An order is a message from a page; the order ``command`` sends a command to the controller. The
+session also states which orders are possible in the current state, and the reason for the others.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 WATCH_ONLY_REASON = "another browser operates; ask to take over"
 
 _MOVING_ORDERS = ("target", "generator", "apply")
-"""Orders that move a controller, in addition to its commands."""
+"""Orders that can move the controlled body, in addition to the commands of the controller."""
 
 _OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets")
 

@@ -78,7 +78,7 @@ _SWITCH_INTERVAL_S = 0.5e-3
 
 
 def reduce_latency() -> None:
-    """Reduce delays of the pacer by other threads and by the garbage collection."""
+    """Reduce the delays that other threads and the garbage collection cause in the pacer."""
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()

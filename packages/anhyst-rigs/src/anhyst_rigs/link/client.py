@@ -302,7 +302,7 @@ class _SentDemand:
 
 
 def demand_request(force: int) -> frames.DemandRequest:
-    """Return the request of a demand, q31 of the full-scale force."""
+    """Return the request that sets a demanded force, given as q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
         text = f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1"
         raise InputError(text, code="beyond-full-scale", key="demand")

@@ -103,7 +103,7 @@ def _drift_section(runs: MonteCarlo) -> Section:
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
-    """Return a table of percentiles over the plants, for each figure and variant."""
+    """Return a table of percentiles of all plants, for each metric and variant."""
     rows = [
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
@@ -121,7 +121,7 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 
 def _worst_plants(runs: MonteCarlo) -> Items:
-    """Return the worst plant of each case of the first figure, with its drift."""
+    """Return the worst plant of each case of the first metric, with its drift."""
     figure, own = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
@@ -148,9 +148,9 @@ def _drift_text(drift: Drift) -> str:
 
 @use_report_style
 def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
-    """Draw the distribution of figures over the plants, with percentiles marked.
+    """Draw the distribution of metrics among the plants, with percentiles marked.
 
-    Each variant has one value per plant. It is infinite if the plant failed.
+    Each variant has one value per plant, which is infinite if the plant lost control.
     """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))

@@ -1,4 +1,4 @@
-"""The page of a stage: the gain of compensation over the best baseline, and its limits."""
+"""Write the page of a stage: how much compensation improves on the best baseline, and its limits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ from anhyst_rigs.study.tracking.simulate import COMPENSATOR, TrackingStudy, Vari
 
 
 def limit_texts(study: TrackingStudy) -> list[str]:
-    """Return sentences about the gain with small forces, at standstill and on one set-point."""
+    """Return sentences about the benefit with small forces, at standstill and on one set-point."""
     own, best = study.variants[COMPENSATOR], study.variants[study.memoryless]
     name = study.memoryless
 
@@ -190,7 +190,7 @@ def render(study: TrackingStudy, command: str) -> str:
 
 
 def comparison_table(study: TrackingStudy) -> PageTable:
-    """Return the figures of all variants on the test set-point."""
+    """Return a table with the metrics of all variants on the test motion."""
     return method_table(
         f"All variants on the test set-point, crossover {study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
@@ -226,7 +226,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
 
 
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return a table of the stage after the loss of each magnet, if the rig file requests this."""
+    """Return a table of the runs in which a magnet or a head fails; none without such runs."""
     rows = [loss.table_cells() for loss in study.losses]
     return [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
 

@@ -46,10 +46,10 @@ IRON_LENGTH_PER_POLE_SIDE = 11.0
 """Length of the flux path in the iron, relative to the side of a pole."""
 
 WINDING_RESISTIVITY_OHM_M = 1.75e-8 / 0.5
-"""Resistivity of copper over a fill factor of 0.5, for a window as large as a pole, ohm m."""
+"""Resistivity of copper divided by a fill factor of 0.5, ohm m, for a window as large as a pole."""
 
 TURN_LENGTH_PER_POLE_SIDE = 5.0
-"""Mean length of a turn, relative to the side of a pole."""
+"""Mean length of a winding turn, relative to the side of a pole."""
 
 MAX_FORCE_FLUX_DENSITY_T = 1.2
 """Assumed flux density at the largest force for the prior of the pole area, T."""

@@ -94,7 +94,10 @@ class Fleet(Result):
 
     @property
     def own_errors(self) -> FloatArray:
-        """Rms error of each evaluated magnet with its own controller, over the largest output."""
+        """Rms error of each evaluated magnet with its individual controller.
+
+        The error is relative to the largest output.
+        """
         return np.array([math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.evaluated])
 
     @property
@@ -121,7 +124,7 @@ class Fleet(Result):
         return [name for name, is_outlier in zip(names, self.spread.outlier, strict=True) if is_outlier]
 
     def facts(self) -> dict[str, str]:
-        """Return the number of good magnets, with their own and with the common model."""
+        """Return the number of good magnets, with individual models and with the common model."""
         count = len(self.results)
         return {
             "magnets": f"{count}, {len(self.failed)} could not be evaluated",

@@ -77,13 +77,13 @@ class FleetSpread:
 
     mean: FloatArray  # in units of the quantities; shape (q,)
     scatter: FloatArray
-    # estimate of each magnet from its own loops and the fleet, with its standard deviation;
-    # outliers keep their own; shape (n, q)
+    # estimate of each magnet from its loops and the fleet, with its standard deviation; that of an
+    # outlier is from its loops only; shape (n, q)
     values: FloatArray
     std: FloatArray
     correlation: FloatArray  # of the pooled estimates; shape (n, q, q)
-    # distance from the mean: root of the Mahalanobis distance over the number of quantities; shape
-    # (n,)
+    # distance from the mean: root of the squared Mahalanobis distance divided by the number of
+    # quantities; shape (n,)
     distance: FloatArray
     # magnets that do not belong to the fleet at :data:`OUTLIER_PROBABILITY`; shape (n,)
     outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
@@ -128,7 +128,7 @@ class _Coordinates:
 def estimate_spread(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
-    """Estimate mean and scatter of a fleet; outliers do not affect them."""
+    """Estimate mean and scatter of a fleet, without its outliers."""
     quantities = np.array([estimate.values for estimate in estimates])
     transform = _Coordinates.from_values(quantities, coordinates or ["plain"] * quantities.shape[1])
     values = transform.to_coordinates(quantities)

@@ -41,7 +41,7 @@ force of the virtual armature is used instead."""
 
 
 class BenchMonitor:
-    """Monitors one model over the rows of a bench, from its first row."""
+    """Monitors one model with the rows of a bench, from the first row on."""
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
@@ -113,7 +113,7 @@ class DrawnLoop(NamedTuple):
 
 
 def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return thinned loops of force over current, and those of a model with the same currents."""
+    """Return thinned loops of force against current, and those of a model for the same currents."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     curves = []
@@ -143,7 +143,7 @@ def make_model_with_loops(loops: Loops, model: Model) -> ModelWithLoops:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """An old and a new model on the same loops."""
+    """An old and a new model, compared on the same loops."""
 
     loops: Loops  # measured loops
     old: tuple[FloatArray, ...]  # predictions, loop by loop

@@ -34,7 +34,7 @@ MIN_ALLOWANCE = 0.5
 """Smallest allowance of a chart, in standard deviations. It is optimal for shifts of twice this
 size."""
 _WALK_OVERSHOOT = 1.166
-"""Mean overshoot of a random walk of normal steps over its thresholds, both ends (Siegmund 1985).
+"""Mean overshoot of a random walk of normal steps beyond its thresholds, both ends (Siegmund 1985).
 """
 _SCATTER_QUANTILE = 0.05
 """Probability that the true scatter exceeds its estimate from few values."""
@@ -92,7 +92,7 @@ class CusumChart:
 
     reference: Reference
     min_shift: float  # smallest shift that causes an alarm; half of it is the allowance
-    run_length: float  # mean number of values to a false alarm, both sides
+    run_length: float  # mean number of values until a false alarm, both sides
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
     _counts: list[int] = field(default_factory=lambda: [0, 0])
     _shifts: list[float] = field(default_factory=lambda: [0.0, 0.0])

@@ -61,7 +61,7 @@ class StepPanel:
 
 @use_report_style
 def figure_steps(panels: Sequence[StepPanel]) -> Figure:
-    """Draw step responses (paper, Fig. 11), one panel per step, with the deviation below each."""
+    """Draw step responses (paper, Fig. 11), one panel per step, each with its deviation below."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
@@ -85,7 +85,10 @@ def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, R
 
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
-    """Draw the deviation beyond the end of a step in % of its height, scaled to the overshoot."""
+    """Draw how far the gap moves past the new reference, in % of the step height.
+
+    The vertical axis is scaled to the largest overshoot.
+    """
     step, max_deviation = panel.step, 0.0
     direction = np.sign(step.before - step.after)
     for name in in_report_order(panel.recordings):
@@ -130,7 +133,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
 
 @use_report_style
 def figure_forces(recordings: Recordings) -> Figure:
-    """Draw demanded and true force over time and their difference, one column per variant."""
+    """Draw demanded and true force against time and their difference, one column per variant."""
     names = in_report_order(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
@@ -188,7 +191,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
 
 @use_report_style
 def figure_standstill(recordings: Recordings) -> Figure:
-    """Draw the position at standstill over time, and its spectrum."""
+    """Draw the position at standstill against time, and its spectrum."""
     names = in_report_order(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)
@@ -266,10 +269,10 @@ def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCu
 def figure_force_current(
     recordings: Recordings, measured: Sequence[LoopCurve], identified: LoopCurve | None
 ) -> Figure:
-    """Draw true force over true current of a run, with measured and identified loops.
+    """Draw true force against true current of a run, with measured and identified loops.
 
-    Below, the loops are drawn minus the single-valued curve through each. Their width is a few per
-    cent of the force.
+    Below, the single-valued curve through each loop is subtracted from it, because the loop width
+    is only a few per cent of the force.
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
@@ -295,7 +298,7 @@ _AXIS_COLUMNS = ("current_A", "force_N")
 
 
 def _draw_widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    """Draw loops minus the single-valued curve of their gap."""
+    """Draw loops after subtraction of the single-valued curve of their gap."""
     differences = []
     for gap in dict.fromkeys(loop.gap for loop in measured):
         differences += _subtract_curve([loop for loop in measured if loop.gap == gap])

@@ -109,7 +109,7 @@ def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
 
 
 def losses_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
-    """Return whether the recording's load steps or landing lost levitation, in words."""
+    """Return in words whether a recording lost levitation in its load steps or its landing."""
     loads, landed = run.slice_ticks(begin, landing), run.slice_ticks(landing, len(run))
     if len(loads) and levitation_loss_time(rig, loads) is not None:
         return ["load steps of the recording"]

@@ -57,7 +57,7 @@ COMPARED_VARIANTS = (
 )
 """Variants that are compared with that of the controller file; ``flux`` only with a Hall probe."""
 _WORK_OF_PARTS = (5.0, 4.0)
-"""Work of model and first run, and of the steps, relative to that of another experiment."""
+"""Work of the model and the first run, and of the steps, relative to that of another experiment."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -233,7 +233,7 @@ def simulate_bearing(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a bearing with all variants; writes files only if levitation is lost."""
+    """Simulate a bearing with all variants; files are written only if levitation is lost."""
     rig, controller = read_files(rig_path, controller_path)
     inputs = check_inputs(rig, controller, _output_paths(out, controller))
     rig = inputs.rig

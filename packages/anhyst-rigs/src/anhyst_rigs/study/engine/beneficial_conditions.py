@@ -21,4 +21,4 @@ BENEFICIAL_CONDITIONS: Mapping[str, str] = MappingProxyType(
         "compensate the loop",
     }
 )
-"""Sentence for each situation; the metrics are in docs/choosing.md, "Does it pay?"."""
+"""Sentence for each kind of rig; the measured values are in docs/choosing.md, "Does it pay?"."""

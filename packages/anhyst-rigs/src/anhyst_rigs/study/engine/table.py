@@ -58,7 +58,7 @@ class Interval:
 
 
 def lost_interval(lost: int, count: int) -> Interval:
-    """Return an interval without a mean, for runs of which some lost levitation."""
+    """Return an interval without a mean, for runs of which some lost control."""
     return Interval(math.nan, math.nan, count, lost)
 
 
@@ -105,7 +105,7 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
 
 @dataclass(frozen=True, slots=True)
 class ComparedFigure:
-    """A metric of a model and that of a baseline; the smaller one is better."""
+    """A metric of a model, compared with that of a baseline; the smaller value is better."""
 
     title: str
     baseline: str
@@ -125,7 +125,7 @@ class ComparedFigure:
 
     @property
     def ratio(self) -> float:
-        """Figure of the model over that of the baseline, or nan if both are zero."""
+        """Ratio of the model's value to the baseline's value; nan if both are zero."""
         if self.baseline_value != 0.0:
             return self.model_value / self.baseline_value
         return math.nan if self.model_value == 0.0 else math.inf
@@ -174,7 +174,7 @@ def judge_against_baselines(
 
 
 def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
-    """List in which metrics a model is significantly better, worse or equal."""
+    """List the metrics in which a model is significantly better, worse or equal."""
     comparable = [
         comparison
         for comparison in comparisons
@@ -242,23 +242,23 @@ class Metric:
 
 @dataclass(frozen=True)
 class CaseFigures:
-    """Figures of one method in one case."""
+    """Metrics of one method in one case."""
 
-    # by key; both directions of a step are one value; empty if any run lost the loop
+    # by key; both directions of a step are one value; empty if any run lost control
     figures: Mapping[str, Interval]
-    lost: int  # number of runs that lost the loop, and of all runs
+    lost: int  # number of runs that lost control, and of all runs
     runs: int
 
     @classmethod
     def summarise(cls, runs: Sequence[Mapping[str, float] | None], **extra_fields: Any) -> Self:
-        """Summarise runs, one for each seed; None is a run that lost the loop."""
+        """Summarise runs, one for each seed; None is a run that lost control."""
         completed = [run for run in runs if run is not None]
         names = completed[0] if len(completed) == len(runs) else ()
         figures = {name: mean_interval([run[name] for run in completed]) for name in names}
         return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
-        """Return a metric, without a mean if any run lost the loop."""
+        """Return a metric, without a mean if any run lost control."""
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
@@ -268,13 +268,13 @@ class CaseFigures:
 
 
 def save_lost_run(recording: Recording, out: PathLike) -> None:
-    """Save the recording of a run that lost the loop, and delete older metrics next to it."""
+    """Save the recording of a run that lost control, and delete older metrics next to it."""
     recording.save(out)
     (Path(out).parent / FIGURES_FILE).unlink(missing_ok=True)
 
 
 Cases = Mapping[str, Mapping[MethodName, CaseFigures]]
-"""Figures by case and method."""
+"""Metrics by case and method."""
 
 
 class StudyResult(Result):
@@ -287,10 +287,10 @@ class StudyResult(Result):
     @property
     @abstractmethod
     def lost_in(self) -> list[str]:
-        """Runs that lost the loop."""
+        """Runs that lost control."""
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult if the loop was lost."""
+        """Raise NegativeResult if control was lost."""
         if self.lost_in:
             raise NegativeResult(
                 f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",

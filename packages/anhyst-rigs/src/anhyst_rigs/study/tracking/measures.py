@@ -1,8 +1,9 @@
-"""Measure the errors of a stage run, and simulate the loss of magnets and heads in flight.
+"""Measure the errors of a stage run, and simulate the loss of magnets and position heads.
 
 The measures are servo error, moving average over a slit, settling time and force error. In the loss
 study, each amplifier or head fails in a separate run. Set-point and long stroke brake to rest when
-the controller detects the loss, unless the remaining magnets can make the rest of the set-point.
+the controller detects the loss. They continue if the remaining magnets can make the rest of the
+set-point.
 """
 
 # ruff: noqa: N815 - names carry units
@@ -68,7 +69,7 @@ METRICS = (
     Metric("force_peak_N", "force error, largest", "N"),
     Metric("force_rms_N", "force error, rms", "N"),
 )
-"""Measures of a run, in the order of every table."""
+"""Metrics of a run, in the order of all tables."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +91,12 @@ class Measures:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the loop was lost in the run."""
+        """Whether control was lost in the run."""
         return math.isinf(self.peak_m)
 
 
 LOST_MEASURES = Measures(*[float("inf")] * 8)
-"""Measures of a run that lost the loop."""
+"""Measures of a run that lost control."""
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
@@ -143,7 +144,7 @@ def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]
 def slit_statistics(
     error: FloatArray, motion: SetPoint, slit: float, dt: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return moving average and standard deviation of an error over a slit, s, for each cruise."""
+    """Return moving average and standard deviation of an error over a slit, s, in each cruise."""
     delay_ticks, slit_ticks = round(EXPOSURE_DELAY_S / dt), round(slit / dt)
     return [
         moving_statistics(error[cruise.start + delay_ticks : cruise.stop], slit_ticks)
@@ -171,7 +172,7 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""Earliest loss of a magnet, s. Before it the weight is taken up in one step."""
+"""Earliest loss of a magnet, s. Before it the magnets take up the weight in one step."""
 HOLD_TIME_S = 0.1
 """Simulated time after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
@@ -214,7 +215,7 @@ class LossResult:
     magnet: str
     at_s: float
     current_A: float | None = None
-    spare: bool = False  # whether the others can move the body, or determine its pose
+    spare: bool = False  # whether the remaining magnets or heads are sufficient
     noticed_s: float | None = None  # delay of the detection, or None if it was not detected
     # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
     # "lifts off" or "stays"
@@ -226,7 +227,8 @@ class LossResult:
     # without contact
     down_m_per_s: float
     touch_m_per_s: float
-    # the same if all currents end at the detection, and if nothing is monitored
+    # contact speeds if all currents end at the detection (`let_go`), and without detection
+    # (`unaware`)
     let_go: tuple[float, float]
     unaware: tuple[float, float]
 
@@ -268,7 +270,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Flights over the test set-point with loss of magnets or heads."""
+    """Simulated motions along the test set-point, in which a magnet or a head is lost."""
 
     setup: StageSetup
     gains: Feedforward
@@ -354,7 +356,7 @@ class LossFlights:
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:
-        """Simulate how a body without currents is lifted from its stops and landed again."""
+        """Simulate how a body without currents is lifted off its stops and landed again."""
         dt, names = self._rig.dt, error_columns(self._rig.settings.body.free)
         lift_tick, land_tick = round(LIFT_COMMAND_S / dt), round(LAND_COMMAND_S / dt)
         zeros = np.zeros(2 * land_tick)

@@ -119,7 +119,7 @@ GAIN_SEARCH_RUNS = 30
 _GAIN_STEPS = np.array([0.01, 50e-6, 5e-9])
 """Steps of the first simplex: weight of the acceleration, jerk gain (s), snap gain (s^2)."""
 _LOST_COST_M = 1.0
-"""Cost of a run that lost the loop, m."""
+"""Cost of a run that lost control, m."""
 
 
 def gains_at(point: FloatArray) -> Feedforward:
@@ -148,7 +148,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
 
 COMPENSATOR: MethodName = "full"
-"""Method that all others are compared with; its run is recorded."""
+"""Method with which all others are compared; its run is recorded."""
 _OMITTED_METHODS = ("ratio", "secant", "simplified", "at-rest")
 COMPARED_METHODS = tuple(name for name in METHODS if name not in _OMITTED_METHODS)
 """Variants, in the order of every table."""
@@ -187,7 +187,7 @@ class VariantResult:
         return CaseFigures.summarise(runs)
 
     def interval(self, key: str) -> Interval:
-        """Return a measure over the seeds, without a mean if one of the runs was lost."""
+        """Return the interval of a metric over the seeds; without a mean if control was lost."""
         return self.case_figures.interval(key)
 
     @property
@@ -203,7 +203,7 @@ class VariantResult:
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost the loop, without learning control."""
+        """Runs that lost control, without learning control."""
         lost_count, count = self.case_figures.lost, self.case_figures.runs
         is_lost_by_run = {
             f"test set-point ({lost_count} of {count} runs)": lost_count > 0,
@@ -236,7 +236,7 @@ class TrackingStudy(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost the loop with the compensator."""
+        """Runs that lost control with the compensator."""
         return self.variants[COMPENSATOR].lost_in
 
     def as_dict(self) -> dict[str, Any]:
@@ -257,7 +257,7 @@ class TrackingStudy(StudyResult):
 
     @property
     def completed(self) -> list[MethodName]:
-        """Variants that kept the loop on the test set-point."""
+        """Variants that kept control on the test set-point."""
         return [name for name, variant in self.variants.items() if not variant.case_figures.lost]
 
     @property
@@ -297,7 +297,7 @@ class TrackingStudy(StudyResult):
         return min(completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
-        """Compare each metric with the smallest one of some variants."""
+        """Compare each metric with the smallest value among some variants."""
         compared = []
         for metric in (PEAK_ERROR, MOVING_AVERAGE, SETTLING_TIME):
             intervals = {name: self.variants[name].interval(metric.key) for name in names}

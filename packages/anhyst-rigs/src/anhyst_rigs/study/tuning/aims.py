@@ -24,12 +24,12 @@ MISSED_AIM_COST = 1e3
 _MAX_RELATIVE_EXCESS = 100.0
 """Largest relative excess that counts for one aim, so that infinite metrics have a finite cost."""
 LOST_BODY_COST = 1e6
-"""Cost of gains with which the loop loses the body."""
+"""Cost of gains with which control is lost."""
 
 
 @dataclass(frozen=True)
 class GainFigures:
-    """Figures of a set of gains, the worst of all trials."""
+    """Metrics of a set of gains, the worst value of all trials."""
 
     cost_name: ClassVar[str]  # metric that is the cost of gains that meet all aims
     settling_time_s: float = 0.0
@@ -53,7 +53,7 @@ class GainFigures:
 
     @classmethod
     def for_lost_body(cls) -> Self:
-        """Return infinite metrics, for gains with which the loop loses the body."""
+        """Return infinite metrics, for gains with which control is lost."""
         return cls(*[math.inf] * len(fields(cls)))
 
 
@@ -171,10 +171,10 @@ class Aims:
         }
 
     def missed_by(self, figures: GainFigures) -> dict[str, float]:
-        """Return the relative excess over the limit of every missed aim.
+        """Return the relative excess above the limit for every missed aim.
 
-        An infinite cost metric (no settling, or no moving average) is missed by 1, even without a
-        limit.
+        An infinite cost metric (no settling, or no moving average) exceeds its limit by 1, even if
+        it has no limit.
         """
         excess = {name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()}
         if not math.isfinite(figures.cost):
@@ -182,14 +182,14 @@ class Aims:
         return {name: value for name, value in excess.items() if value > 0.0}
 
     def cost(self, figures: GainFigures) -> float:
-        """Return the cost of gains: their cost metric if they meet all aims, else more."""
+        """Return the cost of gains: the cost metric if they meet all aims, otherwise more."""
         excesses = self.missed_by(figures).values()
         if excesses:
             return MISSED_AIM_COST + sum(min(excess, _MAX_RELATIVE_EXCESS) for excess in excesses)
         return figures.cost
 
     def with_scaled_limits(self, factors: Mapping[str, float]) -> Aims:
-        """Return aims with scaled limits; that of the peak sensitivity is at least 1.01."""
+        """Return aims with scaled limits; the limit of the peak sensitivity is at least 1.01."""
         limits = {name: limit * factors.get(name, 1.0) for name, limit in self.limits.items()}
         limits["peak_sensitivity"] = max(limits["peak_sensitivity"], 1.01)
         return replace(self, **limits)

@@ -43,7 +43,7 @@ class TunedVariant:
 
     @property
     def missed_aims(self) -> Mapping[str, float]:
-        """The missed aims with their relative excess over the limit."""
+        """The missed aims, each with its relative excess above the limit."""
         return self.aims.missed_by(self.figures)
 
 
@@ -109,7 +109,7 @@ class Tuning(Result):
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the peak sensitivity over the minimised figure for every variant."""
+        """Draw the peak sensitivity of every variant against the minimised metric."""
         for name, tuned in self.tuned.items():
             metric = GAIN_METRICS[tuned.figures.cost_name]
             position = metric.factor * tuned.figures.cost, tuned.figures.peak_sensitivity
@@ -123,11 +123,12 @@ _PHRASES = {
     "average_m": ("has a moving average of", "one of", "moving average", BENEFICIAL_CONDITIONS["stage"]),
     "error_rms_m": ("has an rms error of", "one of", "rms error", BENEFICIAL_CONDITIONS["piezo"]),
 }
-"""For each minimised metric: verbs for the model and for the baseline, the name, and the advice."""
+"""Words for each minimised metric: verbs for the model and for the baseline, its name, and the
+advice."""
 
 
 def verdict_text(tuning: Tuning) -> str:
-    """Return a sentence on whether hysteresis models are worth it, and on measured flux.
+    """Return a sentence on whether hysteresis models are beneficial, and on measured flux.
 
     The best model and the best baseline are compared by settling time, moving average or rms error.
     Variants that meet their aims come first.
@@ -315,7 +316,7 @@ def make_markdown(tuning: Tuning) -> str:
 
 
 def result_dict(tuning: Tuning) -> dict[str, Any]:
-    """Return the content of ``tuning.json``; equal for equal input and seed."""
+    """Return the content of ``tuning.json``; equal inputs and seeds give equal contents."""
     rig, loop = tuning.rig.settings, tuning.first_tuned.search_result.loop
     return {
         "format": "anhyst-tuning",
@@ -365,5 +366,5 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
 
 
 def meets_other_aims(aims: Aims, figures: GainFigures) -> bool:
-    """Whether all aims except minimised metric and peak sensitivity are met."""
+    """Whether all aims are met, except those for the minimised metric and for the peak sensitivity."""
     return not set(aims.missed_by(figures)) - {figures.cost_name, "peak_sensitivity"}

@@ -70,14 +70,14 @@ REFINEMENT_POPULATION = 32
 
 @dataclass(frozen=True)
 class ScreenResult:
-    """Figures of linear loops with n sets of gains, the worst of all conditions."""
+    """Metrics of linear loops with n sets of gains, the worst value of all conditions."""
 
     # Arrays have the shape (n,). The settling time is infinite if a step does not settle in the
     # horizon.
     overshoot_percent: FloatArray
     settling_time_s: FloatArray
     peak_sensitivity: FloatArray
-    # force demand of the largest step over the available force
+    # force demand of the largest step, relative to the available force
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
@@ -174,7 +174,7 @@ class Screen:
 
 
 def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices of closed loops over a tick, and their input vectors for the reference."""
+    """Return the matrices of closed loops for one tick, and their input vectors for the reference."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
@@ -236,8 +236,8 @@ def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, A
 SCREEN_HORIZON_S = 0.03
 """Duration of steps in the screen, s."""
 SLOPE_FRACTIONS = (0.3, 0.5, 0.75)
-"""Fractions between the slope after a reversal (0) and the static slope (1), for softened loops.
-The effective slope for small steps is not known in advance."""
+"""Slopes of softened loops, from the slope after a reversal (0) to the static slope (1). The
+effective slope for small steps is not known in advance."""
 
 
 def make_screen(
