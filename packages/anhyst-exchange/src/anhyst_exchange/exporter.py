@@ -156,7 +156,7 @@ def export_fmu(
     """
     path = Path(out)
     if path.suffix != ".fmu":
-        raise InputError(f"{path}: an FMU is written as .fmu; name it so", code="wrong-ending")
+        raise InputError(f"{path}: the name of an FMU must end in .fmu; rename it", code="wrong-ending")
     for name in platforms:
         if name not in PLATFORMS:
             raise InputError(
@@ -332,7 +332,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:
-        raise InputError(f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending")
+        raise InputError(f"{path}: the name of a table file must end in .csv or .json; rename it", code="wrong-ending")
     check_writable(path)
     valid_range, name = model.valid_range.schedule, model.output.column
     schedule_values = (

@@ -73,7 +73,7 @@ def _refuse_stage(rig: BodyRig) -> None:
         )
     if rig.settings.has_ground_heads:
         raise InputError(
-            f"{rig.path}: sensor.stands: an FMU of a stage does not support heads on the ground; leave it out",
+            f"{rig.path}: sensor.stands: an FMU of a stage does not support heads on the ground; remove the key",
             code="not-compiled-controller",
             key="sensor.stands",
         )
@@ -188,7 +188,7 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
     )
     controller_states = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
     states = [
-        Variable(name, "output", "1", f"of the controller: {text}")
+        Variable(name, "output", "1", f"{text} of the controller")
         for name, text in controller_states.items()
     ]
     return [

@@ -58,7 +58,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         )
     if address.is_unspecified:
         raise InputError(
-            f"--listen {text}: name the one address by which browsers will call it",
+            f"--listen {text}: name the address that browsers use",
             code="bad-address",
             key="--listen",
         )

@@ -168,7 +168,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
-        raise InputError("own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data")
+        raise InputError("own CSV: is empty; begin it with a header such as t_s,gap_um", code="no-data")
     number, header = lines[0]
     units = _read_header_units(number, header, unit)
     rows: list[tuple[float, float]] = []

@@ -246,7 +246,7 @@ def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if session.bench.has_own_clock:
         raise InputError(
-            "time: goes by itself on a board, at its own speed", code="time-goes-by-itself", key="time"
+            "time: a board runs at its own speed, which cannot be changed", code="time-goes-by-itself", key="time"
         )
     if "speed" in fields:
         speed = read_finite_number(fields, "speed")
@@ -254,7 +254,7 @@ def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         session.log_change(client_name, f"speed {speed:g} times real time")
     if fields.get("paused") is True:
         session.pacer.pause()
-        session.log_change(client_name, "time stands")
+        session.log_change(client_name, "time paused")
     elif fields.get("paused") is False:
         session.pacer.resume()
         session.log_change(client_name, "time goes on")

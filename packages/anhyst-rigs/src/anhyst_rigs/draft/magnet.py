@@ -62,7 +62,7 @@ class MeasuredMagnet:
         if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
-                "magnet may pull, and the loops are too uncertain there; give a larger one, or "
+                "magnet may pull, and the loops are too uncertain there; give a larger load, or "
                 "loops with smaller currents",
                 code="load-too-small",
                 key="load",

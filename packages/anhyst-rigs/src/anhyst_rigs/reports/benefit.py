@@ -237,7 +237,7 @@ def _benefit_section(gains: Benefit) -> Section:
                 f"benefit-{metric.key}",
                 f"Maps of the ratio of {title} over loop width and reversible fraction, one "
                 "column a case, one row a baseline; hatched if no gain is significant.",
-                f"{title.capitalize()} of full over that of the baseline, same gains. "
+                f"{title.capitalize()} of full divided by that of the baseline, same gains.  "
                 "Below 1 (violet), compensation is better. Crossed red: a significant loss, or the run "
                 "was lost. Hatched grey: not significant, because the 95 % confidence interval of the "
                 "difference contains zero. Dotted: nothing to gain, because both overshoots of a step "

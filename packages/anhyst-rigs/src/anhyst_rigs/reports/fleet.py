@@ -117,7 +117,7 @@ def _magnet_section(fleet: Fleet) -> Section:
     rows.sort(key=lambda row: -float(row[2]))
     head = ("magnet", "good", "own, %", "shared, %", "distance")
     caption = (
-        "The worst come first. Rms errors in % of the largest output; distance from the mean in standard "
+        "The magnets with the largest errors come first. Rms errors in % of the largest output; distance from the mean in standard "
         "deviations."
     )
     blocks: list[Block] = [make_table("Magnets", head, rows[:_MAX_ROWS], caption, texts=2)]

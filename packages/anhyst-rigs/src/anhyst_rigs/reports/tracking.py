@@ -246,7 +246,7 @@ def _headline(study: TrackingStudy) -> Headline:
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
         basis="Simulated. The gains of the feedforward were found for every variant by the same "
-        "search on a training set-point. All figures are for a test set-point that was not used for it. "
+        "search on a training set-point. All results are for a test set-point that was not used for it. "
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
         tiles=tuple(

@@ -101,7 +101,7 @@ class ForceControl(StudyResult):
         """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""
         if self.lost_in:
             raise NegativeResult(
-                f"the force was lost: {'; '.join(self.lost_in)}; all files are kept", code="force-lost"
+                f"the force was lost: {'; '.join(self.lost_in)}; all files are saved", code="force-lost"
             )
         if differing_ticks := self.figures["ticks_that_differ"]:
             raise NegativeResult(

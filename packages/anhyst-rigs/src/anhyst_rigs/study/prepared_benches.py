@@ -92,7 +92,7 @@ class PreparedBearing:
         variant = self.setup.method
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
-                f"the controller runs without a model ('{variant}'), so there is none to replace",
+                f"the controller runs without a model ('{variant}'), so there is no model to replace",
                 code="no-model",
             )
         controller_table, scales = self.setup.controller, running.scales

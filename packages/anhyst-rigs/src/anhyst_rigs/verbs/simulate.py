@@ -248,7 +248,7 @@ def _map_table(
     first = benefit.metrics[0]
     cases = dict.fromkeys(cell.case for cell in benefit.cells)
     rows = TerminalTable(
-        f"{first.title} of 'full' over that of {baseline}",
+        f"{first.title} of 'full' relative to that of {baseline}",
         ["loop width, reversible part", *map(_case_text, cases)],
     )
     for iron in dict.fromkeys(cell.iron for cell in benefit.cells):

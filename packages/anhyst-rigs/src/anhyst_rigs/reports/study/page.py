@@ -285,7 +285,7 @@ def origin_section(files: Mapping[str, str], command: str = "", seed: int | None
     rows: list[list[str | Cell]] = [
         [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
     ]
-    texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same figures."]
+    texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same results."]
     texts += [f"Made by: {command}"] if command else []
     blocks = [make_table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
     items = [Items("How to repeat the study", tuple(texts))] if texts else []

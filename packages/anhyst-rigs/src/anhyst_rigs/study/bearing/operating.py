@@ -67,7 +67,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     target_force = load_N if bias is None else bias
     min_force, max_force = float(force[0]), float(force[_CURRENT_POINTS - 1])
     if not min_force < target_force < max_force:
-        text = f"{target_force:g} N is not within what the magnet pulls at {gap:g} m"
+        text = f"{target_force:g} N is outside the force range of the magnet at {gap:g} m"
         text += f", {min_force:.4g} to {max_force:.4g} N; correct it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
     ascending_current_A = float(np.interp(target_force, force[:_CURRENT_POINTS], ascending_current))

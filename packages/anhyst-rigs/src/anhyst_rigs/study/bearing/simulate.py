@@ -142,7 +142,7 @@ class Simulation(StudyResult):
         if self.lost_in:
             raise NegativeResult(
                 f"'{self.main_variant}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
-                "figures and recording are kept",
+                "metrics and recording are saved",
                 code="levitation-lost",
             )
 

@@ -293,7 +293,7 @@ class StudyResult(Result):
         """Raise NegativeResult if control was lost."""
         if self.lost_in:
             raise NegativeResult(
-                f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
+                f"control was lost: {'; '.join(self.lost_in)}; metrics and recording are saved",
                 code="loop-lost",
             )
 

@@ -267,7 +267,7 @@ class TrackingStudy(StudyResult):
             return Judgement("unknown", f"the loop of '{COMPENSATOR}' was lost: {'; '.join(self.lost_in)}")
         baselines = [name for name in self.completed if METHODS[name].role == "baseline"]
         if not baselines:
-            return Judgement("unknown", "every baseline lost the loop")
+            return Judgement("unknown", "every baseline lost control")
         return judge_against_baselines(
             COMPENSATOR, self._compare_with_best(baselines), "measures", BENEFICIAL_CONDITIONS["stage"]
         )
