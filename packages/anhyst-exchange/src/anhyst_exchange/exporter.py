@@ -332,7 +332,9 @@ def export_tables(model: Model, out: PathLike) -> Path:
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:
-        raise InputError(f"{path}: the name of a table file must end in .csv or .json; rename it", code="wrong-ending")
+        raise InputError(
+            f"{path}: the name of a table file must end in .csv or .json; rename it", code="wrong-ending"
+        )
     check_writable(path)
     valid_range, name = model.valid_range.schedule, model.output.column
     schedule_values = (

@@ -188,8 +188,7 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
     )
     controller_states = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
     states = [
-        Variable(name, "output", "1", f"{text} of the controller")
-        for name, text in controller_states.items()
+        Variable(name, "output", "1", f"{text} of the controller") for name, text in controller_states.items()
     ]
     return [
         *variables_of_axes("reference", "input", "demanded position"),

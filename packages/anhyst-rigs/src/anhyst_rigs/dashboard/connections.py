@@ -102,7 +102,9 @@ class Connection(H11Protocol):
             and (until := connection._timer.when()) < latest_start
         }
         while len(close_times) > MAX_WAITING:
-            (host, _), *_ = Counter(one.host for one in close_times).most_common(1)
+            (host, _), *_ = Counter(
+                connection_of_host.host for connection_of_host in close_times
+            ).most_common(1)
             oldest = min((one for one in close_times if one.host == host), key=close_times.__getitem__)
             del close_times[oldest]
             oldest.drop()

@@ -196,7 +196,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
 
 def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
     """Return the units of both columns."""
-    units = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
+    units = [unit for unit in (parse_header(cell).unit for cell in header) if unit is not None]
     if len(header) == len(units) == 2:
         time, value = units
         if time.dimension == "time" and value.dimension == require_unit(unit).dimension:

@@ -121,18 +121,18 @@ def _measure(session: LiveSession, improver: Improver, client_name: str, fields:
 
 
 def _run_and_log(do: Callable[[Improver], None], text: str) -> _StepAction:
-    def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+    def act(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
         do(improver)
-        session.log_change(who, text)
+        session.log_change(client_name, text)
         return {}
 
     return act
 
 
 def _swap_model_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction:
-    def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+    def act(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
         tick = exchange(improver)
-        session.log_change(who, text)
+        session.log_change(client_name, text)
         session.curves = improver.known_model.curves
         if session.monitored_model is not None:
             session.monitor(improver.model_to_monitor())  # restart with the new model
@@ -246,7 +246,9 @@ def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if session.bench.has_own_clock:
         raise InputError(
-            "time: a board runs at its own speed, which cannot be changed", code="time-goes-by-itself", key="time"
+            "time: a board runs at its own speed, which cannot be changed",
+            code="time-goes-by-itself",
+            key="time",
         )
     if "speed" in fields:
         speed = read_finite_number(fields, "speed")

@@ -149,12 +149,12 @@ def live(
     with listen_on(*read_address(listen, token)) as listening_socket:
         with serve_start_page(listening_socket, title, work) as start:
 
-            def told(done: float, total: float) -> None:
-                start.update(done, total)
+            def report_progress(completed: float, total: float) -> None:
+                start.update(completed, total)
                 if progress is not None:
-                    progress(done, total)
+                    progress(completed, total)
 
-            bench, improver, learner = _open_bench(rig, controller, url, known, told)
+            bench, improver, learner = _open_bench(rig, controller, url, known, report_progress)
             try:
                 recording = (
                     None

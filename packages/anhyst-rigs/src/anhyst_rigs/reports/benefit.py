@@ -260,11 +260,11 @@ def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) 
         f"significant loss in {loss_count}, nothing to gain in {no_potential_count}"
     )
     if gain_cells:
-        cell, best = min(gain_cells, key=lambda one: _ratio_or_nan(one[1]))
+        cell, largest_gain = min(gain_cells, key=lambda pair: _ratio_or_nan(pair[1]))
         width, fraction = (gains.mean_loop_width(cell.iron.pinning_scale), cell.iron.reversible_fraction)
         share = "" if fraction is None else f"reversible fraction {fraction:g}, "
         text += (
-            f"; at best {100.0 * (1.0 - _ratio_or_nan(best)):.0f}{NBSP}% less than {best.baseline} ("
+            f"; at best {100.0 * (1.0 - _ratio_or_nan(largest_gain)):.0f}{NBSP}% less than {largest_gain.baseline} ("
             f"{'step of ' * isinstance(cell.case, float)}{_case_text(cell.case)}, {share}loop width "
             f"{100.0 * width:.2g}{NBSP}%)"
         )

@@ -122,10 +122,10 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 def _worst_plants(runs: MonteCarlo) -> Items:
     """Return the worst plant of each case of the first metric, with its drift."""
-    figure, own = runs.plants.figures[0], runs.plants.own_method
+    figure, own_method = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
-        values = runs.values(own, figure.key, case)
+        values = runs.values(own_method, figure.key, case)
         worst = int(np.argmax(values))
         value_text = "lost"
         if math.isfinite(values[worst]):
@@ -134,7 +134,7 @@ def _worst_plants(runs: MonteCarlo) -> Items:
             f"{_figure_title(figure, name)}, {value_text}: plant {worst}, {_drift_text(runs.drifts[worst])}"
         )
         rows.append(text)
-    return Items(f"Worst plants of {own}", tuple(rows))
+    return Items(f"Worst plants of {own_method}", tuple(rows))
 
 
 def _drift_text(drift: Drift) -> str:

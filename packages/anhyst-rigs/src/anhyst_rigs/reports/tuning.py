@@ -42,10 +42,10 @@ def figure_pareto(
     for name in in_report_order(trial.variant for trial in finite):
         variant_trials = [trial for trial in finite if trial.variant == name]
         for meets_aims, alpha in ((False, 0.25), (True, 0.8)):
-            drawn = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
+            drawn_trials = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
             ax.scatter(
-                [metric.factor * trial.reached for trial in drawn],
-                [trial.peak for trial in drawn],
+                [metric.factor * trial.reached for trial in drawn_trials],
+                [trial.peak for trial in drawn_trials],
                 s=9.0,
                 marker="o" if meets_aims else "x",
                 color=COLOURS[name],
@@ -60,11 +60,11 @@ def figure_pareto(
             drawstyle="steps-post",
             label=f"front, {name}",
         )
-        if (best := chosen.get(name)) is not None:
-            reached = metric.factor * best.reached
-            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {best.peak:.2f}"
+        if (chosen_point := chosen.get(name)) is not None:
+            reached = metric.factor * chosen_point.reached
+            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {chosen_point.peak:.2f}"
             star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
-            ax.plot([reached], [best.peak], "*", **star, label=label)
+            ax.plot([reached], [chosen_point.peak], "*", **star, label=label)
     limit, peak_limit = limits
     if limit is not None:
         ax.axvline(metric.factor * limit, color=ALARM_COLOUR, lw=0.9, ls="--", label="aims")
@@ -104,7 +104,7 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
         for name, tuned in tuning.tuned.items()
         if math.isfinite(tuned.figures.cost)
     }
-    least = tuning.first_tuned.figures.cost_name
-    limits = tuning.aims.limits.get(least), tuning.aims.peak_sensitivity
-    figure = figure_pareto(candidates, chosen, GAIN_METRICS[least], limits)
+    minimised_name = tuning.first_tuned.figures.cost_name
+    limits = tuning.aims.limits.get(minimised_name), tuning.aims.peak_sensitivity
+    figure = figure_pareto(candidates, chosen, GAIN_METRICS[minimised_name], limits)
     write_png(figure, folder / RESULT_FILES[2])

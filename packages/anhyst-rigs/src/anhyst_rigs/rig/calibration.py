@@ -178,8 +178,8 @@ def read_calibration(
     for method in file.method:
         names = {number.name for number in method.parameter}
         kinds = {parameter_kind(name) for name in names}
-        missing = {name for name in expected - names if parameter_kind(name) in kinds}
-        for name in sorted(names - expected) or sorted(missing):
+        missing_names = {name for name in expected - names if parameter_kind(name) in kinds}
+        for name in sorted(names - expected) or sorted(missing_names):
             raise InputError(
                 f"{path}: {name}: the parameters are not those of {rig}; calibrate again",
                 code="unknown-name",

@@ -235,8 +235,8 @@ class _StaticFit:
 
     def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
         """Return the smallest cost from an initial guess, and its parameters."""
-        best = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
-        return float(best.cost), best.x
+        result = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
+        return float(result.cost), result.x
 
     def turns(self, at: FloatArray) -> float:
         """Return the number of turns for some parameters, before rounding."""

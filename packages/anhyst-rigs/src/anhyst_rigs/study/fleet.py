@@ -158,9 +158,9 @@ class Fleet(Result):
             return {}
         pairs = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
         return {
-            f"{name}, {what}": float(number)
+            f"{name}, {suffix}": float(number)
             for name, value, std in pairs
-            for what, number in (("in the fleet", value), ("in the fleet, std", std))
+            for suffix, number in (("in the fleet", value), ("in the fleet, std", std))
         }
 
     def as_dict(self) -> dict[str, Any]:

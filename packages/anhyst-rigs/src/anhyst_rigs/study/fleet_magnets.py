@@ -262,7 +262,7 @@ def choose_law(
         return FleetChoice(settings)
     chosen = {name: (member.model.law, member.model.gap_map) for name, member in identifications.items()}
     most_common = Counter(chosen.values()).most_common(1)[0][0]
-    pilots = tuple(name for name, own in chosen.items() if own == most_common)
+    pilots = tuple(name for name, choice in chosen.items() if choice == most_common)
     law, gap_map = most_common[0], "auto" if most_common[1] == "none" else most_common[1]
     content = {
         "made_from": _choice_inputs(tried_members, settings),

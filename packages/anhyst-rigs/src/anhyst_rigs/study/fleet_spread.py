@@ -147,8 +147,8 @@ def estimate_spread(
         belongs = now_belongs
     is_outlier = squares > limit
     pooled = [
-        (y, s) if keeps else _pool(y, s, mean, scatter)
-        for y, s, keeps in zip(values, covariances, is_outlier, strict=True)
+        (y, s) if keeps_estimate else _pool(y, s, mean, scatter)
+        for y, s, keeps_estimate in zip(values, covariances, is_outlier, strict=True)
     ]
     pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
     pooled_std = np.array([np.sqrt(np.diag(estimate)) for _, estimate in pooled])

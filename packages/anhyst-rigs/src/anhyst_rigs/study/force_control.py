@@ -94,8 +94,8 @@ class ForceControl(StudyResult):
     @property
     def lost_in(self) -> list[str]:
         """All trials in which the controlled force was lost."""
-        lost: list[str] = self.figures["lost_in"]
-        return lost
+        lost_trials: list[str] = self.figures["lost_in"]
+        return lost_trials
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""

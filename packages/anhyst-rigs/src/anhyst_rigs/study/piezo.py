@@ -116,9 +116,9 @@ class PiezoTracking(StudyResult):
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if the loop with ``full`` was lost."""
-        if lost := self.runs["full"].loss_text:
+        if loss_text := self.runs["full"].loss_text:
             raise NegativeResult(
-                f"the loop was lost {lost}: a bandwidth of "
+                f"the loop was lost {loss_text}: a bandwidth of "
                 f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz is too high for this stage; "
                 "the recording is kept",
                 code="loop-lost",

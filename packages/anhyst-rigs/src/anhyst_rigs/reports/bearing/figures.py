@@ -79,8 +79,8 @@ def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, R
     """Return the time since the step in ms, and the part of a recording that is shown."""
     step, recording = panel.step, panel.recordings[name]
     tick = recording["t_s"][1] - recording["t_s"][0]
-    first = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
-    part = recording.slice_ticks(first, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
+    first_tick = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
+    part = recording.slice_ticks(first_tick, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
     return 1e3 * (part["t_s"] - recording["t_s"][step.begin]), part
 
 
@@ -203,8 +203,8 @@ def figure_standstill(recordings: Recordings) -> Figure:
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
         ax = figure.add_subplot(grid[row, 0], sharex=first, sharey=first)
         first = first or ax
-        keep = time <= 100.0
-        ax.plot(time[keep], deviation[keep], color=COLOURS[name], lw=0.8)
+        is_shown = time <= 100.0
+        ax.plot(time[is_shown], deviation[is_shown], color=COLOURS[name], lw=0.8)
         ax.set_title(f"{name}: {deviation.std():.2f} nm rms", fontsize=8.5)
         ax.set_ylabel("nm")
         ax.tick_params(labelbottom=row + 1 == len(names))
@@ -248,12 +248,12 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
     """Return the measured loops of the nearest gaps: one on each side, if there are two."""
     loops_by_gap = [(loop.schedule_value, loop) for loop in loops.loops]
     gaps = sorted({value for value, _ in loops_by_gap if value is not None})
-    below = [value for value in gaps if value <= gap][-1:]
+    lower_gap = [value for value in gaps if value <= gap][-1:]
     above = [value for value in gaps if value > gap][:1]
     return [
         LoopCurve(value, loop.input, loop.output)
         for value, loop in loops_by_gap
-        if value is not None and value in (*below, *above)
+        if value is not None and value in (*lower_gap, *above)
     ]
 
 

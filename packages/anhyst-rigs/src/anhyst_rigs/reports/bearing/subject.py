@@ -99,7 +99,7 @@ class SimulationSubject:
     def step_text(self, step: StepComparison) -> str:
         """Return a step as text, with the load only if there are several loads."""
         place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
-        has_several_loads = len({other.load for other in self.steps}) > 1
+        has_several_loads = len({step.load for step in self.steps}) > 1
         return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
 
 
@@ -394,8 +394,8 @@ def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
 def experiment_tables(experiments: Experiments) -> list[PageTable]:
     """Return the metrics of trajectories, load steps and disturbing events."""
     trajectories = {
-        f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": one
-        for shape, one in experiments.trajectories
+        f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": by_variant
+        for shape, by_variant in experiments.trajectories
     }
     loads = {f"load step of {force:g}{NBSP}N": one for force, one in experiments.load_steps}
     recovery: dict[str, VariantFigures] = dict(loads)

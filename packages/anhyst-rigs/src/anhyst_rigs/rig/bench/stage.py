@@ -290,10 +290,10 @@ class StageBench(CycleBench):
         forward = mass * mass_acceleration + setup.cable_stiffness * (self._course_start + ahead[:, 3])
         return self._course_start + positions, accelerations, forward
 
-    def _next_stray(self, n: int, late: FloatArray | float) -> FloatArray:
+    def _next_stray(self, n: int, delayed_acceleration: FloatArray | float) -> FloatArray:
         """Return the path error of the long stroke at the next ticks, m, as in a simulation."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
-        return frame_stray_from(self.rig, late, self.rig.dt * ticks)
+        return frame_stray_from(self.rig, delayed_acceleration, self.rig.dt * ticks)
 
     def _run_ticks(self, n: int) -> FloatArray:
         if self._active_course is not None:

@@ -128,10 +128,10 @@ def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> f
 
 def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
     """Return the first time from which the error stays within the band; inf if it does not."""
-    first = settling_tick(error, band)
-    if not first:
+    settled_tick = settling_tick(error, band)
+    if not settled_tick:
         return 0.0
-    return math.inf if first == len(elapsed) else float(elapsed[first])
+    return math.inf if settled_tick == len(elapsed) else float(elapsed[settled_tick])
 
 
 _MIN_PERIODS = 5  # measured periods of each frequency

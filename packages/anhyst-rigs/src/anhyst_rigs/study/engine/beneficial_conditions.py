@@ -14,8 +14,8 @@ BENEFICIAL_CONDITIONS: Mapping[str, str] = MappingProxyType(
         # a force is controlled without a force sensor
         "force": "it would be beneficial at a constant gap, where the iron and not the gap map causes the error",
         # a stage follows set-points with feedforward
-        "stage": "it would pay with set-points that change and move the mass, a right calibration, and "
-        "iron with return-point memory",
+        "stage": "it would be beneficial with varying set-points that move the mass, a correct calibration, "
+        "and iron with return-point memory",
         # a piezo stage follows a reference under integral feedback
         "piezo": "it would be beneficial with a faster reference or a slower feedback, which then cannot "
         "compensate the loop",

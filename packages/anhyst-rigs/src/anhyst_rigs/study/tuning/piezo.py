@@ -273,7 +273,7 @@ class PiezoLoop:
             for name in nominal_results[0].by_name()
         }
         errors = [result.error_rms_m for result in random_results]
-        lost = sum(map(math.isinf, errors))
+        lost_count = sum(map(math.isinf, errors))
         median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
         error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
@@ -285,8 +285,8 @@ class PiezoLoop:
             seed_count=len(seeds),
             half_widths={},
             locations={},
-            rows={"plants": {"lost": lost, "error_rms_m": errors}},
-            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost} were lost" if lost else error_text),),
+            rows={"plants": {"lost": lost_count, "error_rms_m": errors}},
+            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost_count} were lost" if lost_count else error_text),),
         )
 
     def _run_check(self, task: tuple[PiezoCondition, int]) -> PiezoFigures | None:

@@ -203,16 +203,16 @@ def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: in
 
     points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
-    best: FloatArray = points[int(np.argmin(cost))]
+    best_point: FloatArray = points[int(np.argmin(cost))]
     minimum_cost = float(np.min(cost))
-    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_POPULATION)
+    strategy = CmaStrategy(best_point, 0.1, [seed, 2], REFINEMENT_POPULATION)
     for _ in range(REFINEMENT_GENERATIONS):
         points_tried = strategy.ask()
         cost = costs(points_tried)
         strategy.tell(cost)
         if float(np.min(cost)) < minimum_cost:
-            best, minimum_cost = points_tried[int(np.argmin(cost))], float(np.min(cost))
-    return best
+            best_point, minimum_cost = points_tried[int(np.argmin(cost))], float(np.min(cost))
+    return best_point
 
 
 class LinearLoops(Protocol):
@@ -395,7 +395,7 @@ class GainSearch:
         self._evaluate_points(np.array(points), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
-                f"none of the {len(points)} best sets of gains of linear loops holds the body at all "
+                f"none of the {len(points)} best sets of gains of linear loops keeps control at all "
                 "conditions; run 'anhyst simulate' to see the loss, and check the limits and the load",
                 code="no-gains-hold",
             )

@@ -386,9 +386,9 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
     return StageFigures(**means), widths
 
 
-def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
+def _summarise_plants(plant_figures: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
     """Return the results of random plants, for tuning.json and as a sentence."""
-    count, survivors = len(drawn), [figures for figures in drawn if figures is not None]
+    count, survivors = len(plant_figures), [figures for figures in plant_figures if figures is not None]
     lost_count, averages = count - len(survivors), [figures.average_m for figures in survivors]
     peaks = [figures.error_peak_m for figures in survivors]
     plants = {"drawn": count, "lost": lost_count, "average_m": averages, "error_peak_m": peaks}
