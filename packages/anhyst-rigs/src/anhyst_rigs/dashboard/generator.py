@@ -177,7 +177,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
         last = rows[-1][0] if rows else -1.0
         if time <= last:
             raise InputError(
-                f"own CSV: line {number}: the time is not behind that of the row before",
+                f"own CSV: line {number}: the time is not later than in the previous row",
                 code="time-not-rising",
             )
         if not rows and time != 0.0:
@@ -218,7 +218,7 @@ def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[
             value = unit.value_to_si(float(cell))
         except ValueError:
             raise InputError(
-                f"own CSV: line {number}: '{cell[:40]}' is no number", code="not-a-number"
+                f"own CSV: line {number}: '{cell[:40]}' is not a number", code="not-a-number"
             ) from None
         if not math.isfinite(value):
             raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite")

@@ -276,9 +276,9 @@ class Improver:
         needed, code, why = _REQUIRED_STEP.get(step), "step-missing", ""
         if step == "watch" and not self._prepared.has_single_magnet:
             code = "force-of-a-pair"
-            why = "of a pair only the sum of both forces is known, not one's own"
+            why = "for a pair of magnets, only the sum of both forces is known"
         elif step in (*IMPROVEMENT_STEPS, "back") and self._job is not None:
-            code, why = "busy", f"{self._step} is still under way; wait, or cancel it"
+            code, why = "busy", f"{self._step} is still running; wait, or cancel it"
         elif step == "cancel" and self._job is None:
             why = "nothing is under way"
         elif step == "back" and self._previous is None:

@@ -148,7 +148,9 @@ def _files(session: LiveSession, improver: Improver, client_name: str, fields: F
 def _watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     is_on = fields.get("on") is True
     session.monitor(improver.model_to_monitor() if is_on else None)
-    session.log_change(client_name, "drift is watched from now on" if is_on else "drift is watched no more")
+    session.log_change(
+        client_name, "drift is monitored from now on" if is_on else "drift is no longer monitored"
+    )
     return {}
 
 
@@ -157,7 +159,7 @@ _STEP_ACTIONS: Mapping[str, _StepAction] = {
     "identify": _run_and_log(Improver.identify, "a model is identified"),
     "compile": _run_and_log(Improver.compile, "the model is compiled"),
     "swap": _swap_model_and_log(Improver.swap, "the new model is swapped in"),
-    "back": _swap_model_and_log(Improver.swap_back, "the model before is swapped in"),
+    "back": _swap_model_and_log(Improver.swap_back, "the previous model is swapped in"),
     "cancel": _run_and_log(Improver.cancel, "work cancelled"),
     "files": _files,
     "watch": _watch,
@@ -295,7 +297,7 @@ def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         )
     if fields.get("revert") is True:
         applied = learner.revert()
-        session.log_change(client_name, "what was learnt is forgotten")
+        session.log_change(client_name, "the estimates are deleted")
         return {"applied": applied}
     learner.switch(fields.get("on") is True)
     session.log_change(client_name, "learns from its motion" if learner.is_on else "learns no more")
@@ -305,7 +307,7 @@ def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 def _save_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     session.sets.save(name, session.parameters)
-    session.log_change(client_name, f"saved what is in force as {name}")
+    session.log_change(client_name, f"saved the active values as {name}")
     return {"file": f"{name}{FILE_SUFFIX}"}
 
 

@@ -210,7 +210,7 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
     try:
         return kind(path, signals, rate)
     except FileExistsError:
-        raise InputError(f"{path}: is there already; name a new file", code="exists-already") from None
+        raise InputError(f"{path}: exists already; choose a new name", code="exists-already") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}", code="cannot-be-written") from None
 

@@ -35,10 +35,10 @@ class ParameterSets:
         path = self._path(name)
         self._list_names()
         if name in self.names:
-            raise InputError(f"{path.name}: is there already; name a new set", code="exists-already")
+            raise InputError(f"{path.name}: exists already; choose a new name", code="exists-already")
         if len(self.names) >= _MAX_SETS:
             raise InputError(
-                f"sets: {_MAX_SETS} stand in the folder; remove some of their files",
+                f"sets: {_MAX_SETS} are in the folder; remove some of their files",
                 code="too-many-sets",
                 key="sets",
             )
@@ -97,7 +97,7 @@ def changed_values(
     for name, saved_value in saved.items():
         if name not in current:
             raise InputError(
-                f"set: {name}: is no parameter of this bench", code="unknown-parameter", key=name
+                f"set: {name}: is not a parameter of this bench", code="unknown-parameter", key=name
             )
         if saved_value["unit"] != current[name].unit:
             raise InputError(

@@ -262,7 +262,7 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
             f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops with larger "
+            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower the load, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

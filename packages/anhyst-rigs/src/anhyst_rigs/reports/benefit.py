@@ -182,7 +182,7 @@ def _headline(gains: Benefit, title: str, description: str, run_text: str) -> He
         notes=(Note("info", "What is compared", _COMPARISON_TEXT.format(run_text)),),
         tiles=(),
         comparison=None,
-        validity="These figures apply only to this plant, its iron and these settings.",
+        validity="These results apply only to this plant, its iron and these settings.",
     )
 
 
@@ -297,7 +297,7 @@ def _iron_table(gains: Benefit) -> PageTable:
             "label",
         ),
         rows,
-        "Loop width: of the largest drive. Slope just after a reversal over the static slope: "
+        "Loop width: of the largest drive. Ratio of the slope just after a reversal to the static slope: "
         "below a quarter an iron is pathological.",
         texts=0,
     )

@@ -42,7 +42,7 @@ def _headline(fleet: Fleet) -> Headline:
         description=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
         f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
         basis=f"A good magnet: its verified controller is at most "
-        f"{fleet.settings.tolerance:g} % of the largest output in error, rms over its loops.",
+        f"{fleet.settings.tolerance:g} % of the largest output in error, rms of all its loops.",
         notes=tuple(notes),
         tiles=(
             Tile(f"{good_count} of {count}", "good", "each with its own controller"),

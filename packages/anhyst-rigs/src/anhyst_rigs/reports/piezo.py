@@ -79,7 +79,7 @@ def render(tracked: PiezoTracking, command: str) -> str:
             for metric in DEVIATION_METRICS
         ),
         comparison=comparison_table(tracked),
-        validity="These figures apply only to this stage and this triangle.",
+        validity="These results apply only to this stage and this triangle.",
     )
     tracking_picture = picture(
         figure_tracking(tracked),

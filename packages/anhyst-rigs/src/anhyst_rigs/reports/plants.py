@@ -68,7 +68,7 @@ def _headline(runs: MonteCarlo) -> Headline:
         ),
         tiles=(),
         comparison=None,
-        validity="These figures apply only to this spread.",
+        validity="These results apply only to this spread.",
     )
 
 
@@ -94,9 +94,9 @@ def _drift_section(runs: MonteCarlo) -> Section:
     drift_picture = picture(
         figure_drift(spreads),
         "drift",
-        f"Distribution of figures over the plants, with percentiles marked: {', '.join(spreads)}.",
-        "Share of plants below each figure; dots at "
-        f"{', '.join(str(percent) for percent in PERCENTILES)} %. A lost plant counts as "
+        f"Distribution of metrics of the plants, with percentiles marked: {', '.join(spreads)}.",
+        "Fraction of plants below each value; dots at "
+        f"{', '.join(str(percent) for percent in PERCENTILES)} %. A plant that lost control counts as "
         "infinite.",
     )
     return Section("drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs)))

@@ -178,7 +178,7 @@ def render(study: TrackingStudy, command: str) -> str:
     settled = picture(
         figure_settling(study.variants, study.rig.settings.scan.cruise_s),
         "settling",
-        "Histograms of the settling time into 50 and 10 nm, a row a variant.",
+        "Histograms of the settling time into 50 and 10 nm, one row per variant.",
         "All scans of all noise seeds. Scans that never settle are at the right end.",
     )
     sections = [
@@ -263,7 +263,7 @@ def _headline(study: TrackingStudy) -> Headline:
             for metric in _TILE_METRICS
         ),
         comparison=comparison_table(study),
-        validity="These figures apply only to this plant, its iron and these settings.",
+        validity="These results apply only to this plant, its iron and these settings.",
     )
 
 

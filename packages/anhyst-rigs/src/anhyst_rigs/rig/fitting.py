@@ -77,7 +77,7 @@ def identify_magnet_with_ripple(
         text += "'fused' with a probe is better"
     elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
         alternative = cell_magnet
-        text = "no law follows this; 'single-valued' may be better than 'full', and a probe is"
+        text = "no law describes this; 'single-valued' may be better than 'full', and a probe is better"
     else:
         return cell_magnet
     text = f"minor loops do not close: this iron has no return-point memory; {text}"

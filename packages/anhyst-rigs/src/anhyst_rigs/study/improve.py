@@ -92,7 +92,7 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
         if name in names:
             return 1 + names.index(name)
     raise InputError(
-        f"watch: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
+        f"monitor: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
     )
 
 

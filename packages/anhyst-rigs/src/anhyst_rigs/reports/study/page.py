@@ -249,11 +249,11 @@ _METHOD_REMARKS: Mapping[MethodName, str] = {
     "ratio": "the paper's case without compensation; the negative stiffness remains",
     "secant": "the same, as a line through the origin",
     "linearised": "cancels the negative stiffness at the operating point: standard practice",
-    "single-valued": "best possible curve without hysteresis",
+    "single-valued": "best single-valued curve",
     "play": "simplest hysteresis model: the width of the loops and one state",
     "simplified": "inverse of the simplified law",
     "at-rest": "as full, but without the eddy-current lag",
-    "full": "inverse of the identified law, its state advanced with what was applied",
+    "full": "inverse of the identified law, with its state updated by the applied current",
     "flux": "measures the flux density with a Hall probe in the gap instead of a model",
     "fused": "full, corrected by a Hall probe in the gap",
 }

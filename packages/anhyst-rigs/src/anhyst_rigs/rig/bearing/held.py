@@ -72,7 +72,7 @@ def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | Non
         if faults.any():
             force = setup.controller.limits.force_high_N
             return (
-                "the armature did not lift: it lay on its rest at "
+                "the armature did not lift: it was still on its rest at "
                 f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
                 "force_high_N or lower the load"
             )

@@ -200,7 +200,7 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     scenario = scan_scenario(rig, motion.derivatives_at(time)[0], frame_stray(rig, motion, time), wrench)
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     if loss := find_stage_loss(rig, run, rows):
-        text = f"{rig.path}: the loop is lost in the simulated flight: {loss.reason}; check it"
+        text = f"{rig.path}: control is lost in the simulated motion: {loss.reason}; check it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
     read = [run[column_name("gap_read", "m", number)] for number in range(1, magnets + heads + 1)]

@@ -170,7 +170,7 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
-        why = "[spread] states no errors, or the loop is lost" if run is None else f"lost {run.loss_text}"
+        why = "[spread] states no errors, or control is lost" if run is None else f"lost {run.loss_text}"
         raise NegativeResult(f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown")
 
     def information(run: Recording) -> Information:

@@ -187,7 +187,7 @@ BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
 """Candidates for the deceleration, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
 """Factor of the highest number of a lost magnet in the recorded state word."""
-LOSS_TITLE = "loss of a magnet in flight, when it pulls most, or of a head"
+LOSS_TITLE = "loss of a levitating body's magnet, when it pulls most, or of a head"
 LOSS_COLUMNS = (
     "lost",
     "outcome",

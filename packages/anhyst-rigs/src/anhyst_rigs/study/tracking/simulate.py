@@ -450,7 +450,7 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
         return
     text = (
         f"the loop was lost {run.loss_text}: a crossover of "
-        f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not hold this stage"
+        f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not control this stage"
     )
     if out is None:
         raise NegativeResult(text, code="loop-lost")

@@ -216,7 +216,7 @@ class BearingLoop:
         """Return lines of text that explain the parameters of a point."""
         return [
             f"Poles of the moving mass: pair at {parameters['bandwidth_Hz']:.4g} Hz with damping "
-            f"{parameters['damping']:.3g}, real one at "
+            f"{parameters['damping']:.3g}, real pole at "
             f"{parameters['bandwidth_Hz'] * parameters['real_pole']:.4g} Hz;",
             f"virtual mass {100.0 * parameters['virtual_mass']:.3g} % of the mass.",
         ]

@@ -297,7 +297,7 @@ def make_markdown(tuning: Tuning) -> str:
         f"Rig: {tuning.rig.settings.name}. Aims: {format_aims(tuning)}.",
         f"Worst of {len(loop.conditions)} conditions "
         f"({'; '.join(item.text for item in loop.conditions)}), {loop.trial_text}; "
-        f"means of {seed_count} noise seeds with 95 % intervals. Each variant was tuned for itself: "
+        f"means of {seed_count} noise seeds with 95 % intervals. Each variant was tuned separately: "
         f"{tuning.budget} sets of gains, seed {tuning.seed}.",
         "",
         f"| {' | '.join(columns)} |",
