@@ -82,7 +82,7 @@ PLATFORMS = {
 PLATFORM_NAMES = tuple(PLATFORMS)
 
 REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
-"""No product is fused into a sum, so that the bits equal those of the core in Python."""
+"""Options that forbid fused multiply-add, so that the bits equal those of the core in Python."""
 
 
 def compile_all(

@@ -80,7 +80,7 @@ class Part:
 
 
 def c_array_literal(values: Iterable[float]) -> str:
-    """Return numbers as a C initialiser, from which a compiler reads the same bits."""
+    """Return numbers as a C initialiser; a compiler reads exactly the same numbers from it."""
     return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 

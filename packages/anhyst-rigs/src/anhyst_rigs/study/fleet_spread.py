@@ -48,7 +48,7 @@ class MagnetEstimate:
     # in units of the quantities; std infinite if the loops do not determine one; shape (q,)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray  # of the coordinates; shape (q, q)
+    correlation: FloatArray  # correlation of the coordinates; shape (q, q)
 
     @classmethod
     def from_uncertainty(
@@ -81,7 +81,7 @@ class FleetSpread:
     # outlier is from its loops only; shape (n, q)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray  # of the pooled estimates; shape (n, q, q)
+    correlation: FloatArray  # correlation of the pooled estimates; shape (n, q, q)
     # distance from the mean: root of the squared Mahalanobis distance divided by the number of
     # quantities; shape (n,)
     distance: FloatArray

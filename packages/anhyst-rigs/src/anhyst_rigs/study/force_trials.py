@@ -229,7 +229,7 @@ def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
-    """Return every trial in which the force of ``full`` was lost, with time and reason."""
+    """Return every trial in which ``full`` lost control of the force, with time and reason."""
     losses = []
     for outcome in outcomes:
         demand, recording = outcome.trial.demand, outcome.recordings["full"]

@@ -152,7 +152,7 @@ class ModelComparison:
     def residual_figures(
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
     ) -> dict[str, float]:
-        """Return rms and peak residual over all loops or those of one gap, including sensor noise."""
+        """Return rms and peak residual of all loops, or of one gap, including sensor noise."""
         residual = np.concatenate(
             [
                 force - loop.output

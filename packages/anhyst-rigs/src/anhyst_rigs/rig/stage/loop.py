@@ -71,7 +71,7 @@ class StageSetup(Setup):
     # number format of PID and allocation; f64 for any compensator, f32 for f32 and fixed ones
     number_format: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # difference between the plant and the rig file
-    # of every magnet, in the form of the core; not in fixed point
+    # corrections of every magnet, in the form of the core; not in fixed point
     correction_rows: FloatArray | None = None
     # estimated changes of mass and centre of mass, used by the feedforward
     body_corrections: Mapping[ParameterName, float] = field(default_factory=dict)

@@ -127,7 +127,7 @@ def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> f
 
 
 def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
-    """Return the first time from which the error stays within the band; inf if it does not."""
+    """Return the time after which the error stays within the band; inf if it does not."""
     settled_tick = settling_tick(error, band)
     if not settled_tick:
         return 0.0

@@ -309,7 +309,7 @@ class StageLaw(MotionLaw):
 
 
 REFERENCE_WINDOW_S = 0.06
-"""Window in which the reference must have moved for a tick to be compared, s."""
+"""A tick is compared only if the reference moved within a window of this length, s."""
 MIN_REFERENCE_CHANGE_RATIO = 0.02
 """Smallest change of the reference in that window, as a fraction of the travel. At rest, a load
 could not be distinguished from an error of the magnet."""
