@@ -115,10 +115,10 @@ class PiezoTracking(StudyResult):
         return [f"{name} {run.loss_text}" for name, run in self.runs.items() if run.loss_text]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult if the loop with ``full`` was lost."""
+        """Raise NegativeResult if control was lost with ``full``."""
         if loss_text := self.runs["full"].loss_text:
             raise NegativeResult(
-                f"the loop was lost {loss_text}: a bandwidth of "
+                f"control was lost {loss_text}: a bandwidth of "
                 f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz is too high for this stage; "
                 "the recording is kept",
                 code="loop-lost",

@@ -460,7 +460,7 @@ class StageBench(CycleBench):
             if self._is_lifting_or_landing:
                 raise InputError("the stage is lifting or landing: wait", code="wrong-state")
             if self._state is State.FAULT:
-                raise InputError("the stage is lost: press clear first", code="wrong-state")
+                raise InputError("the stage has lost control: press clear first", code="wrong-state")
             self._staged |= staged
             due = self._next_rest_tick
         self._pushes |= pushes

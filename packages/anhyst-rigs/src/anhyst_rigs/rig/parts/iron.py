@@ -147,7 +147,7 @@ class DuhemSteel(AnySteel):
     family: Literal["duhem"]
     coercivity_A_per_m: Positive  # half the width of a large loop about zero
     turning_T: Positive  # polarisation by which this part settles by a factor e after a reversal
-    # share of the coercive field that is lost at saturation
+    # fraction of the coercive field that is lost at saturation
     fading: Annotated[float, Field(ge=0.0, lt=1.0)]
 
     def make_steel(self) -> Steel:

@@ -264,7 +264,7 @@ class TrackingStudy(StudyResult):
     def verdict(self) -> Judgement:
         """Whether compensation is beneficial on this stage, against the strongest baselines."""
         if self.lost_in:
-            return Judgement("unknown", f"the loop of '{COMPENSATOR}' was lost: {'; '.join(self.lost_in)}")
+            return Judgement("unknown", f"control was lost with '{COMPENSATOR}': {'; '.join(self.lost_in)}")
         baselines = [name for name in self.completed if METHODS[name].role == "baseline"]
         if not baselines:
             return Judgement("unknown", "every baseline lost control")
@@ -449,7 +449,7 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     if run.loss is None:
         return
     text = (
-        f"the loop was lost {run.loss_text}: a crossover of "
+        f"control was lost {run.loss_text}: a crossover of "
         f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not control this stage"
     )
     if out is None:

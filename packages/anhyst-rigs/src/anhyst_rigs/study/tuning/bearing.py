@@ -67,7 +67,7 @@ class BearingLoop:
 
     @property
     def space(self) -> BearingSpace:
-        """The box of parameters that is searched."""
+        """The search range of all parameters."""
         settings = self.setup.rig.settings
         return BearingSpace(settings.timing.rate_Hz, settings.body.mass_kg)
 

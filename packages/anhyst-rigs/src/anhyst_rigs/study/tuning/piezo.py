@@ -203,7 +203,7 @@ class PiezoLoop:
 
     @property
     def space(self) -> PiezoSpace:
-        """The box of parameters that is searched."""
+        """The search range of all parameters."""
         return PiezoSpace(self.rig.settings)
 
     def linear_loops(self, conditions: Sequence[PiezoCondition]) -> LinearPiezo:
@@ -298,7 +298,7 @@ class PiezoLoop:
     ) -> list[Limit]:
         """Report what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("error_rms_m", "the loop was lost with a noise seed or a random plant")]
+            return [Limit("error_rms_m", "control was lost with a noise seed or a random plant")]
         linear = self.linear_loops(self.conditions)
         twice_damping = linear.with_doubled("flexure", "damping_ratio")
         changes = {

@@ -165,7 +165,7 @@ class StageLoop:
 
     @property
     def space(self) -> StageSpace:
-        """The box of parameters that is searched."""
+        """The search range of all parameters."""
         return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.max_crossover)
 
     @property
@@ -310,7 +310,7 @@ class StageLoop:
     ) -> list[Limit]:
         """Report what limits the checked gains: aims, force, crossover, and helpful changes."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("average_m", "the loop was lost with a noise seed or a random plant")]
+            return [Limit("average_m", "control was lost with a noise seed or a random plant")]
         limits = check_result.find_binding_aims(aims)
         motion, file = self._set_point(TEST), self.setup.rig.settings
         demand_N = track(self.setup, motion, self.feedforward, seed)["demand_N"]

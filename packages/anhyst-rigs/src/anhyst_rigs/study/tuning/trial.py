@@ -43,7 +43,7 @@ class Axis(NamedTuple):
 
 
 class SearchBox:
-    """The box of parameters that is searched."""
+    """The search range of all parameters (a box)."""
 
     @property
     def axes(self) -> dict[str, Axis]:
