@@ -186,10 +186,11 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
         if len(file.body.free) > 1
         else []
     )
-    controller_states = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
-    states = [
-        Variable(name, "output", "1", f"{text} of the controller") for name, text in controller_states.items()
-    ]
+    controller_states = {
+        "state": "state of the controller: 16*state + phase + 256*(highest lost magnet)",
+        "flags": "flags of the controller",
+    }
+    states = [Variable(name, "output", "1", text) for name, text in controller_states.items()]
     return [
         *variables_of_axes("reference", "input", "demanded position"),
         *variables_of_axes("feedforward", "input", "net force of the feedforward", _WRENCH_UNITS),
