@@ -57,8 +57,8 @@ def bearing_part(rig_path: PathLike) -> Part:
     compensation = controller.settings.compensation
     if compensation.variant not in {"full", "simplified"} or compensation.format != "fixed":
         raise InputError(
-            f"{controller.path}: an FMU contains the compiled controller: variant full or simplified "
-            f"in format fixed, not {compensation.variant} in {compensation.format}; change [compensation]",
+            f"{controller.path}: an FMU requires variant full or simplified and format fixed, "
+            f"not {compensation.variant} and {compensation.format}; change [compensation]",
             code="not-compiled-controller",
             key="compensation",
         )

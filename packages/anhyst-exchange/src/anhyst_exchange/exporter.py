@@ -82,7 +82,7 @@ PLATFORMS = {
 PLATFORM_NAMES = tuple(PLATFORMS)
 
 REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
-"""No product is fused into a sum, so that the bits equal those of the core in Python."""
+"""Options that forbid fused multiply-add, so that the bits equal those of the core in Python."""
 
 
 def compile_all(
@@ -156,7 +156,7 @@ def export_fmu(
     """
     path = Path(out)
     if path.suffix != ".fmu":
-        raise InputError(f"{path}: an FMU is written as .fmu; name it so", code="wrong-ending")
+        raise InputError(f"{path}: the name of an FMU must end in .fmu; rename it", code="wrong-ending")
     for name in platforms:
         if name not in PLATFORMS:
             raise InputError(
@@ -289,7 +289,7 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     ports = [
         f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")
-        for index, variable in enumerate(part.variables_with(kind), start=1)
+        for index, variable in enumerate(part.variables_with_causality(kind), start=1)
     ]
     timed = (
         f"%   It samples {part.rate:g} times a second."
@@ -332,7 +332,9 @@ def export_tables(model: Model, out: PathLike) -> Path:
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:
-        raise InputError(f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending")
+        raise InputError(
+            f"{path}: the name of a table file must end in .csv or .json; rename it", code="wrong-ending"
+        )
     check_writable(path)
     valid_range, name = model.valid_range.schedule, model.output.column
     schedule_values = (

@@ -29,7 +29,7 @@ def force_part(rig_path: PathLike) -> Part:
     # The compensator is a component inside the component of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
     sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
-    demand, *gaps = compensator.variables_with("input")
+    demand, *gaps = compensator.variables_with_causality("input")
     sources["force_numbers.h"] = _force_header(rig, gaps).encode()
     title = rig.settings.name
     text = f"{title}, its force controlled by {compensator.text.partition(': ')[2]}"

@@ -51,7 +51,7 @@ class Part:
     variables: Sequence[Variable]
     sources: Mapping[str, bytes]  # C files and headers by path
 
-    def variables_with(self, causality: Causality) -> list[Variable]:
+    def variables_with_causality(self, causality: Causality) -> list[Variable]:
         """Return the variables of one causality."""
         return [variable for variable in self.variables if variable.causality == causality]
 
@@ -71,8 +71,8 @@ class Part:
             {
                 "PART_TOKEN": f'"{token}"',
                 "PART_RATE": repr(float(self.rate)),
-                "PART_INPUTS": len(self.variables_with("input")),
-                "PART_OUTPUTS": len(self.variables_with("output")),
+                "PART_INPUTS": len(self.variables_with_causality("input")),
+                "PART_OUTPUTS": len(self.variables_with_causality("output")),
                 "PART_VALUES": len(initial_values),
                 "PART_FIRST_VALUES": c_array_literal(initial_values),
             },
@@ -80,7 +80,7 @@ class Part:
 
 
 def c_array_literal(values: Iterable[float]) -> str:
-    """Return numbers as a C initialiser, from which a compiler reads the same bits."""
+    """Return numbers as a C initialiser; a compiler reads exactly the same numbers from it."""
     return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 
@@ -90,7 +90,11 @@ def c_array_definition(name: str, values: Iterable[float]) -> str:
 
 
 def kernel_expression(kernel: str, words: str) -> str:
-    """Return the C expression for the kernel of a block, which differs for layered iron."""
+    """Return the C expression that selects the kernel for a parameter block.
+
+    Blocks of layered iron have another kernel, which the function `for_block` of the default kernel
+    returns.
+    """
     return f"(*({kernel}.for_block != 0 ? {kernel}.for_block({words}) : &{kernel}))"
 
 
@@ -315,7 +319,7 @@ def _law_macros(model: Model) -> dict[str, object]:
 
 
 def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
-    """Return the curves of the circuit parameters over the schedule, and their arrays."""
+    """Return the curves of the circuit parameters against the schedule, and their arrays."""
     curves, rows = [], []
     for spec in CIRCUIT_SPECS:
         curve = model.curves.get(spec.name)
@@ -323,9 +327,9 @@ def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
             value = model.interpolate_parameter(spec.name, [0.0])
             coordinate, parts = "PLAIN", (value, value, value, value)
         else:
-            heights, slopes = curve.straight()
+            curve_heights, slopes = curve.straight()
             coordinate = spec.coordinate.upper()
-            parts = (curve.nodes, curve.values, heights, slopes)
+            parts = (curve.nodes, curve.values, curve_heights, slopes)
         names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
         rows += [c_array_definition(name, part) for name, part in zip(names, parts, strict=True)]
         curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")

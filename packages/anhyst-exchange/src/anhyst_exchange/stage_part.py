@@ -73,7 +73,7 @@ def _refuse_stage(rig: BodyRig) -> None:
         )
     if rig.settings.has_ground_heads:
         raise InputError(
-            f"{rig.path}: sensor.stands: an FMU of a stage does not support heads on the ground; leave it out",
+            f"{rig.path}: sensor.stands: an FMU of a stage does not support heads on the ground; remove the key",
             code="not-compiled-controller",
             key="sensor.stands",
         )
@@ -172,10 +172,10 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
     def variables_of_axes(
         signal: str, causality: Causality, text: str, units: _AxisUnits = _POSITION_UNITS
     ) -> list[Variable]:
-        named = ((axis, units[axis_unit(axis) == "rad"]) for axis in file.body.free)
+        units_of_axes = ((axis, units[axis_unit(axis) == "rad"]) for axis in file.body.free)
         return [
-            Variable(f"{signal}_{axis}_{ending}", causality, unit, text, 0.0)
-            for axis, (ending, unit) in named
+            Variable(f"{signal}_{axis}_{name_suffix}", causality, unit, text, 0.0)
+            for axis, (name_suffix, unit) in units_of_axes
         ]
 
     stroke = "position of the long stroke at the end of the tick"
@@ -186,10 +186,11 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
         if len(file.body.free) > 1
         else []
     )
-    of_controller = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
-    states = [
-        Variable(name, "output", "1", f"of the controller: {text}") for name, text in of_controller.items()
-    ]
+    controller_states = {
+        "state": "state of the controller: 16*state + phase + 256*(highest lost magnet)",
+        "flags": "flags of the controller",
+    }
+    states = [Variable(name, "output", "1", text) for name, text in controller_states.items()]
     return [
         *variables_of_axes("reference", "input", "demanded position"),
         *variables_of_axes("feedforward", "input", "net force of the feedforward", _WRENCH_UNITS),
@@ -216,7 +217,8 @@ _COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]
-"""Units of a linear and of an angular quantity: the ending of names, and the unit for tools."""
+"""Units of a linear and of an angular quantity: each with the suffix of names and the unit for
+tools."""
 _POSITION_UNITS: _AxisUnits = (("m", "m"), ("rad", "rad"))
 _VELOCITY_UNITS: _AxisUnits = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
 _WRENCH_UNITS: _AxisUnits = (("N", "N"), ("N_m", "N.m"))

@@ -114,8 +114,8 @@ def test_one_without_end_is_stopped_at_the_tick_of_the_order(fed: Fed) -> None:
 @pytest.mark.parametrize("rising", [True, False])
 def test_a_crossing_begins_a_recording_with_what_was_before(fed: Fed, rising: bool) -> None:
     level = -5.0
-    crossing = fed.recorder.make_crossing("force", level, rising)
-    fed.feed(2500)  # crossings before the start do not count
+    crossing = fed.recorder.make_level_crossing("force", level, rising)
+    fed.feed(2500)  # forces that crossed the level before count for nothing
     wait_for(lambda: fed.recorder._ring.total == 2500)
     fed.recorder.start("crossed.csv", RecordingSpan(0.2, 0.3, crossing), fed.tick)
     assert (fed.recorder.status() or {})["waits"]
@@ -137,7 +137,7 @@ def test_a_signal_already_beyond_the_level_does_not_trigger() -> None:
 
 def test_one_that_waits_in_vain_leaves_no_file(fed: Fed) -> None:
     fed.recorder.start(
-        "never.mf4", RecordingSpan(0.0, 1.0, fed.recorder.make_crossing("force", 99.0, True)), 0
+        "never.mf4", RecordingSpan(0.0, 1.0, fed.recorder.make_level_crossing("force", 99.0, True)), 0
     )
     fed.feed(500)
     fed.recorder.stop(fed.tick)

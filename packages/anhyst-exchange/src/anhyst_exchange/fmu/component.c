@@ -112,7 +112,7 @@ const char *anhyst_component_end(anhyst_component *component)
   return NULL;
 }
 
-int anhyst_component_is(const anhyst_component *component, anhyst_phase phase)
+int anhyst_component_is_in_phase(const anhyst_component *component, anhyst_phase phase)
 {
   return component->now->of.phase == phase;
 }

@@ -25,7 +25,8 @@ typedef struct anhyst_component anhyst_component;
 /* Returns the token that identifies this component. */
 const char *anhyst_component_token(void);
 
-/* All functions that return a text: null, or the reason of a fault; then nothing has changed. */
+/* Functions that return a text return null if they succeed. Otherwise, the text is the reason of
+ * the fault, and nothing has changed. */
 
 /* Returns an instance at time 0 with demagnetised iron; null if there is no memory or parameters
  * are damaged. */
@@ -33,11 +34,11 @@ anhyst_component *anhyst_component_new(void);
 void anhyst_component_free(anhyst_component *component);
 const char *anhyst_component_reset(anhyst_component *component);
 
-/* Changes the phase. */
+/* Change the phase. The last function returns whether a phase is active. */
 const char *anhyst_component_begin(anhyst_component *component, double start);
 const char *anhyst_component_run(anhyst_component *component);
 const char *anhyst_component_end(anhyst_component *component);
-int anhyst_component_is(const anhyst_component *component, anhyst_phase phase);
+int anhyst_component_is_in_phase(const anhyst_component *component, anhyst_phase phase);
 
 /* Values by reference: 0 is the time, then inputs, outputs, constants. Only inputs can be set. */
 const char *anhyst_component_get(const anhyst_component *component, const unsigned *at, size_t n,
@@ -48,12 +49,13 @@ const char *anhyst_component_set(anhyst_component *component, const unsigned *at
 /* Advances by a step from a time, both in s. A step of 0 does nothing. */
 const char *anhyst_component_step(anhyst_component *component, double now, double step);
 
-/* Copies all that changes into a state. The first call, with *state null, allocates it. */
+/* Copies everything that changes during a simulation into a state. The first call, with *state
+ * null, allocates the state. */
 const char *anhyst_component_save(const anhyst_component *component, void **state);
 const char *anhyst_component_restore(anhyst_component *component, const void *state);
 void anhyst_component_forget(void **state);
 
-/* The same as bytes, which another process can read. */
+/* The state as bytes, which another process can read. */
 size_t anhyst_component_bytes(void);
 const char *anhyst_component_write(const void *state, unsigned char *bytes, size_t n);
 const char *anhyst_component_read(const unsigned char *bytes, size_t n, void **state);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A parameter over the scheduling variable: a monotone cubic between the nodes and straight
- * outside, in the coordinate in which it is closest to a straight line. Equals
- * anhyst.model.gap_map. */
+/* A parameter as a function of the scheduling variable: a monotone cubic between the nodes and a
+ * straight line outside, in the coordinate in which the parameter is closest to a straight line.
+ * Equals anhyst.model.gap_map. */
 #ifndef ANHYST_CURVE_H
 #define ANHYST_CURVE_H
 

@@ -85,10 +85,10 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean defined, fmi2Real to
   return to_status(c, anhyst_component_begin(component_of(c), start));
 }
 
-/* A tool may leave out the set-up of the experiment; then it begins at 0. */
+/* A tool may omit the set-up of the experiment; the simulation then begins at 0. */
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-  return to_status(c, anhyst_component_is(component_of(c), ANHYST_PHASE_INITIALISING)
+  return to_status(c, anhyst_component_is_in_phase(component_of(c), ANHYST_PHASE_INITIALISING)
                           ? NULL
                           : anhyst_component_begin(component_of(c), 0.0));
 }

@@ -14,8 +14,8 @@ typedef struct {
   void (*drop)(void *tables); /* frees what build allocated; null with it */
   /* Sets the pointers in a state that was copied from another instance. */
   void (*relink)(const void *tables, void *state);
-  /* Sets the state at time 0, from zeros, and its outputs. Returns 0, or -1 if parameters are
-   * damaged. */
+  /* Sets the state and its outputs at time 0; the state is zero before the call. Returns 0, or -1
+   * if parameters are damaged. */
   int (*start)(const void *tables, void *state, double *values);
   /* Computes one tick of the given duration (s), from inputs to outputs. Returns null, or the
    * reason why there is no result; then nothing has changed. */

@@ -58,9 +58,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         )
     if address.is_unspecified:
         raise InputError(
-            f"--listen {text}: name the one address by which browsers will call it",
-            code="bad-address",
-            key="--listen",
+            f"--listen {text}: name the address that browsers use", code="bad-address", key="--listen"
         )
     if not address.is_loopback and not token:
         raise InputError(
@@ -71,8 +69,8 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
 
 def allowed_host_names(host: str, port: int) -> frozenset[str]:
     """Return the values of the header ``Host`` that the server accepts."""
-    shown = f"[{host}]" if ":" in host else host
-    names = {shown}
+    url_host = f"[{host}]" if ":" in host else host
+    names = {url_host}
     if ipaddress.ip_address(host).is_loopback:
         names.add("localhost")
     return frozenset(f"{name}:{port}" for name in names)
@@ -110,17 +108,17 @@ class RequestGuard:
 class MessageRateLimit:
     """A limit on the message rate that allows short bursts (token bucket)."""
 
-    def __init__(self, rate: float, most: int) -> None:
+    def __init__(self, rate: float, max_burst: int) -> None:
         self._rate_Hz = rate
-        self._max_burst = float(most)
-        self._available = float(most)
+        self._max_burst = float(max_burst)
+        self._available = float(max_burst)
         self._last_time_s = time.monotonic()
 
     def try_take(self) -> bool:
         """Count one message; return whether it is within the limit."""
-        now = time.monotonic()
-        self._available = min(self._max_burst, self._available + self._rate_Hz * (now - self._last_time_s))
-        self._last_time_s = now
+        now_s = time.monotonic()
+        self._available = min(self._max_burst, self._available + self._rate_Hz * (now_s - self._last_time_s))
+        self._last_time_s = now_s
         if self._available < 1.0:
             return False
         self._available -= 1.0
@@ -153,7 +151,7 @@ def _add_security_headers(send: Send) -> Send:
 
 MAX_FRAME_ROWS = 4000
 """Maximum number of rows in the queue of one page. If it is exceeded, rows are thinned to half of
-it."""
+this number."""
 
 _MAX_QUEUED_RUNS = 64
 """Maximum number of runs in the queue of one page; the oldest ones are dropped."""
@@ -195,9 +193,9 @@ def encode_frame(run: RowRun) -> bytes:
 class RowQueue:
     """The rows that wait for one page. Its size is limited, and adding rows never blocks."""
 
-    def __init__(self, most: int = MAX_FRAME_ROWS, every: int = 1) -> None:
-        self._max_rows = most
-        self._tick_step = every
+    def __init__(self, max_rows: int = MAX_FRAME_ROWS, ticks_per_row: int = 1) -> None:
+        self._max_rows = max_rows
+        self._tick_step = ticks_per_row
         self._runs: deque[RowRun] = deque()
         self._lock = threading.Lock()
 

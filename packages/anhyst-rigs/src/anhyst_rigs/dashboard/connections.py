@@ -94,15 +94,17 @@ class Connection(H11Protocol):
         """Close the oldest waiting connections if there are too many of them."""
         connections: set[Any] = self.connections
         latest_start = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
-        waiting = {
+        close_times = {
             connection: until  # time of the event loop at which the connection is closed, s
             for connection in connections
             if isinstance(connection, Connection)
             and connection._timer is not None
             and (until := connection._timer.when()) < latest_start
         }
-        while len(waiting) > MAX_WAITING:
-            (host, _), *_ = Counter(one.host for one in waiting).most_common(1)
-            oldest = min((one for one in waiting if one.host == host), key=waiting.__getitem__)
-            del waiting[oldest]
+        while len(close_times) > MAX_WAITING:
+            (host, _), *_ = Counter(
+                connection_of_host.host for connection_of_host in close_times
+            ).most_common(1)
+            oldest = min((one for one in close_times if one.host == host), key=close_times.__getitem__)
+            del close_times[oldest]
             oldest.drop()

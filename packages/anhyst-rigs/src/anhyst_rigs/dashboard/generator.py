@@ -168,7 +168,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
-        raise InputError("own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data")
+        raise InputError("own CSV: is empty; begin it with a header such as t_s,gap_um", code="no-data")
     number, header = lines[0]
     units = _read_header_units(number, header, unit)
     rows: list[tuple[float, float]] = []
@@ -177,7 +177,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
         last = rows[-1][0] if rows else -1.0
         if time <= last:
             raise InputError(
-                f"own CSV: line {number}: the time is not behind that of the row before",
+                f"own CSV: line {number}: the time is not later than in the previous row",
                 code="time-not-rising",
             )
         if not rows and time != 0.0:
@@ -196,7 +196,7 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
 
 def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
     """Return the units of both columns."""
-    units = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
+    units = [unit for unit in (parse_header(cell).unit for cell in header) if unit is not None]
     if len(header) == len(units) == 2:
         time, value = units
         if time.dimension == "time" and value.dimension == require_unit(unit).dimension:
@@ -218,7 +218,7 @@ def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[
             value = unit.value_to_si(float(cell))
         except ValueError:
             raise InputError(
-                f"own CSV: line {number}: '{cell[:40]}' is no number", code="not-a-number"
+                f"own CSV: line {number}: '{cell[:40]}' is not a number", code="not-a-number"
             ) from None
         if not math.isfinite(value):
             raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite")

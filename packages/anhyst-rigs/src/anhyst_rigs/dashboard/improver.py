@@ -93,8 +93,8 @@ def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) 
     if hasattr(os, "nice"):
         os.nice(_PROCESS_NICENESS)
 
-    def progress(done: float, total: float) -> None:
-        sender.send(min(1.0, done / total) if total > 0.0 else 0.0)
+    def progress(completed: float, total: float) -> None:
+        sender.send(min(1.0, completed / total) if total > 0.0 else 0.0)
 
     try:
         sender.send(dict(work(progress, *arguments)))
@@ -113,7 +113,7 @@ class OperatorSeat(DrivenBoard, Protocol):
         """Make the next access raise an error once. The measurement then stops the controller."""
 
     def close(self) -> None:
-        """Give up the access."""
+        """Release the controller, so that the operator can use it again."""
 
 
 class BoardJob:
@@ -140,8 +140,8 @@ class BoardJob:
         self._thread.join(_CANCEL_TIMEOUT_S)
 
     def _run(self) -> None:
-        def progress(done: float, total: float) -> None:
-            self.share = done / total
+        def progress(completed: float, total: float) -> None:
+            self.share = completed / total
 
         outcome: Mapping[str, Any] | str
         try:
@@ -276,9 +276,9 @@ class Improver:
         needed, code, why = _REQUIRED_STEP.get(step), "step-missing", ""
         if step == "watch" and not self._prepared.has_single_magnet:
             code = "force-of-a-pair"
-            why = "of a pair only the sum of both forces is known, not one's own"
+            why = "for a pair of magnets, only the sum of both forces is known"
         elif step in (*IMPROVEMENT_STEPS, "back") and self._job is not None:
-            code, why = "busy", f"{self._step} is still under way; wait, or cancel it"
+            code, why = "busy", f"{self._step} is still running; wait, or cancel it"
         elif step == "cancel" and self._job is None:
             why = "nothing is under way"
         elif step == "back" and self._previous is None:
@@ -332,11 +332,14 @@ class Improver:
 
     def _store_result(self, step: str, result: Mapping[str, Any]) -> None:
         """Store the result of a step and discard the results of later steps."""
-        shown = {name: value for name, value in result.items() if name != "words"}
+        shown_values = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
             self._new_block = list(result["words"])
         kept = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
-        self.results = {**{name: one for name, one in self.results.items() if name in kept}, step: shown}
+        self.results = {
+            **{name: one for name, one in self.results.items() if name in kept},
+            step: shown_values,
+        }
 
     def _swap_block(self, block: Sequence[int], model: ModelWithLoops) -> int:
         old_block = self._bench.read_block()

@@ -1,4 +1,4 @@
-"""Execute the orders of a page between two chunks of ticks."""
+"""Execute the orders that a browser page sends, between two chunks of ticks."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class SessionSeat:
         self._cancelled.set()
 
     def close(self) -> None:
-        """Give up the access."""
+        """Release the controller, so that the operator can use it again."""
         self._rows.close()
 
 
@@ -121,18 +121,18 @@ def _measure(session: LiveSession, improver: Improver, client_name: str, fields:
 
 
 def _run_and_log(do: Callable[[Improver], None], text: str) -> _StepAction:
-    def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+    def act(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
         do(improver)
-        session.log_change(who, text)
+        session.log_change(client_name, text)
         return {}
 
     return act
 
 
-def _swap_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction:
-    def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+def _swap_model_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction:
+    def act(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
         tick = exchange(improver)
-        session.log_change(who, text)
+        session.log_change(client_name, text)
         session.curves = improver.known_model.curves
         if session.monitored_model is not None:
             session.monitor(improver.model_to_monitor())  # restart with the new model
@@ -148,7 +148,9 @@ def _files(session: LiveSession, improver: Improver, client_name: str, fields: F
 def _watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     is_on = fields.get("on") is True
     session.monitor(improver.model_to_monitor() if is_on else None)
-    session.log_change(client_name, "drift is watched from now on" if is_on else "drift is watched no more")
+    session.log_change(
+        client_name, "drift is monitored from now on" if is_on else "drift is no longer monitored"
+    )
     return {}
 
 
@@ -156,8 +158,8 @@ _STEP_ACTIONS: Mapping[str, _StepAction] = {
     "measure": _measure,
     "identify": _run_and_log(Improver.identify, "a model is identified"),
     "compile": _run_and_log(Improver.compile, "the model is compiled"),
-    "swap": _swap_and_log(Improver.swap, "the new model is swapped in"),
-    "back": _swap_and_log(Improver.swap_back, "the model before is swapped in"),
+    "swap": _swap_model_and_log(Improver.swap, "the new model is swapped in"),
+    "back": _swap_model_and_log(Improver.swap_back, "the previous model is swapped in"),
     "cancel": _run_and_log(Improver.cancel, "work cancelled"),
     "files": _files,
     "watch": _watch,
@@ -171,7 +173,7 @@ _MAX_STAGED_PARAMETERS = 200
 
 
 def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Execute the order of a message. Must be called in the thread of the bench."""
+    """Execute the order in a message from a page. Must be called in the thread of the bench."""
     action = _ORDER_ACTIONS.get(str(fields.get("do")))
     if action is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
@@ -246,7 +248,9 @@ def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if session.bench.has_own_clock:
         raise InputError(
-            "time: goes by itself on a board, at its own speed", code="time-goes-by-itself", key="time"
+            "time: a board runs at its own speed, which cannot be changed",
+            code="time-goes-by-itself",
+            key="time",
         )
     if "speed" in fields:
         speed = read_finite_number(fields, "speed")
@@ -254,7 +258,7 @@ def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         session.log_change(client_name, f"speed {speed:g} times real time")
     if fields.get("paused") is True:
         session.pacer.pause()
-        session.log_change(client_name, "time stands")
+        session.log_change(client_name, "time paused")
     elif fields.get("paused") is False:
         session.pacer.resume()
         session.log_change(client_name, "time goes on")
@@ -275,7 +279,7 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         return {}
     crossing = None
     if "signal" in fields:
-        crossing = session.recorder.make_crossing(
+        crossing = session.recorder.make_level_crossing(
             str(fields["signal"]), read_finite_number(fields, "level"), fields.get("rising") is not False
         )
     lasts = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
@@ -293,7 +297,7 @@ def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         )
     if fields.get("revert") is True:
         applied = learner.revert()
-        session.log_change(client_name, "what was learnt is forgotten")
+        session.log_change(client_name, "the estimates are deleted")
         return {"applied": applied}
     learner.switch(fields.get("on") is True)
     session.log_change(client_name, "learns from its motion" if learner.is_on else "learns no more")
@@ -303,7 +307,7 @@ def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 def _save_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     session.sets.save(name, session.parameters)
-    session.log_change(client_name, f"saved what is in force as {name}")
+    session.log_change(client_name, f"saved the active values as {name}")
     return {"file": f"{name}{FILE_SUFFIX}"}
 
 

@@ -98,15 +98,19 @@ class MdfRecorder(RecordingFile):
 
     def _write_header(self, signals: Sequence[Signal]) -> None:
         """Write everything before the rows: header, history, channel group and channels."""
-        now = time.time_ns()
+        start_time_ns = time.time_ns()
         self._write_bytes(_IDENTIFICATION)
-        header = self._write_block(b"HD", (0,) * 6, struct.pack("<Qhh4B2d", now, 0, 0, 2, 0, 0, 0, 0, 0))
+        header = self._write_block(
+            b"HD", (0,) * 6, struct.pack("<Qhh4B2d", start_time_ns, 0, 0, 2, 0, 0, 0, 0, 0)
+        )
         tool = self._write_text(
             "<FHcomment><TX>recorded</TX><tool_id>anhyst live</tool_id>"
             "<tool_vendor>anhyst</tool_vendor><tool_version>1</tool_version></FHcomment>",
             b"MD",
         )
-        history = self._write_block(b"FH", (0, tool), struct.pack("<QhhB3x", now, 0, 0, _UTC_OFFSETS_VALID))
+        history = self._write_block(
+            b"FH", (0, tool), struct.pack("<QhhB3x", start_time_ns, 0, 0, _UTC_OFFSETS_VALID)
+        )
         channels = 0
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
         for index in reversed(range(len(columns))):
@@ -146,12 +150,12 @@ class MdfRecorder(RecordingFile):
         return address
 
     def _write_bytes(self, data: bytes) -> None:
-        rest = memoryview(data)
-        while rest:
+        unwritten = memoryview(data)
+        while unwritten:
             self._file.seek(self._end)
-            written = self._file.write(rest)
+            written = self._file.write(unwritten)
             self._end += written
-            rest = rest[written:]
+            unwritten = unwritten[written:]
 
     def _write_address(self, address: int, value: int) -> None:
         self._file.seek(address)
@@ -172,7 +176,7 @@ class CsvRecorder(RecordingFile):
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
-        heads = [column_header(one) for one in signals]
+        heads = [column_header(signal) for signal in signals]
         self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
 
     def write_rows(self, rows: FloatArray) -> None:
@@ -206,7 +210,7 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
     try:
         return kind(path, signals, rate)
     except FileExistsError:
-        raise InputError(f"{path}: is there already; name a new file", code="exists-already") from None
+        raise InputError(f"{path}: exists already; choose a new name", code="exists-already") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}", code="cannot-be-written") from None
 
@@ -309,8 +313,8 @@ class TickRecorder:
         )
         self._first_tick, self._last_tick = 0, math.inf  # ticks
 
-    def make_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
-        """Return the level crossing of a signal."""
+    def make_level_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
+        """Return a start condition: a signal crosses a level."""
         names = [one.name for one in self._signals]
         if signal not in names:
             raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")
@@ -403,11 +407,11 @@ class TickRecorder:
         crossing = self._span.crossing
         if self._file is None or self._next_row is not None or crossing is None:
             return
-        seen = self._ring.read(max(last, 0), self._ring.total)
-        row = crossing.find(seen[:, crossing.column])
+        searched_rows = self._ring.read(max(last, 0), self._ring.total)
+        row = crossing.find(searched_rows[:, crossing.column])
         if row is not None:
-            self._set_limits_around(int(seen[row, 0]))
-            self._notify(f"{self._file.path.name}: tick {int(seen[row, 0])} crossed the level")
+            self._set_limits_around(int(searched_rows[row, 0]))
+            self._notify(f"{self._file.path.name}: tick {int(searched_rows[row, 0])} crossed the level")
 
     def _set_limits_around(self, tick: int) -> None:
         """Set the first and the last tick of the recording relative to a tick."""
@@ -426,9 +430,9 @@ class TickRecorder:
         end = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
         rows = self._ring.read(self._next_row, end)
         self._next_row = end
-        wanted = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
-        if len(wanted):
-            self._write_or_stop(lambda file: file.write_rows(wanted))
+        recorded_rows = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
+        if len(recorded_rows):
+            self._write_or_stop(lambda file: file.write_rows(recorded_rows))
         if self._ring.read(end - 1, end)[0, 0] >= self._last_tick:
             self._close_file("written")
 

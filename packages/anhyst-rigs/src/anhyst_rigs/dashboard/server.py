@@ -135,10 +135,10 @@ _Result = TypeVar("_Result")
 class Client:
     """A connected browser and the data that wait for it."""
 
-    def __init__(self, number: int, socket: WebSocket, every: int) -> None:
+    def __init__(self, number: int, socket: WebSocket, ticks_per_row: int) -> None:
         self.number = number
         self.socket = socket
-        self.outbox = RowQueue(every=every)
+        self.outbox = RowQueue(ticks_per_row=ticks_per_row)
         self.sent_log_entries, self.sent_laps = 0, 0
         self.parameters: tuple[Parameter, ...] = ()
         self.curves: tuple[DrawnLoop, ...] = ()
@@ -196,8 +196,10 @@ class LiveServer:
         if not self._token:
             return True
         await socket.send_text(json.dumps({"kind": "token"}))
-        shown = str((await asyncio.wait_for(_receive_message(socket), _TOKEN_TIMEOUT_S)).get("token"))
-        if secrets.compare_digest(shown.encode(), self._token.encode()):
+        received_token = str(
+            (await asyncio.wait_for(_receive_message(socket), _TOKEN_TIMEOUT_S)).get("token")
+        )
+        if secrets.compare_digest(received_token.encode(), self._token.encode()):
             return True
         await asyncio.sleep(1.0)
         return False
@@ -288,19 +290,19 @@ class LiveServer:
         client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **result})
 
     async def _perform_order(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
-        what = message.get("do")
-        if what == "stop now":
+        order = message.get("do")
+        if order == "stop now":
             await self._run_between_chunks(lambda: self.session.stop(client.name))
             return {}
-        if what == "ask":
+        if order == "ask":
             self.desk.request(client.number)
             return {}
-        if what == "hand over":
+        if order == "hand over":
             self.desk.answer(client.number, message.get("yes") is True)
             return {}
         if self.desk.operator != client.number:
             raise InputError(WATCH_ONLY_REASON, code="another-operates")
-        if (act := ORDERS_BESIDE_BENCH.get(str(what))) is not None:
+        if (act := ORDERS_BESIDE_BENCH.get(str(order))) is not None:
             return await asyncio.to_thread(act, self.session, client.name, message)
         return await self._run_between_chunks(lambda: perform(self.session, client.name, message))
 

@@ -1,7 +1,7 @@
 """Run a bench in real time for its pages, its recorder and its log.
 
-The session also states which orders are possible in the current state, and the reason for the
-others.
+An order is a message from a page; the order ``command`` sends a command to the controller. The
+session also states which orders are possible in the current state, and the reason for the others.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 WATCH_ONLY_REASON = "another browser operates; ask to take over"
 
 _MOVING_ORDERS = ("target", "generator", "apply")
-"""Orders that move a controller, in addition to its commands."""
+"""Orders that can move the controlled body, in addition to the commands of the controller."""
 
 _OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets")
 
@@ -230,8 +230,8 @@ class LiveSession:
     def status(self) -> Mapping[str, Any]:
         """Return the state that a page shows in addition to the signals."""
         pacing, generator = self.pacer.pacing(), self.bench.generator
-        now = controller_status(self._values) if self._values else None
-        refused = find_refusals(self.bench, now, self.end_reason, self.driven_reason)
+        controller_state = controller_status(self._values) if self._values else None
+        refused = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
@@ -246,7 +246,7 @@ class LiveSession:
             "state": int(self._values.get("state", 0)),
             "fault": int(self._values.get("fault", 0)),
             "refused": refused,
-            "next": self._next_step(now),
+            "next": self._next_step(controller_state),
             "generator": None if generator is None else generator.as_dict(),
             "recording": self.recorder.status(),
             "sets": self.sets.names,
@@ -257,16 +257,19 @@ class LiveSession:
             "watch": None if self.monitored_model is None else self.monitored_model.status(),
         }
 
-    def _next_step(self, now: ControllerStatus | None) -> str:
+    def _next_step(self, controller_state: ControllerStatus | None) -> str:
         """Return the next action that is necessary to run the rig; empty while it runs."""
         if self.end_reason:
             return "start anhyst live again"
-        if now is None or self.bench.loss_reason or self.driven_reason:
+        if controller_state is None or self.bench.loss_reason or self.driven_reason:
             return ""
-        return describe_next_step(self.bench.commands, now)
+        return describe_next_step(self.bench.commands, controller_state)
 
     def _note_parameters(self) -> None:
-        in_force = ", ".join(f"{one.name} = {one.value!r} {one.unit}".rstrip() for one in self.parameters)
+        in_force = ", ".join(
+            f"{parameter.name} = {parameter.value!r} {parameter.unit}".rstrip()
+            for parameter in self.parameters
+        )
         self.recorder.note(self.bench.tick, f"in force: {in_force or 'no parameters'}")
 
     def _log_recorder(self, text: str) -> None:
@@ -288,8 +291,8 @@ class LiveSession:
             for listener in self._listeners:
                 listener(rows)
             if self._last_tick:
-                passed = int(rows[-1, 0]) - self._last_tick
-                self._missing_ticks += passed // self.bench.ticks_per_row - len(rows)
+                passed_ticks = int(rows[-1, 0]) - self._last_tick
+                self._missing_ticks += passed_ticks // self.bench.ticks_per_row - len(rows)
             self._last_tick = int(rows[-1, 0])
             self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 

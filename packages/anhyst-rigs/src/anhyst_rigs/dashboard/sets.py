@@ -35,10 +35,10 @@ class ParameterSets:
         path = self._path(name)
         self._list_names()
         if name in self.names:
-            raise InputError(f"{path.name}: is there already; name a new set", code="exists-already")
+            raise InputError(f"{path.name}: exists already; choose a new name", code="exists-already")
         if len(self.names) >= _MAX_SETS:
             raise InputError(
-                f"sets: {_MAX_SETS} stand in the folder; remove some of their files",
+                f"sets: {_MAX_SETS} are in the folder; remove some of their files",
                 code="too-many-sets",
                 key="sets",
             )
@@ -93,17 +93,21 @@ def changed_values(
     parameters: Sequence[Parameter], saved: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float]:
     """Return the values of a set that differ from the active ones."""
-    current = {one.name: one for one in parameters}
-    for name, one in saved.items():
+    current = {parameter.name: parameter for parameter in parameters}
+    for name, saved_value in saved.items():
         if name not in current:
             raise InputError(
-                f"set: {name}: is no parameter of this bench", code="unknown-parameter", key=name
+                f"set: {name}: is not a parameter of this bench", code="unknown-parameter", key=name
             )
-        if one["unit"] != current[name].unit:
+        if saved_value["unit"] != current[name].unit:
             raise InputError(
-                f"set: {name}: is in {one['unit'] or 'no unit'}, here it is in "
+                f"set: {name}: is in {saved_value['unit'] or 'no unit'}, here it is in "
                 f"{current[name].unit or 'no unit'}",
                 code="units-differ",
                 key=name,
             )
-    return {name: one["value"] for name, one in saved.items() if one["value"] != current[name].value}
+    return {
+        name: saved_value["value"]
+        for name, saved_value in saved.items()
+        if saved_value["value"] != current[name].value
+    }

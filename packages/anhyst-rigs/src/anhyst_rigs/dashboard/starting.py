@@ -39,10 +39,10 @@ class StartProgress:
         self._last_request_time = float("-inf")
         self._is_error_delivered = Event()
 
-    def update(self, done: float, total: float) -> None:
+    def update(self, completed: float, total: float) -> None:
         """Set the progress from the completed and the total amount of work."""
         if total > 0.0:
-            self.share = max(self.share, min(done / total, 1.0))
+            self.share = max(self.share, min(completed / total, 1.0))
 
     def fail(self, reason: str) -> None:
         """Show the reason of a failure, and wait until an open page has received it."""

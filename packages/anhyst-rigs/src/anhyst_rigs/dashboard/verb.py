@@ -78,7 +78,7 @@ _SWITCH_INTERVAL_S = 0.5e-3
 
 
 def reduce_latency() -> None:
-    """Reduce delays of the pacer by other threads and by the garbage collection."""
+    """Reduce the delays that other threads and the garbage collection cause in the pacer."""
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
@@ -149,12 +149,12 @@ def live(
     with listen_on(*read_address(listen, token)) as listening_socket:
         with serve_start_page(listening_socket, title, work) as start:
 
-            def told(done: float, total: float) -> None:
-                start.update(done, total)
+            def report_progress(completed: float, total: float) -> None:
+                start.update(completed, total)
                 if progress is not None:
-                    progress(done, total)
+                    progress(completed, total)
 
-            bench, improver, learner = _open_bench(rig, controller, url, known, told)
+            bench, improver, learner = _open_bench(rig, controller, url, known, report_progress)
             try:
                 recording = (
                     None

@@ -1,12 +1,13 @@
 """Draft rig and controller of a magnetic bearing from the loops of its magnet.
 
-All rules use one pole. At a constant current the magnet pulls harder as the gap becomes smaller.
-With the mass, this gives a pole on the unstable side, and the controller must be faster than it.
-Rates, bandwidths, hold times and ramps are multiples of the pole. The multiples are taken from
-``examples/bearing``, so that its loops, mass, load and gap give its numbers back.
+All rules are based on the unstable pole of the open loop. At a constant current the magnet pulls
+harder as the gap becomes smaller. Together with the mass, this gives a pole on the unstable side,
+and the controller must be faster than this pole. Rates, bandwidths, hold times and ramps are
+multiples of the pole. The multiples are taken from ``examples/bearing``: its loops, mass, load and
+gap give the values of its rig and controller files.
 
-If the force barely depends on the gap, the load over the gap replaces the negative stiffness: it is
-the rate at which the load alone would move the mass.
+If the force barely depends on the gap, the ratio of load to gap replaces the negative stiffness.
+The pole is then the rate at which the load alone would move the mass.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet
 from anhyst_rigs.draft.text import round_down, round_nearest, round_up, step_down, step_up
 
 BANDWIDTH_PER_POLE = 1.4
-"""Ratio of the distances of the controller's poles and of the unstable pole from the origin."""
+"""Ratio of the bandwidth to the unstable pole. The bandwidth is the distance of the controller's
+poles from the origin."""
 
 RATE_PER_BANDWIDTH = 150.0
-"""Ratio of tick rate and bandwidth: one tick of delay costs 2 degrees of phase."""
+"""Ratio of the tick rate to the bandwidth: one tick of delay costs 2 degrees of phase."""
 
 MIN_RATE_PER_BANDWIDTH = 60.0
-"""Smallest ratio of tick rate and bandwidth. With a smaller one, the delay makes the loop
+"""Smallest ratio of the tick rate to the bandwidth. With a smaller one, the delay makes the loop
 overshoot."""
 
 MIN_BANDWIDTH_HZ = 2.0
@@ -35,14 +37,14 @@ RATE_LIMITS_HZ = 1e3, 200e3
 """Smallest and largest tick rate, Hz."""
 
 AMPLIFIER_PER_BANDWIDTH = 20.0
-"""Ratio of the bandwidths of current control and position control."""
+"""Ratio of the bandwidth of current control to that of position control."""
 
 FULL_SWING_PER_BANDWIDTH = 5.0
-"""Frequency of full-range current swings that the supply must allow, over the bandwidth of the
-position control."""
+"""Frequency of full-range current swings that the supply must allow, relative to the bandwidth of
+the position control."""
 
 WINDING_TIME_CONSTANT_S = 0.02
-"""Inductance over resistance of a winding, s."""
+"""Ratio of inductance to resistance of a winding, s."""
 
 SUPPLY_STEPS = (1.0, 1.2, 1.5, 2.4, 3.0, 4.8, 6.0, 10.0)
 """Usual supply voltages within a decade."""
@@ -55,7 +57,7 @@ MAX_STEP_FORCE_RATIO = 0.9
 class BearingDesign:
     """Results of the design rules, SI units."""
 
-    pole: float  # unstable pole at constant current, or its replacement, Hz
+    pole: float  # unstable pole at constant current, or the rate that replaces it, Hz
     bandwidth: float  # of the position control: distance of its poles from the origin, Hz
     rate: float  # tick rate, Hz
     inductance: float  # of the winding at the operating point, without leakage, H

@@ -17,7 +17,13 @@ from anhyst.support.jobs import Progress
 from anhyst.support.wording import count_text
 from anhyst_rigs.draft.bearing import BearingDesign, design_bearing
 from anhyst_rigs.draft.force import draft_force_control
-from anhyst_rigs.draft.magnet import Machine, MachineRequest, MeasuredMagnet, complete_machine, evaluate_loops
+from anhyst_rigs.draft.magnet import (
+    Machine,
+    MachineRequest,
+    MeasuredMagnet,
+    evaluate_loops,
+    guess_missing_machine_data,
+)
 from anhyst_rigs.draft.piezo import draft_piezo, fit_stack
 from anhyst_rigs.draft.stage import draft_stage
 from anhyst_rigs.draft.text import Draft, render_draft
@@ -100,7 +106,7 @@ def init_bearing(
         return _init_piezo(loops, source, out, request)
     try:
         magnet = evaluate_loops(loops)
-        machine = complete_machine(request, magnet)
+        machine = guess_missing_machine_data(request, magnet)
         design = design_bearing(machine, magnet)
     except InputError as error:
         raise error.with_location(source.text) from error

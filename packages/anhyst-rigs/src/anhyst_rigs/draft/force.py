@@ -23,14 +23,14 @@ MAX_RATE_HZ = 50e3
 """Largest tick rate, Hz, of a small controller."""
 
 SLOW_PERIOD_RATIO = 40.0
-"""Ratio of the periods of the slow triangle and of the fastest loops, for a solid core."""
+"""Ratio of the period of the slow triangle to that of the fastest loops, for a solid core."""
 
 SOLID_DEPTH_M = 0.01
-"""Depth from the surface of a solid core to its middle, m. Only its square times the conductivity
-matters."""
+"""Depth from the surface of a solid core to its middle, m. Only the product of its square and the
+conductivity affects the result."""
 
 MAX_DEMAND_RATIO = 0.95
-"""Largest demand, as a fraction of the smallest force over the gaps at the largest current."""
+"""Largest demand, as a fraction of the smallest force of all gaps at the largest current."""
 
 FULL_SWING_S = 0.015
 """Time for a current swing over the whole range, s; it determines the slew rate of the amplifier.

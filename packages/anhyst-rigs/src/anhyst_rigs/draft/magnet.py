@@ -24,12 +24,12 @@ TOP_CURRENT_RATIO = 0.95
 USABLE_FORCE_RATIO = 0.95
 """Fraction of the measured force that a controller may demand."""
 
-MAX_WEAKEST_FORCE_RATIO = 4.0
-"""Largest demanded force over the force at the weakest gap."""
+MAX_DEMAND_TO_SMALLEST_FORCE = 4.0
+"""Largest ratio of the demanded force to the force at the gap where the magnet is weakest."""
 
 MIN_LOAD_RATIO = 0.01
-"""Smallest load, as a fraction of that force; smaller ones are within the uncertainty of the loops.
-"""
+"""Smallest load, as a fraction of the usable force at the operating gap. A smaller load is within
+the uncertainty of the loops."""
 
 MIN_BRANCH_SAMPLES = 12
 """Smallest number of samples of a branch for an estimate of its noise."""
@@ -49,20 +49,20 @@ class MeasuredMagnet:
     def usable_force(self, gap: float) -> float:
         """Return the largest force that a controller may demand at a gap, N.
 
-        It is a little below the loops at this gap, and limited relative to the weakest gap, where
-        the fitted model would otherwise extrapolate.
+        It is a little below the loops at this gap. It is also limited relative to the force at the
+        gap where the magnet is weakest. Beyond this limit, the fitted model would extrapolate.
         """
         # The reciprocal root of the force is nearly linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
-        return min(USABLE_FORCE_RATIO * force, MAX_WEAKEST_FORCE_RATIO * float(self.forces.min()))
+        return min(USABLE_FORCE_RATIO * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
-        """Return the slopes of the force over current and gap at an operating point."""
+        """Return the slopes of the force with respect to current and gap at an operating point."""
         force_high = self.usable_force(gap)
         if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
-                "magnet may pull, and the loops are too uncertain there; give a larger one, or "
+                "magnet may pull, and the loops are too uncertain there; give a larger load, or "
                 "loops with smaller currents",
                 code="load-too-small",
                 key="load",
@@ -93,7 +93,7 @@ class MeasuredMagnet:
 
     @property
     def pace(self) -> tuple[float, float] | None:
-        """Time between rows and rate of the current, s and A/s; None without times."""
+        """Time between rows, s, and rate of the current, A/s; None without times."""
         steps, sweeps = [], []
         for loop in self.loops.loops:
             if loop.time is None:
@@ -150,10 +150,10 @@ GRAVITY_M_PER_S2 = 9.81
 """Acceleration of gravity, m/s^2."""
 
 MIN_LIFT_RATIO = 1.1
-"""Smallest force of the loops at every gap over the load, for a reliable lift-off."""
+"""Smallest ratio of the magnet's force to the load, at every gap, for a reliable lift-off."""
 
 DEFAULT_LOAD_RATIO = 0.5
-"""Default load, as a fraction of the force at the weakest gap."""
+"""Default load, as a fraction of the force at the gap where the magnet is weakest."""
 
 STOP_CLEARANCE_RATIO = 0.05
 """Smallest distance between the operating gap and a stop, as a fraction of the travel."""
@@ -200,8 +200,8 @@ class Machine:
         }
 
 
-def complete_machine(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
-    """Complete the data of a machine by guesses."""
+def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
+    """Return the data of a machine; values that the user did not give are guessed."""
     for name, number, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
@@ -262,7 +262,7 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
             f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops with larger "
+            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower the load, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

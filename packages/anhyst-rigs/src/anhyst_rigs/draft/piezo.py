@@ -1,4 +1,4 @@
-"""Fit a piezo stack with Bouc-Wen hysteresis and creep to loops of displacement over voltage.
+"""Fit a piezo stack with Bouc-Wen hysteresis and creep to loops of displacement against voltage.
 
 The displacement of a free stack is ``d*u + b*u^2 - h`` plus creep, with the voltage u and ``dh =
 a*du - beta*|du|*h - gamma*du*|h|``. Because ``h`` is proportional to ``a``, one least-squares
@@ -24,8 +24,8 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import Draft, render_draft
 
 CREEP_TIME_RATIOS = (1 / 100, 1 / 10, 1.0)
-"""Time constants of creep, as fractions of the longest record. It shows only the begin of slower
-creep."""
+"""Time constants of creep, as fractions of the longest record. The record contains only the
+beginning of slower creep."""
 MIN_CREEP_CYCLES = 2.0
 """Shortest time constant of creep in cycles, if all loops have one rate; shorter creep looks like a
 wider loop."""
@@ -36,7 +36,7 @@ MIN_RATE_RATIO = 3.0
 MAX_CREEP_RESIDUAL_RATIO = 0.97
 """Largest ratio of the residuals with and without creep that justifies creep."""
 OUTLIER_RATIO = 10.0
-"""Residual of an outlier over the median residual."""
+"""Residual of an outlier, relative to the median residual."""
 MAX_OUTLIER_SHARE = 0.02
 """Largest fraction of outliers that are excluded. If there are more, all samples are used."""
 MAX_RESIDUAL_RATIO = 0.05
@@ -129,8 +129,8 @@ def fit_stack(loopset: Loops) -> FittedStack:
 class _Fit:
     """Result of a fit.
 
-    ``shape`` contains the logarithm of beta over the range, gamma over beta, the lag in samples,
-    and the fractions of the creep.
+    ``shape`` contains the logarithm of beta times the voltage range, the ratio of gamma to beta,
+    the lag in samples, and the fractions of the creep.
     """
 
     shape: FloatArray
@@ -187,8 +187,8 @@ class _FitProblem:
         """Find the shape with the smallest residual."""
         from scipy.optimize import least_squares
 
-        extra = [0.0] * len(creep_times)
-        low = [-3.0, 0.0, 0.0, *extra]
+        min_creep_shares = [0.0] * len(creep_times)
+        low = [-3.0, 0.0, 0.0, *min_creep_shares]
         high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
         fits = []
@@ -222,10 +222,10 @@ class _FitProblem:
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
         matrix, target = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
-        signed = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
-        normal = signed.T @ signed
+        signed_columns = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
+        normal = signed_columns.T @ signed_columns
         factor = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
-        weights, _ = nnls(factor.T, np.linalg.solve(factor, signed.T @ target), maxiter=1000)
+        weights, _ = nnls(factor.T, np.linalg.solve(factor, signed_columns.T @ target), maxiter=1000)
         weights[1:4:2] -= weights[4:]
         weights = weights[:4]
         return weights, matrix @ weights - target
@@ -246,15 +246,18 @@ class _FitProblem:
         return columns
 
     def _creep(
-        self, loop: Loop, columns: FloatArray, shares: FloatArray, creep_times: Sequence[float]
+        self, loop: Loop, columns: FloatArray, creep_shares: FloatArray, creep_times: Sequence[float]
     ) -> FloatArray:
-        """Return the creep after some columns, from rest at the first sample or about the mean."""
+        """Return the creep of some columns.
+
+        It starts at rest at the first sample. For a steady-state loop, it starts about the mean.
+        """
         from scipy.signal import lfilter
 
         is_settled = loop.history.kind == "settled"
         initial = columns.mean(axis=0) if is_settled else columns[0]
         creep = np.zeros_like(columns)
-        for time, share in zip(creep_times, shares, strict=True):
+        for time, share in zip(creep_times, creep_shares, strict=True):
             decay = math.exp(-self.sample_s / time)
             start = decay * initial[None]
             creep += share * lfilter([1.0 - decay], [1.0, -decay], columns, axis=0, zi=start)[0]
@@ -285,14 +288,14 @@ def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
 
 
 def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> FloatArray:
-    """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value: first below zero, then above."""
+    """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value; the sign of g sets the rate."""
     rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
     start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
     initial_rate = rate_above if start >= 0.0 else rate_below
-    # travel after the zero of g
-    travel_past_zero = travel - math.log1p(-start * initial_rate) / initial_rate
-    rate = np.where(travel_past_zero < 0.0, rate_below, rate_above)
-    return np.asarray(-np.expm1(-rate * travel_past_zero) / rate)
+    # travel, counted from the point at which g is zero
+    travel_from_zero = travel - math.log1p(-start * initial_rate) / initial_rate
+    rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
+    return np.asarray(-np.expm1(-rate * travel_from_zero) / rate)
 
 
 EXAMPLE_RESONANCE_HZ = 480.0

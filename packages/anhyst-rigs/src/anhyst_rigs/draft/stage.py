@@ -1,6 +1,7 @@
 """Draft the rig file of a one-axis stage between two magnets from the loops of one of them.
 
-The rules use the ratios of ``examples/stage``, whose loops and mass give its numbers back.
+The rules use the ratios of ``examples/stage``: its loops and its mass give the values of its rig
+file.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
 JERK_PHASE_S = 7.5e-3
 """Jerk phase of the set-point, s."""
 FULL_SWINGS_PER_JERK_PHASE = 10.0
-"""Ratio of the jerk phase and the time for a full-range current swing."""
+"""Ratio of the jerk phase to the time for a full-range current swing."""
 
 
 def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: MachineRequest) -> Draft:

@@ -22,7 +22,7 @@ FORCE = RigKind(
     },
     options={"simulate": ("--board",)},
     reasons={
-        "tune": "its force is controlled open loop, so there are no gains to find",
-        "calibrate": "its armature is fixed, so there is no motion to estimate errors from",
+        "tune": "the force is controlled in open loop, so there are no gains to tune",
+        "calibrate": "the armature is fixed, so there is no motion from which errors could be estimated",
     },
 )

@@ -302,7 +302,7 @@ class _SentDemand:
 
 
 def demand_request(force: int) -> frames.DemandRequest:
-    """Return the request of a demand, q31 of the full-scale force."""
+    """Return the request that sets a demanded force, given as q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
         text = f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1"
         raise InputError(text, code="beyond-full-scale", key="demand")
@@ -342,13 +342,13 @@ class _DemandFlow:
             demand = by_number.get(frame.sequence)
             if demand is not None and demand.status is None and not self._store_answer(demand, frame):
                 return
-        first = self.waiting[0]
-        if first.status is not None:
+        oldest_demand = self.waiting[0]
+        if oldest_demand.status is not None:
             return
         if time.monotonic() >= self._deadline:
             self._repeat([demand for demand in self.waiting if demand.status is None])
-        elif first.attempts == 1 and any(demand.status for demand in self.waiting):
-            self._repeat([first])  # a newer demand was answered, so this one was lost
+        elif oldest_demand.attempts == 1 and any(demand.status for demand in self.waiting):
+            self._repeat([oldest_demand])  # a newer demand was answered, so this one was lost
 
     def _store_answer(self, demand: _SentDemand, frame: Frame) -> bool:
         """Store an answer; returns False if this demand and all later ones were sent again."""
@@ -369,10 +369,10 @@ class _DemandFlow:
         self.controller.repeated_count += len(demands)
         self._send_demands(demands)
 
-    def _renumber_from(self, first: _SentDemand) -> None:
+    def _renumber_from(self, oldest_lost: _SentDemand) -> None:
         """Send a demand and all later ones with new numbers, because newer ones had overtaken it."""
         demands = list(self.waiting)
-        index = demands.index(first)
+        index = demands.index(oldest_lost)
         renumbered = [self._make_demand(demand.force) for demand in demands[index:]]
         self.controller.repeated_count += len(renumbered)
         self.waiting = deque(demands[:index] + renumbered)

@@ -105,8 +105,8 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
         controller.command(Command.RUN)
         demand = 0.0
         for _ in range(0, ticks, TICKS_PER_DEMAND):
-            jumps = random.random() < 0.1
-            demand = random.random() if jumps else demand + random.gauss(0.0, 0.02)
+            is_demand_step = random.random() < 0.1
+            demand = random.random() if is_demand_step else demand + random.gauss(0.0, 0.02)
             demand = min(max(demand, 0.0), 1.0)
             statuses.append(asdict(controller.demand(round(demand * (Q31_ONE - 1))).codes))
             board.bus.step(TICKS_PER_DEMAND)

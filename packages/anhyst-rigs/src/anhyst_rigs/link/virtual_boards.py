@@ -97,7 +97,7 @@ class PlantBus:
             self._step(self.tick + 1)
 
     def skip(self, ticks: int) -> None:
-        """Advance the plant without the controller, which misses these ticks."""
+        """Advance the plant while the controller does not run and misses these ticks."""
         for _ in range(ticks):
             self.tick += 1
             self.plant.step(self.tick, self.drives)
@@ -168,7 +168,7 @@ class RunningFirmware:
     """A running firmware."""
 
     link: str | LinkPort  # for :class:`anhyst_rigs.link.client.ControllerLink`
-    bus: PlantBus  # its plant; time passes only in :meth:`PlantBus.step`
+    bus: PlantBus  # bus to the plant of this firmware; time passes only in :meth:`PlantBus.step`
     xcp_port: int = 0  # local TCP port for an XCP master; 0: none
     bus_socket: socket.socket | None = None  # socket of the bus; None for a library in this process
 

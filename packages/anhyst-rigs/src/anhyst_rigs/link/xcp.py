@@ -255,9 +255,11 @@ class XcpMaster:
         """Return `count` bytes from an address, at most 135."""
         return self._query(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
 
-    def read_words(self, first: int, count: int) -> list[int]:
+    def read_words(self, first_index: int, count: int) -> list[int]:
         """Return words of the active parameter block, at most 67."""
-        return list(struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first, 2 * count)))
+        return list(
+            struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first_index, 2 * count))
+        )
 
     def read_block(self) -> list[int]:
         """Return the active parameter block."""

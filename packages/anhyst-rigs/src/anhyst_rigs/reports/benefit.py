@@ -1,7 +1,7 @@
-"""The map of the gain of compensation over different irons: its figure and its page.
+"""Draw the map of the benefit of compensation for different irons, and write its page.
 
 Each cell of the map is an iron with a certain loop width and reversible fraction. Its value is a
-figure of the run with compensation, divided by the same figure of a run without.
+metric of the run with compensation, divided by the same metric of a run without.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]
 
 @use_report_style
 def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
-    """Draw ratios over irons: one row of maps per baseline, and one column per case."""
+    """Draw ratios for all irons: one row of maps per baseline, and one column per case."""
     baselines = compare_with_baselines(gains, metric.key)
     cases = list(dict.fromkeys(cell.case for cell in gains.cells))
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
@@ -135,14 +135,14 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
 
 
 def _ratio_or_nan(comparison: MethodComparison) -> float:
-    """Return the ratio of a figure with and without compensation; NaN if a run was lost."""
+    """Return the ratio of a metric with and without compensation; NaN if a run was lost."""
     return math.nan if comparison.quotient is None else comparison.quotient.value
 
 
 def _label_cell(
     ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
 ) -> None:
-    """Write the ratio into its square, and hatch the square if no gain is certain."""
+    """Write the ratio into its square, and hatch the square if a benefit is not certain."""
     x, y = position
     ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
     text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
@@ -182,7 +182,7 @@ def _headline(gains: Benefit, title: str, description: str, run_text: str) -> He
         notes=(Note("info", "What is compared", _COMPARISON_TEXT.format(run_text)),),
         tiles=(),
         comparison=None,
-        validity="These figures apply only to this plant, its iron and these settings.",
+        validity="These results apply only to this plant, its iron and these settings.",
     )
 
 
@@ -206,7 +206,7 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
 
 
 def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
-    """Return the benefit map of a bearing over loop width and reversible fraction, and its page."""
+    """Return the benefit map of a bearing for loop widths and reversible fractions, and its page."""
     ready = check_inputs(rig, read_bearing_controller(rig, task.controller))
     gains = map_bearing_benefit(ready.rig, ready.controller, progress=task.progress)
     command = task.command(" --benefit")
@@ -237,7 +237,7 @@ def _benefit_section(gains: Benefit) -> Section:
                 f"benefit-{metric.key}",
                 f"Maps of the ratio of {title} over loop width and reversible fraction, one "
                 "column a case, one row a baseline; hatched if no gain is significant.",
-                f"{title.capitalize()} of full over that of the baseline, same gains. "
+                f"{title.capitalize()} of full divided by that of the baseline, same gains.  "
                 "Below 1 (violet), compensation is better. Crossed red: a significant loss, or the run "
                 "was lost. Hatched grey: not significant, because the 95 % confidence interval of the "
                 "difference contains zero. Dotted: nothing to gain, because both overshoots of a step "
@@ -249,7 +249,7 @@ def _benefit_section(gains: Benefit) -> Section:
 
 
 def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) -> str:
-    """Return a sentence with the number of cells that gain and lose, and the largest gain."""
+    """Return a sentence with the number of irons with a gain and a loss, and the largest gain."""
     gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
     loss_count, no_potential_count = (
         sum(comparison.outcome == outcome for _, comparison in cells)
@@ -260,11 +260,11 @@ def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) 
         f"significant loss in {loss_count}, nothing to gain in {no_potential_count}"
     )
     if gain_cells:
-        cell, best = min(gain_cells, key=lambda one: _ratio_or_nan(one[1]))
+        cell, largest_gain = min(gain_cells, key=lambda pair: _ratio_or_nan(pair[1]))
         width, fraction = (gains.mean_loop_width(cell.iron.pinning_scale), cell.iron.reversible_fraction)
         share = "" if fraction is None else f"reversible fraction {fraction:g}, "
         text += (
-            f"; at best {100.0 * (1.0 - _ratio_or_nan(best)):.0f}{NBSP}% less than {best.baseline} ("
+            f"; at best {100.0 * (1.0 - _ratio_or_nan(largest_gain)):.0f}{NBSP}% less than {largest_gain.baseline} ("
             f"{'step of ' * isinstance(cell.case, float)}{_case_text(cell.case)}, {share}loop width "
             f"{100.0 * width:.2g}{NBSP}%)"
         )
@@ -297,7 +297,7 @@ def _iron_table(gains: Benefit) -> PageTable:
             "label",
         ),
         rows,
-        "Loop width: of the largest drive. Slope just after a reversal over the static slope: "
+        "Loop width: of the largest drive. Ratio of the slope just after a reversal to the static slope: "
         "below a quarter an iron is pathological.",
         texts=0,
     )

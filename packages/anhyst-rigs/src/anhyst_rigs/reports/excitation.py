@@ -1,4 +1,4 @@
-"""The figure of an excitation: the drive over time, and the measured loops."""
+"""Draw the figure of an excitation: the drive against time, and the measured loops."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MAX_LINE_POINTS = 20_000
 
 
 def figure_excitation(excitation: Excitation) -> Figure:
-    """Draw the drive over time with the I^2 t of the winding, and the measured loops next to it."""
+    """Draw the drive against time with the I^2 t of the winding, and the measured loops next to it."""
     from matplotlib.figure import Figure
 
     played = excitation.drive_history

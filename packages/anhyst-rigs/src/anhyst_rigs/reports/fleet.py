@@ -21,7 +21,7 @@ def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
 
 
 def _headline(fleet: Fleet) -> Headline:
-    count, good, shared = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
+    count, good_count, shared = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
     notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
     if fleet.failed:
         notes.append(Note("bad", "Not evaluated", f"{', '.join(fleet.failed)}: see below."))
@@ -31,21 +31,21 @@ def _headline(fleet: Fleet) -> Headline:
                 "warn", "Outliers", f"{', '.join(fleet.outliers)}: their parameters are far from the others."
             )
         )
-    if shared >= good:
+    if shared >= good_count:
         text = f"as many magnets keep the tolerance with the model of '{fleet.typical}' as with their own"
         notes.append(Note("good", "One model is enough", f"{text}."))
     else:
-        text = f"{good} keep the tolerance with their own model, {shared} with one for all"
+        text = f"{good_count} keep the tolerance with their own model, {shared} with one for all"
         notes.append(Note("info", "Individual models help", f"{text}."))
     return Headline(
         title="Fleet of magnets",
         description=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
         f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
         basis=f"A good magnet: its verified controller is at most "
-        f"{fleet.settings.tolerance:g} % of the largest output in error, rms over its loops.",
+        f"{fleet.settings.tolerance:g} % of the largest output in error, rms of all its loops.",
         notes=tuple(notes),
         tiles=(
-            Tile(f"{good} of {count}", "good", "each with its own controller"),
+            Tile(f"{good_count} of {count}", "good", "each with its own controller"),
             Tile(f"{shared} of {count}", "good", f"all with the model of '{fleet.typical}'"),
             Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
             Tile(str(len(fleet.failed)), "not evaluated", "bad files"),
@@ -117,8 +117,8 @@ def _magnet_section(fleet: Fleet) -> Section:
     rows.sort(key=lambda row: -float(row[2]))
     head = ("magnet", "good", "own, %", "shared, %", "distance")
     caption = (
-        "The worst come first. Rms errors in % of the largest output; distance from the mean in standard "
-        "deviations."
+        "The magnets with the largest errors come first. Rms errors in % of the largest output; "
+        "distance from the mean in standard deviations."
     )
     blocks: list[Block] = [make_table("Magnets", head, rows[:_MAX_ROWS], caption, texts=2)]
     if len(rows) > _MAX_ROWS:

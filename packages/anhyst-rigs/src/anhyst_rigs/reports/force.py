@@ -63,7 +63,7 @@ from anhyst_rigs.study.force_trials import (
 
 @use_report_style
 def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
-    """Draw the hardware: PC, controller, amplifier, actuator and sensors."""
+    """Draw a block diagram of the hardware: PC, controller, amplifier, actuator and sensors."""
     settings = rig.settings
     amplifier, force = settings.amplifier, settings.force_sensor
     gap = settings.gap_sensor
@@ -135,7 +135,7 @@ _DRAWN_ERRORS: Mapping[str, MethodName] = {
     "simplified": "simplified",
     "single": "single-valued",
 }
-"""Controllers whose errors are drawn, if they ran: the models, and the best single-valued curve."""
+"""Controllers whose errors are drawn if they ran: the models, and the best single-valued curve."""
 MAX_TITLE_LETTERS = 62
 """Maximum length of a line above a panel, in letters."""
 
@@ -246,14 +246,14 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the largest errors of the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
-    fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
+    fastest_demand = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
     fixed_trials = (
         trial
         for trial in result.figures["trials"]
-        if trial["demand"] == fastest and trial["stage"] != "moving"
+        if trial["demand"] == fastest_demand and trial["stage"] != "moving"
     )
-    errors = worst_errors(fixed_trials, lambda _: fastest)[fastest]
-    detail = f"worst error, {fastest}, held, % of {result.figures['force_max_N']:g} N"
+    errors = worst_errors(fixed_trials, lambda _: fastest_demand)[fastest_demand]
+    detail = f"worst error, {fastest_demand}, held, % of {result.figures['force_max_N']:g} N"
     return tuple(
         Tile(format_number(errors[name]["worst_percent"], 2), CONTROLLER_TITLES[name], detail)
         for name in _DRAWN_ERRORS
@@ -346,7 +346,7 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
 
 
 def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
-    """Draw the demand, the measured force, the simulated program, and the constant ratio."""
+    """Draw four forces: demanded, measured, of the simulated program, and with the constant ratio."""
     curves = (
         ("demand", outcome.trial.demand.force, DEMAND_COLOUR, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING_COLOUR, 0.9, "-"),
@@ -381,7 +381,7 @@ def _worst_percent(rig: ForceControlRig, outcome: ForceOutcome, name: str) -> fl
 def _thin_curve(
     rig: ForceControlRig, outcome: ForceOutcome, values: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return time and values with no more points than a figure can show."""
+    """Return time and values with no more points than a plot can show."""
     step = max(1, values.size // MIN_THINNED_POINTS)
     time = np.asarray((np.arange(values.size) - outcome.trial.demand.lead_in) * rig.dt, np.float64)
     return time[::step], values[::step]

@@ -30,7 +30,7 @@ COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 @use_report_style
 def figure_tracking(tracked: PiezoTracking) -> Figure:
-    """Draw the reference and the deviation of each controller over the evaluated cycles."""
+    """Draw the reference and the deviation of each controller in the evaluated cycles."""
     figure = new_figure(6.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
     judged = slice(tracked.first_evaluated_tick, None)
@@ -79,7 +79,7 @@ def render(tracked: PiezoTracking, command: str) -> str:
             for metric in DEVIATION_METRICS
         ),
         comparison=comparison_table(tracked),
-        validity="These figures apply only to this stage and this triangle.",
+        validity="These results apply only to this stage and this triangle.",
     )
     tracking_picture = picture(
         figure_tracking(tracked),

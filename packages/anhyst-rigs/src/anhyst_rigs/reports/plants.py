@@ -37,7 +37,7 @@ from anhyst_rigs.reports.study.page import (
 )
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.tables import SPREADS
-from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
+from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantMetric, percentile
 
 
 def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
@@ -68,7 +68,7 @@ def _headline(runs: MonteCarlo) -> Headline:
         ),
         tiles=(),
         comparison=None,
-        validity="These figures apply only to this spread.",
+        validity="These results apply only to this spread.",
     )
 
 
@@ -94,16 +94,16 @@ def _drift_section(runs: MonteCarlo) -> Section:
     drift_picture = picture(
         figure_drift(spreads),
         "drift",
-        f"Distribution of figures over the plants, with percentiles marked: {', '.join(spreads)}.",
-        "Share of plants below each figure; dots at "
-        f"{', '.join(str(percent) for percent in PERCENTILES)} %. A lost plant counts as "
+        f"Distribution of metrics of the plants, with percentiles marked: {', '.join(spreads)}.",
+        "Fraction of plants below each value; dots at "
+        f"{', '.join(str(percent) for percent in PERCENTILES)} %. A plant that lost control counts as "
         "infinite.",
     )
     return Section("drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs)))
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
-    """Return a table of percentiles over the plants, for each figure and variant."""
+    """Return a table of percentiles of all plants, for each metric and variant."""
     rows = [
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
@@ -116,16 +116,16 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
     return make_table("Percentiles", head, rows, texts=2)
 
 
-def _figure_title(figure: PlantFigure, case: str) -> str:
+def _figure_title(figure: PlantMetric, case: str) -> str:
     return f"{figure.title}{', ' if case else ''}{case.replace(' um', f'{NBSP}µm')} ({figure.unit})"
 
 
 def _worst_plants(runs: MonteCarlo) -> Items:
-    """Return the worst plant of each case of the first figure, with its drift."""
-    figure, own = runs.plants.figures[0], runs.plants.own_method
+    """Return the worst plant of each case of the first metric, with its drift."""
+    figure, own_method = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
-        values = runs.values(own, figure.key, case)
+        values = runs.values(own_method, figure.key, case)
         worst = int(np.argmax(values))
         value_text = "lost"
         if math.isfinite(values[worst]):
@@ -134,7 +134,7 @@ def _worst_plants(runs: MonteCarlo) -> Items:
             f"{_figure_title(figure, name)}, {value_text}: plant {worst}, {_drift_text(runs.drifts[worst])}"
         )
         rows.append(text)
-    return Items(f"Worst plants of {own}", tuple(rows))
+    return Items(f"Worst plants of {own_method}", tuple(rows))
 
 
 def _drift_text(drift: Drift) -> str:
@@ -148,9 +148,9 @@ def _drift_text(drift: Drift) -> str:
 
 @use_report_style
 def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
-    """Draw the distribution of figures over the plants, with percentiles marked.
+    """Draw the distribution of metrics among the plants, with percentiles marked.
 
-    Each variant has one value per plant. It is infinite if the plant failed.
+    Each variant has one value per plant, which is infinite if the plant lost control.
     """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))

@@ -1,4 +1,4 @@
-"""Protocols of a kind of rig for `simulate`, and the studies that are the same for all kinds."""
+"""Define protocols of a kind of rig for `simulate`, and the studies that all kinds have in common."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class HasBenefit(Protocol):
         """Return the rig file, and all files that it and a controller file name."""
 
     def benefit(self, rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
-        """Return the gain of compensation on other irons, and its page."""
+        """Return the benefit of compensation for other irons, and its page."""
 
 
 class HasBoard(Protocol):
@@ -102,7 +102,7 @@ def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo
 
 
 def map_benefit(kind: HasBenefit, task: SimulationTask) -> Benefit:
-    """Map the gain of compensation on other irons."""
+    """Map the benefit of compensation for other irons."""
     task.require_suffix(".json", "the map is")
     files = kind.files(task.rig, task.controller)
     for path in (task.out, task.report_path):

@@ -1,4 +1,4 @@
-"""The page of a stage: the gain of compensation over the best baseline, and its limits."""
+"""Write the page of a stage: how much compensation improves on the best baseline, and its limits."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ from anhyst_rigs.study.tracking.simulate import COMPENSATOR, TrackingStudy, Vari
 
 
 def limit_texts(study: TrackingStudy) -> list[str]:
-    """Return sentences about the gain with small forces, at standstill and on one set-point."""
-    own, best = study.variants[COMPENSATOR], study.variants[study.memoryless]
+    """Return sentences about the benefit with small forces, at standstill and on one set-point."""
+    compensated, best_memoryless = study.variants[COMPENSATOR], study.variants[study.memoryless]
     name = study.memoryless
 
     def compare(own_value: float, baseline: float, title: str) -> str:
@@ -67,14 +67,18 @@ def limit_texts(study: TrackingStudy) -> list[str]:
 
     return [
         compare(
-            own.small_force_measures.peak_m,
-            best.small_force_measures.peak_m,
+            compensated.small_force_measures.peak_m,
+            best_memoryless.small_force_measures.peak_m,
             "Peak with a tenth of the forces and the same gains",
         ),
-        compare(own.standstill_m, best.standstill_m, "Rms at standstill with moving long stroke"),
         compare(
-            own.repeated_setpoint_measures.average_m,
-            best.repeated_setpoint_measures.average_m,
+            compensated.standstill_m,
+            best_memoryless.standstill_m,
+            "Rms at standstill with moving long stroke",
+        ),
+        compare(
+            compensated.repeated_setpoint_measures.average_m,
+            best_memoryless.repeated_setpoint_measures.average_m,
             "Moving average on one repeated set-point, with gains found on it",
         ),
     ]
@@ -85,18 +89,18 @@ _SHOWN_BEFORE_S = 5e-3
 
 
 @use_report_style
-def figure_scan(tried: Mapping[MethodName, VariantResult], motion: SetPoint, slit: float) -> Figure:
+def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, slit: float) -> Figure:
     """Draw set-point, error, moving average and force error over the last scan."""
     figure = new_figure(9.6)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
-    first = next(iter(tried.values())).recording
+    first_run = next(iter(variants.values())).recording
     begin, length, _ = motion.pulses[-1]
-    part = slice(round((begin - _SHOWN_BEFORE_S) / first.dt), len(first))
-    time = 1e3 * (first["t_s"][part] - begin)
-    _, acceleration, _, _ = motion.derivatives_at(first["t_s"][part])
+    part = slice(round((begin - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
+    time = 1e3 * (first_run["t_s"][part] - begin)
+    _, acceleration, _, _ = motion.derivatives_at(first_run["t_s"][part])
     axes[0].plot(time, acceleration, color=INK_COLOUR, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
-    for name, variant in tried.items():
+    for name, variant in variants.items():
         run = variant.recording
         axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][part]), label=name, **line_style(name))
         axes[2].plot(*thin_curves(*_moving_average(run, slit, begin)), **line_style(name))
@@ -107,9 +111,9 @@ def figure_scan(tried: Mapping[MethodName, VariantResult], motion: SetPoint, sli
     axes[3].set_xlabel("time since the turnaround began [ms]")
     for ax in axes[1:3]:
         ax.set_yscale("symlog", linthresh=100.0)
-    exposed = 1e3 * (length + EXPOSURE_DELAY_S)
+    exposure_begin_ms = 1e3 * (length + EXPOSURE_DELAY_S)
     for ax in axes[1:]:
-        ax.axvspan(exposed, time[-1], color=SHADE_COLOUR, alpha=0.12, lw=0)
+        ax.axvspan(exposure_begin_ms, time[-1], color=SHADE_COLOUR, alpha=0.12, lw=0)
     legend_below(figure, axes[1], columns=6)
     return figure
 
@@ -118,17 +122,17 @@ def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArr
     """Return the moving average at the middle of its window: time in ms, error in nm."""
     mean, _ = moving_statistics(run["error_m"], round(slit / run.dt))
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
-    shown = time >= -1e3 * _SHOWN_BEFORE_S
-    return time[shown], 1e9 * mean[shown]
+    is_shown = time >= -1e3 * _SHOWN_BEFORE_S
+    return time[is_shown], 1e9 * mean[is_shown]
 
 
 @use_report_style
-def figure_settling(tried: Mapping[MethodName, VariantResult], cruise: float) -> Figure:
+def figure_settling(variants: Mapping[MethodName, VariantResult], cruise: float) -> Figure:
     """Draw histograms of the settling times of all scans and seeds, one row per variant."""
-    figure = new_figure(0.9 * len(tried) + 1.0)
-    axes = figure.subplots(len(tried), 2, sharex=True, squeeze=False)
+    figure = new_figure(0.9 * len(variants) + 1.0)
+    axes = figure.subplots(len(variants), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
-    for row, (name, variant) in zip(axes, tried.items(), strict=True):
+    for row, (name, variant) in zip(axes, variants.items(), strict=True):
         for ax, settled in zip(row, variant.settling_times, strict=True):
             ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_style(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
@@ -140,11 +144,11 @@ def figure_settling(tried: Mapping[MethodName, VariantResult], cruise: float) ->
 
 
 @use_report_style
-def figure_learning(tried: Mapping[MethodName, VariantResult]) -> Figure:
+def figure_learning(variants: Mapping[MethodName, VariantResult]) -> Figure:
     """Draw the peak error over the trials of learning control."""
     figure = new_figure(3.2)
     ax = figure.subplots()
-    for name, variant in tried.items():
+    for name, variant in variants.items():
         peaks = 1e9 * np.asarray(variant.learning_peaks_m)
         ax.semilogy(np.arange(1, peaks.size + 1), peaks, marker="o", ms=3, label=name, **line_style(name))
     ax.set_xlabel("trial")
@@ -174,7 +178,7 @@ def render(study: TrackingStudy, command: str) -> str:
     settled = picture(
         figure_settling(study.variants, study.rig.settings.scan.cruise_s),
         "settling",
-        "Histograms of the settling time into 50 and 10 nm, a row a variant.",
+        "Histograms of the settling time into 50 and 10 nm, one row per variant.",
         "All scans of all noise seeds. Scans that never settle are at the right end.",
     )
     sections = [
@@ -190,7 +194,7 @@ def render(study: TrackingStudy, command: str) -> str:
 
 
 def comparison_table(study: TrackingStudy) -> PageTable:
-    """Return the figures of all variants on the test set-point."""
+    """Return a table with the metrics of all variants on the test motion."""
     return method_table(
         f"All variants on the test set-point, crossover {study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
@@ -226,7 +230,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
 
 
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return a table of the stage after the loss of each magnet, if the rig file requests this."""
+    """Return a table of the runs in which a magnet or a head fails; none without such runs."""
     rows = [loss.table_cells() for loss in study.losses]
     return [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
 
@@ -235,7 +239,7 @@ def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
     note = verdict_note(study.verdict)
     notes = [replace(note, tone="bad") if study.lost_in else note]
-    notes += [verdict_note(one) for one in study.verdicts.values()]
+    notes += [verdict_note(verdict) for verdict in study.verdicts.values()]
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
     free = ", ".join(plant.body.free)
     return Headline(
@@ -246,7 +250,7 @@ def _headline(study: TrackingStudy) -> Headline:
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
         basis="Simulated. The gains of the feedforward were found for every variant by the same "
-        "search on a training set-point. All figures are for a test set-point that was not used for it. "
+        "search on a training set-point. All results are for a test set-point that was not used for it. "
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
         tiles=tuple(
@@ -259,7 +263,7 @@ def _headline(study: TrackingStudy) -> Headline:
             for metric in _TILE_METRICS
         ),
         comparison=comparison_table(study),
-        validity="These figures apply only to this plant, its iron and these settings.",
+        validity="These results apply only to this plant, its iron and these settings.",
     )
 
 

@@ -1,4 +1,4 @@
-"""The figure of all gains that tuning tried, and of those that it selected."""
+"""Draw the figure of all gains that tuning tried, and of those that it selected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GainsPoint:
     """A set of gains that tuning tried."""
 
     variant: MethodName  # variant with which it was tried
-    reached: float  # minimised figure, such as the longest settling time, s; infinite if it failed
+    reached: float  # minimised metric, SI unit; infinite if the trial failed
     peak: float  # peak of the sensitivity
     meets_other_aims: bool  # whether it meets the other requirements (overshoot, noise, effort)
 
@@ -35,17 +35,17 @@ def figure_pareto(
     metric: Metric,
     limits: tuple[float | None, float | None],
 ) -> Figure:
-    """Draw peak sensitivity over the minimised figure, and the requirements for both, if any."""
+    """Draw peak sensitivity against the minimised metric, and the requirements for both, if any."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
     finite = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
     for name in in_report_order(trial.variant for trial in finite):
         variant_trials = [trial for trial in finite if trial.variant == name]
         for meets_aims, alpha in ((False, 0.25), (True, 0.8)):
-            drawn = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
+            drawn_trials = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
             ax.scatter(
-                [metric.factor * trial.reached for trial in drawn],
-                [trial.peak for trial in drawn],
+                [metric.factor * trial.reached for trial in drawn_trials],
+                [trial.peak for trial in drawn_trials],
                 s=9.0,
                 marker="o" if meets_aims else "x",
                 color=COLOURS[name],
@@ -60,11 +60,11 @@ def figure_pareto(
             drawstyle="steps-post",
             label=f"front, {name}",
         )
-        if (best := chosen.get(name)) is not None:
-            reached = metric.factor * best.reached
-            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {best.peak:.2f}"
+        if (chosen_point := chosen.get(name)) is not None:
+            reached = metric.factor * chosen_point.reached
+            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {chosen_point.peak:.2f}"
             star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
-            ax.plot([reached], [best.peak], "*", **star, label=label)
+            ax.plot([reached], [chosen_point.peak], "*", **star, label=label)
     limit, peak_limit = limits
     if limit is not None:
         ax.axvline(metric.factor * limit, color=ALARM_COLOUR, lw=0.9, ls="--", label="aims")
@@ -79,7 +79,7 @@ def figure_pareto(
 
 
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
-    """Return the candidates that no other one beats in both figures, ascending in the first."""
+    """Return the candidates that no other candidate beats in both metrics, ascending in the first."""
     front: list[GainsPoint] = []
     for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
         if not front or candidate.peak < front[-1].peak:
@@ -88,7 +88,7 @@ def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
 
 
 def write_pareto(tuning: Tuning, folder: Path) -> None:
-    """Draw the minimised figure and the peak sensitivity of all gains tried: ``pareto.png``."""
+    """Draw the minimised metric and the peak sensitivity of all gains tried: ``pareto.png``."""
 
     def gains_point(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
         has_met_other_aims = meets_other_aims(aims, figures)
@@ -104,7 +104,7 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
         for name, tuned in tuning.tuned.items()
         if math.isfinite(tuned.figures.cost)
     }
-    least = tuning.first_tuned.figures.cost_name
-    limits = tuning.aims.limits.get(least), tuning.aims.peak_sensitivity
-    figure = figure_pareto(candidates, chosen, GAIN_METRICS[least], limits)
+    minimised_name = tuning.first_tuned.figures.cost_name
+    limits = tuning.aims.limits.get(minimised_name), tuning.aims.peak_sensitivity
+    figure = figure_pareto(candidates, chosen, GAIN_METRICS[minimised_name], limits)
     write_png(figure, folder / RESULT_FILES[2])

@@ -268,20 +268,20 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     """Find faults of the magnets: a bearing has one that pulls, or two that oppose each other."""
-    first, opposite, total = file.magnet, file.opposite, file.gap_total_m
+    first, opposite, gap_sum = file.magnet, file.opposite, file.gap_total_m
     if first.is_bidirectional:
         text = "is bidirectional, which only a stage supports; choose another kind"
         yield FileFault(file.key_path(first, "kind"), text, code="not-for-this-kind")
     if first.direction != AGAINST_X["d"]:
         text = f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
         yield FileFault(file.key_path(first, "direction"), text, code="wrong-direction")
-    if opposite is None or total is None:
+    if opposite is None or gap_sum is None:
         return
     if opposite.direction != ALONG_X["d"]:
         text = f"a second magnet must oppose the first along {ALONG_X['d']}; correct it"
         yield FileFault(file.key_path(opposite, "direction"), text, code="wrong-direction")
-    if not (high := file.body.stop_high_m) < total:
-        text = f"both gaps sum to {total:g} m, which must exceed stop_high_m, {high:g} m, or the "
+    if not (high := file.body.stop_high_m) < gap_sum:
+        text = f"both gaps sum to {gap_sum:g} m, which must exceed stop_high_m, {high:g} m, or the "
         text += "body touches the second magnet; raise it"
         yield FileFault(file.key_path(opposite, "gap_m"), text, code="range-too-narrow")
 

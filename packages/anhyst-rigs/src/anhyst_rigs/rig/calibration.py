@@ -132,8 +132,8 @@ class CalibratedMethod(Table):
 
     def width_changes(self, count: int) -> list[float]:
         """Return the relative change of the loop width of each magnet."""
-        common_change = self.value("width")
-        return [self.value(f"width_{number}") or common_change for number in range(1, count + 1)]
+        change_of_all_magnets = self.value("width")
+        return [self.value(f"width_{number}") or change_of_all_magnets for number in range(1, count + 1)]
 
 
 class CalibrationFile(Table):
@@ -178,8 +178,8 @@ def read_calibration(
     for method in file.method:
         names = {number.name for number in method.parameter}
         kinds = {parameter_kind(name) for name in names}
-        missing = {name for name in expected - names if parameter_kind(name) in kinds}
-        for name in sorted(names - expected) or sorted(missing):
+        missing_names = {name for name in expected - names if parameter_kind(name) in kinds}
+        for name in sorted(names - expected) or sorted(missing_names):
             raise InputError(
                 f"{path}: {name}: the parameters are not those of {rig}; calibrate again",
                 code="unknown-name",

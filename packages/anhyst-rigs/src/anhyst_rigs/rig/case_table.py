@@ -97,7 +97,7 @@ class LossCase(Table):
 
 
 class ForceCase(Table):
-    """``kind = "force"``: a triangle of force between two shares of the largest force."""
+    """``kind = "force"``: a triangle of force between two fractions of the largest force."""
 
     kind: Literal["force"]
     name: Name

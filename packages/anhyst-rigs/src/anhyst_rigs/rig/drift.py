@@ -34,22 +34,22 @@ _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
 class Drift:
     """Differences between a plant and the rig file; relative unless a unit is given."""
 
-    pinning: float = 0.0  # 0.1: 10 % more
+    pinning: float = 0.0  # relative change of the pinning; 0.1: 10 % more
     reversible: float = 0.0
     saturation: float = 0.0
     mass: float = 0.0
     resistance: float = 0.0
-    # gain errors of the sensors; position_gain is about the operating gap
+    # gain errors of the sensors; position_gain is a gain error about the operating gap
     position_gain: float = 0.0
     current_gain: float = 0.0
     flux_gain: float = 0.0
     gap_offset: float = 0.0  # error of the position sensor at the operating gap, m
-    first_scale: float = 0.0  # current scale of the first magnet; second: of a bearing
+    first_scale: float = 0.0  # current scale of the first magnet
     second_scale: float = 0.0
     eddy: float = 0.0  # unmodelled lag of the flux behind the current, s
-    conductivity: float = 0.0  # of solid iron
+    conductivity: float = 0.0  # relative change of the conductivity of solid iron
     cable: float = 0.0  # stiffness that pulls a body back to the start of its motion, N/m
-    stroke: float = 0.0  # of a piezo stack
+    stroke: float = 0.0  # relative change of the stroke of a piezo stack
     creep: float = 0.0
     resonance: float = 0.0
     # displacement of the centre of mass, or of a head's measured point, m
@@ -61,7 +61,7 @@ class Drift:
     heads: tuple[Drift, ...] = ()
 
     def as_dict(self) -> dict[str, float]:
-        """Return all nonzero values, with units in the keys and numbers for magnets and heads."""
+        """Return all nonzero values; keys contain units, and the numbers of magnets and heads."""
         values = {drift.name: getattr(self, drift.name) for drift in fields(self)}
         parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
         drifted = {name: value for name, value in values.items() if value}

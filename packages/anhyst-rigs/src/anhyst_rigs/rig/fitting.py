@@ -48,7 +48,8 @@ _NOISE_MEAN_SQUARE = 1.0
 _MAX_NOISE_MEAN_SQUARE = 2.0
 """Largest mean square that may still be noise."""
 _MIN_STANDARD_ERRORS = 2.0
-"""Standard errors by which a law without return-point memory must fit the misclosures better."""
+"""A law without return-point memory is preferred only if it fits the misclosures better by at least
+this number of standard errors."""
 
 
 def identify_magnet_with_ripple(
@@ -77,7 +78,7 @@ def identify_magnet_with_ripple(
         text += "'fused' with a probe is better"
     elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
         alternative = cell_magnet
-        text = "no law follows this; 'single-valued' may be better than 'full', and a probe is"
+        text = "no law describes this; 'single-valued' may be better than 'full', and a probe is better"
     else:
         return cell_magnet
     text = f"minor loops do not close: this iron has no return-point memory; {text}"
@@ -116,8 +117,8 @@ def calibrate_magnet(
 
     Loops and model are those that would be measured with these signals. Therefore, every
     compensator and parameter block made from them is calibrated. `scale` and `width_change` are
-    relative. `gap_zero` is in m, as is `gap_margin`, by which the valid range of gaps is extended
-    at both ends.
+    relative. `gap_zero` and `gap_margin` are in m. The valid range of gaps is extended by
+    `gap_margin` at both ends.
     """
     current_factor, measured = 1.0 + scale, magnet.loops
     loops = [

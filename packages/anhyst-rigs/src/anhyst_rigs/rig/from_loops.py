@@ -42,14 +42,14 @@ from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 PINNED_CELL_COUNT = 24
 """Number of pinned cells."""
 
-IRON_LENGTH_SIDES = 11.0
+IRON_LENGTH_PER_POLE_SIDE = 11.0
 """Length of the flux path in the iron, relative to the side of a pole."""
 
 WINDING_RESISTIVITY_OHM_M = 1.75e-8 / 0.5
-"""Resistivity of copper over a fill factor of 0.5, for a window as large as a pole, ohm m."""
+"""Resistivity of copper divided by a fill factor of 0.5, ohm m, for a window as large as a pole."""
 
-MEAN_TURN_SIDES = 5.0
-"""Mean length of a turn, relative to the side of a pole."""
+TURN_LENGTH_PER_POLE_SIDE = 5.0
+"""Mean length of a winding turn, relative to the side of a pole."""
 
 MAX_FORCE_FLUX_DENSITY_T = 1.2
 """Assumed flux density at the largest force for the prior of the pole area, T."""
@@ -235,8 +235,8 @@ class _StaticFit:
 
     def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
         """Return the smallest cost from an initial guess, and its parameters."""
-        best = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
-        return float(best.cost), best.x
+        result = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
+        return float(result.cost), result.x
 
     def turns(self, at: FloatArray) -> float:
         """Return the number of turns for some parameters, before rounding."""
@@ -248,7 +248,7 @@ class _StaticFit:
         poles, steel = self._make_poles_and_steel(values)
         resistance = (
             WINDING_RESISTIVITY_OHM_M
-            * MEAN_TURN_SIDES
+            * TURN_LENGTH_PER_POLE_SIDE
             * poles.turns**2
             / math.sqrt(poles.width * poles.depth)
         )
@@ -276,7 +276,7 @@ class _StaticFit:
             width=width,
             depth=depth,
             leakage=math.exp(values["leakage"]) if table.leakage_H is None else table.leakage_H,
-            iron_length=table.iron_length_m or IRON_LENGTH_SIDES * side,
+            iron_length=table.iron_length_m or IRON_LENGTH_PER_POLE_SIDE * side,
             joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
         )
         saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])

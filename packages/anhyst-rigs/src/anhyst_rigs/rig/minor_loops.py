@@ -14,10 +14,10 @@ from anhyst.data.path import find_turning_points
 from anhyst.support.numeric import FloatArray
 
 _WINDOW_SHARE = 0.08
-"""Window on either side of a closing point from which the misclosure is estimated, share of the
-range."""
+"""Window on either side of a closing point from which the misclosure is estimated, as a fraction of
+the range."""
 _RETURN_TOLERANCE = 0.02
-"""Tolerance with which an input returns to its reversal point, share of the range."""
+"""Tolerance with which an input returns to its reversal point, as a fraction of the range."""
 _MIN_SAMPLES = 4
 """Smallest number of samples of a branch for this estimate."""
 

@@ -48,7 +48,7 @@ class PiezoRig:
     settings: RigFile
 
     def plant_parameters(self, dt: float) -> dict[str, float]:
-        """Return the core's parameters for ticks of a duration, s, with a held command."""
+        """Return the core's parameters for a given tick period, s, with a held command."""
         stack, flexure = self.settings.stack, self.settings.flexure
         steps = integration_steps(self.settings, dt)
         return {
@@ -65,7 +65,7 @@ class PiezoRig:
         }
 
     def make_motion(self, dt: float) -> PiezoMotion:
-        """Return the plant for ticks of a duration, s."""
+        """Return the plant for a given tick period, s."""
         times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
         return PiezoMotion(self.plant_parameters(dt), np.array(times), np.array(shares))
 

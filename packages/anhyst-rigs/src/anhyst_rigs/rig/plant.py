@@ -204,5 +204,5 @@ def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
 
 
 def _low_pass_share(bandwidth: float, seconds: float) -> float:
-    """Return the share of a step that a first-order low-pass passes within a time, s."""
+    """Return the fraction of a step that a first-order low-pass passes within a time, s."""
     return first_order_share(2.0 * math.pi * bandwidth * seconds)

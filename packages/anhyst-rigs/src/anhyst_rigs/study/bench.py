@@ -237,7 +237,8 @@ def prepare_piezo(
 
 
 MAX_CACHED_BENCHES = 20
-"""Maximum number of cached benches. Those that were not opened for the longest time are removed."""
+"""Maximum number of cached benches. The benches that were not opened for the longest time are
+removed."""
 _FIRMWARE_FILE = "firmware"
 _PICKLE_FILE = "prepared.pickle"
 

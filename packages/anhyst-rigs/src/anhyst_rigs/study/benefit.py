@@ -1,7 +1,7 @@
 """Map the benefit of compensation over loop width and reversible fraction of the iron.
 
 The loops of every iron are measured, all methods are fitted to them, and all run with the same
-noise. A bearing is assessed by its steps of several heights. Other rigs are assessed by the figures
+noise. A bearing is assessed by its steps of several heights. Other rigs are assessed by the metrics
 of their random plants, without drift.
 """
 
@@ -49,7 +49,7 @@ from anhyst_rigs.study.reversals import reversal_slope_ratio
 PINNING_SCALES = (0.5, 1.0, 2.0)
 """Factors on the pinning of the rig's iron."""
 REVERSIBLE_FRACTIONS = (0.05, 0.15, 0.3, 0.5)
-"""Reversible fractions of irons of cells. Irons of other families keep their shape."""
+"""Reversible fractions of play-cell irons. For other iron families, only the pinning is varied."""
 BASELINES = tuple(name for name in methods.BASELINE_METHODS if name not in ("secant", "play"))
 """Methods without hysteresis model and without flux measurement. ``linearised`` is the better one
 of the two straight lines."""
@@ -58,12 +58,12 @@ STEP_METRICS = (
     Metric("overshoot_percent", "overshoot", "%"),
     Metric("settling_in_noise_s", "settling time", "ms", 1e3),
 )
-"""Figures of a step that are compared."""
+"""Metrics of a step that are compared."""
 DEFAULT_SEED_COUNT = 4
 """Number of noise seeds, if the rig file does not state it."""
 OVERSHOOT_FLOOR_FACTOR = 3.0
-"""Overshoots below this factor times the standstill rms count as none, so that there is nothing to
-gain."""
+"""Ratio of overshoot to standstill rms below which an overshoot is treated as zero. Compensation
+then cannot reduce it."""
 
 Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 _StepPairs = Sequence[Sequence[Mapping[str, float]]]
@@ -75,28 +75,28 @@ class IronFigures:
     """One iron of the map, with its measured properties."""
 
     pinning_scale: float  # factor on the pinning
-    # weight of the iron without pinning; None if the family has no such parameter
+    # weight of the reversible part of the iron; None if the family has no such parameter
     reversible_fraction: float | None
     loop_width: float  # largest width of the measured loops, relative to the largest current
-    # slope just after a reversal over the static slope, estimated from the measured loops; None if
-    # the loops do not determine it
+    # ratio of the slope just after a reversal to the static slope, estimated from the measured
+    # loops; None if the loops do not determine it
     after_reversal: float | None
-    # the same of the virtual magnet at its operating point; bearings only
+    # the same ratio, measured on the virtual magnet at its operating point; bearings only
     after_reversal_true: float | None
     label: str  # ``"regular"`` or ``"pathological"``; empty if the slope is unknown
 
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """The full compensator compared with a baseline in one figure."""
+    """A comparison of the full compensator with a baseline by one metric."""
 
-    # strongest baseline that kept the armature levitated; None if none did
+    # strongest baseline that kept the armature levitated; None if every baseline lost levitation
     baseline: MethodName | None
-    # figure of ``full`` over that of the baseline; None if one of them lost the armature
+    # ratio of the metric of ``full`` to that of the baseline; None if one of them lost levitation
     quotient: MeanRatio | None
-    difference: Interval | None  # figure of the baseline minus that of ``full``, seed by seed
-    # overshoot that counts as none, % of the height: :data:`OVERSHOOT_FLOOR_FACTOR` times the
-    # larger standstill rms of both; None for other figures
+    difference: Interval | None  # metric of the baseline minus that of ``full``, seed by seed
+    # overshoot below which it is treated as zero, % of the height: :data:`OVERSHOOT_FLOOR_FACTOR`
+    # times the larger standstill rms of both; None for other metrics
     floor: float | None = None
     is_below_floor: bool = False  # whether both means are below the floor
 
@@ -125,10 +125,10 @@ class MapCell:
     figures: Mapping[MethodName, Mapping[str, Interval]]
     # by variant: rms of the gap at the end of the holds, mean over seeds and directions, m
     standstill: Mapping[MethodName, float]
-    # by metric: compared with the strongest of :data:`BASELINES` in this figure, and with ``ratio``
+    # by metric: compared with the strongest of :data:`BASELINES` in this metric, and with ``ratio``
     strongest: Mapping[str, MethodComparison]
     ratio: Mapping[str, MethodComparison]
-    # compared with ``flux``, which measures the flux density; empty without a Hall probe
+    # comparisons with ``flux``, which measures the flux density; empty without a Hall probe
     flux: Mapping[str, MethodComparison]
 
 
@@ -145,7 +145,7 @@ class Benefit:
     cells : tuple of MapCell
         In the order scale, reversible fraction, case.
     metrics : tuple of Metric
-        The compared figures.
+        The compared metrics.
     bearing : mapping of str to object
         For a bearing: the name of its controller and its operating point, m and N.
     """
@@ -282,9 +282,9 @@ def make_map_cell(
     has_probe: bool,
     keys: Sequence[str],
 ) -> MapCell:
-    """Return the cell of an iron from figures by method and key, one value per seed.
+    """Return the map cell of an iron from its metrics by method and key, one value per seed.
 
-    Methods that were lost are missing.
+    Methods that lost control are missing.
     """
 
     def against(*baselines: MethodName) -> dict[str, MethodComparison]:
@@ -310,13 +310,16 @@ def make_map_cell(
 
 
 def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
-    """Return the larger value of up and down for each seed; the hold limits the settling time."""
+    """Return the larger value of a step up and a step down for each seed.
+
+    The settling time is at most the hold time.
+    """
     max_value = hold if key == "settling_in_noise_s" else math.inf
     return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
 
 
 def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
-    """Compare with the best baseline of this cell. The selection slightly favours the baseline."""
+    """Compare with the best baseline of this iron and case, which slightly favours the baseline."""
     usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
     if not usable:
         return MethodComparison(None, None, None)
@@ -361,7 +364,7 @@ def map_plant_benefit(
 ) -> Benefit:
     """Map the benefit of compensation for a stage, a piezo stage or a force rig.
 
-    The loops of every iron are measured and identified. The figures are those of the random plants
+    The loops of every iron are measured and identified. The metrics are those of the random plants
     of this kind of rig, without drift, over several noise seeds.
     """
     default_count = (
@@ -408,7 +411,7 @@ def _map_plants(
 
 
 def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
-    """Return the cases of a map, with the positions of each in the figures of a plant."""
+    """Return the cases of a map, each with the indices of its values in the metrics of a plant."""
     if plants.single_case:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
@@ -419,7 +422,7 @@ def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
 
 
 def _largest_value(figure: float | Sequence[float | None] | None, positions: Sequence[int]) -> float:
-    """Return the largest of some values of a figure; infinite if a level was not reached."""
+    """Return the largest of some values of a metric; infinite if a level was not reached."""
     values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in values)
 

@@ -37,7 +37,7 @@ MIN_MAGNETS_FOR_SPREAD = 3
 TABLE_FILE = "fleet.csv"
 """Name of the table with one row for each magnet."""
 FIGURES_FILE = "fleet.json"
-"""Name of the file with all figures."""
+"""Name of the file with all metrics."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,7 +94,10 @@ class Fleet(Result):
 
     @property
     def own_errors(self) -> FloatArray:
-        """Rms error of each evaluated magnet with its own controller, over the largest output."""
+        """Rms error of each evaluated magnet with its individual controller.
+
+        The error is relative to the largest output.
+        """
         return np.array([math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.evaluated])
 
     @property
@@ -121,7 +124,7 @@ class Fleet(Result):
         return [name for name, is_outlier in zip(names, self.spread.outlier, strict=True) if is_outlier]
 
     def facts(self) -> dict[str, str]:
-        """Return the number of good magnets, with their own and with the common model."""
+        """Return the number of good magnets, with individual models and with the common model."""
         count = len(self.results)
         return {
             "magnets": f"{count}, {len(self.failed)} could not be evaluated",
@@ -155,9 +158,9 @@ class Fleet(Result):
             return {}
         pairs = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
         return {
-            f"{name}, {what}": float(number)
+            f"{name}, {suffix}": float(number)
             for name, value, std in pairs
-            for what, number in (("in the fleet", value), ("in the fleet, std", std))
+            for suffix, number in (("in the fleet", value), ("in the fleet, std", std))
         }
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """Process the magnets of a fleet one by one: find, identify, compile and verify them.
 
-By default, all magnets get the law and the gap map that the majority of the first ones selects.
-Results are stored for each magnet with a hash of its inputs, so that an interrupted run can
-continue.
+By default, all magnets get the law and the gap map that the majority of the first few magnets
+selects. Results are stored for each magnet with a hash of its inputs, so that an interrupted run
+can continue.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Member:
     """One magnet of a fleet."""
 
     name: str  # name of its file without extension, or of its folder
-    source: Path  # a file of loops, or a folder of them
+    source: Path  # file of loops, or folder of such files
 
     def digest(self) -> str:
         """Return the SHA-256 of all files of the magnet."""
@@ -57,7 +57,7 @@ class Member:
 
 
 def find_members(folder: PathLike) -> list[Member]:
-    """Return the magnets of a folder by name: each file of loops and each folder of them."""
+    """Return the magnets of a folder by name: each file of loops, and each folder of such files."""
     root = Path(folder)
     if not root.is_dir():
         raise InputError(
@@ -117,7 +117,7 @@ class FleetTask:
     member: Member
     settings: FleetSettings
     out: Path  # folder that contains the magnet's folder
-    # law and gap map for the identification; for a pilot those that were given, such as ``auto``
+    # law and gap map for the identification; for a pilot the settings of the user, such as ``auto``
     search: tuple[str, str]
     identification: IdentifyResult | None = None  # result, if it is already known
 
@@ -133,7 +133,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
     An error of one magnet is part of its result and does not stop the others.
     """
     settings = asdict(task.settings)
-    settings.pop("tolerance")  # does not affect the figures
+    settings.pop("tolerance")  # does not affect the metrics
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()
@@ -200,9 +200,9 @@ def _evaluate(task: FleetTask) -> dict[str, Any]:
 
 
 def shared_model_error(file: Path, history: str | None, member: Member) -> float:
-    """Return the rms error of another magnet's model on these loops, over the largest output.
+    """Return the rms error of another magnet's model on the loops of this one.
 
-    The result is nan if the model cannot be computed on these loops.
+    It is relative to the largest output, and nan if the model cannot be computed on these loops.
     """
     loops = read_loops(member.source, history=history)
     model = read_model(file)
@@ -214,7 +214,7 @@ def shared_model_error(file: Path, history: str | None, member: Member) -> float
 
 
 PILOT_COUNT = 3
-"""Number of magnets whose choices decide."""
+"""Number of pilots: the first magnets, whose identification selects the law and the gap map."""
 CHOICE_FILE = "choice.json"
 """Name of the file with the decision, for runs that continue."""
 
@@ -230,7 +230,7 @@ class FleetChoice:
     identifications: dict[str, IdentifyResult] = field(default_factory=dict)
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
-        """Return the task of a magnet; pilots keep the settings that were given."""
+        """Return the task of a magnet; pilots keep the settings of the user."""
         search = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
             member, self.settings, out, (search.law, search.gap_map), self.identifications.get(member.name)
@@ -262,7 +262,7 @@ def choose_law(
         return FleetChoice(settings)
     chosen = {name: (member.model.law, member.model.gap_map) for name, member in identifications.items()}
     most_common = Counter(chosen.values()).most_common(1)[0][0]
-    pilots = tuple(name for name, own in chosen.items() if own == most_common)
+    pilots = tuple(name for name, choice in chosen.items() if choice == most_common)
     law, gap_map = most_common[0], "auto" if most_common[1] == "none" else most_common[1]
     content = {
         "made_from": _choice_inputs(tried_members, settings),

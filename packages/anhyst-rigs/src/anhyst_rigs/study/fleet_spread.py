@@ -48,7 +48,7 @@ class MagnetEstimate:
     # in units of the quantities; std infinite if the loops do not determine one; shape (q,)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray  # of the coordinates; shape (q, q)
+    correlation: FloatArray  # correlation of the coordinates; shape (q, q)
 
     @classmethod
     def from_uncertainty(
@@ -77,13 +77,13 @@ class FleetSpread:
 
     mean: FloatArray  # in units of the quantities; shape (q,)
     scatter: FloatArray
-    # estimate of each magnet from its own loops and the fleet, with its standard deviation;
-    # outliers keep their own; shape (n, q)
+    # estimate of each magnet from its loops and the fleet, with its standard deviation; that of an
+    # outlier is from its loops only; shape (n, q)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray  # of the pooled estimates; shape (n, q, q)
-    # distance from the mean: root of the Mahalanobis distance over the number of quantities; shape
-    # (n,)
+    correlation: FloatArray  # correlation of the pooled estimates; shape (n, q, q)
+    # distance from the mean: root of the squared Mahalanobis distance divided by the number of
+    # quantities; shape (n,)
     distance: FloatArray
     # magnets that do not belong to the fleet at :data:`OUTLIER_PROBABILITY`; shape (n,)
     outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
@@ -128,7 +128,7 @@ class _Coordinates:
 def estimate_spread(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
-    """Estimate mean and scatter of a fleet; outliers do not affect them."""
+    """Estimate mean and scatter of a fleet, without its outliers."""
     quantities = np.array([estimate.values for estimate in estimates])
     transform = _Coordinates.from_values(quantities, coordinates or ["plain"] * quantities.shape[1])
     values = transform.to_coordinates(quantities)
@@ -147,8 +147,8 @@ def estimate_spread(
         belongs = now_belongs
     is_outlier = squares > limit
     pooled = [
-        (y, s) if keeps else _pool(y, s, mean, scatter)
-        for y, s, keeps in zip(values, covariances, is_outlier, strict=True)
+        (y, s) if keeps_estimate else _pool(y, s, mean, scatter)
+        for y, s, keeps_estimate in zip(values, covariances, is_outlier, strict=True)
     ]
     pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
     pooled_std = np.array([np.sqrt(np.diag(estimate)) for _, estimate in pooled])

@@ -94,14 +94,14 @@ class ForceControl(StudyResult):
     @property
     def lost_in(self) -> list[str]:
         """All trials in which the controlled force was lost."""
-        lost: list[str] = self.figures["lost_in"]
-        return lost
+        lost_trials: list[str] = self.figures["lost_in"]
+        return lost_trials
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""
         if self.lost_in:
             raise NegativeResult(
-                f"the force was lost: {'; '.join(self.lost_in)}; all files are kept", code="force-lost"
+                f"the force was lost: {'; '.join(self.lost_in)}; all files are saved", code="force-lost"
             )
         if differing_ticks := self.figures["ticks_that_differ"]:
             raise NegativeResult(

@@ -30,10 +30,11 @@ InitialState = Literal["unknown", "demagnetised"]
 
 @dataclass(frozen=True)
 class ForceTrial:
-    """One demand at one position."""
+    """One demand at one position of the armature."""
 
-    # ``"end"``: models of the stroke's end, at this position; ``"positions"``: models of the whole
-    # stroke, armature held; ``"moving"``: the same models, armature moving
+    # group of trials. ``"end"``: models of the end of the stroke, at this position;
+    # ``"positions"``: models of the whole stroke, armature held; ``"moving"``: models of the whole
+    # stroke, armature moving
     stage: TrialStage
     demand: Demand  # demanded force
     position: float | None  # position of the armature, m; None if it moves
@@ -59,11 +60,11 @@ class ForceTrial:
 
 @dataclass(frozen=True)
 class Controllers:
-    """All controllers of one stage."""
+    """All controllers of one group of trials."""
 
     programs: tuple[Program, ...]  # firmwares
-    # ``ratio``, the uncompensated case of the paper: one ratio of the stroke's end;
-    # ``ratio_over_gap``: a ratio for every gap; ``single``: the best single-valued curve
+    # ``ratio``, the uncompensated case of the paper: one constant ratio, from the end of the
+    # stroke; ``ratio_over_gap``: a ratio for every gap; ``single``: the best single-valued curve
     baselines: Mapping[str, Compensator]
     board: str  # board of the firmwares
 
@@ -83,7 +84,7 @@ class ForceOutcome:
     recordings: Mapping[str, Recording]
     # by firmware: force that the model predicts for the currents of the firmware, N
     simulated_force: Mapping[str, FloatArray] = field(default_factory=dict)
-    # by firmware: number of ticks at which the simulated program gave another current
+    # by firmware: number of ticks at which its current differs from that of the simulated program
     differing_ticks: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -106,7 +107,7 @@ def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTr
 
 
 def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
-    """Run one trial with every controller of its stage and the same noise."""
+    """Run one trial with every controller of its group of trials, all with the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
     is_demagnetised = trial.initial_state == "demagnetised"
     recordings: dict[str, Recording] = {}
@@ -164,7 +165,7 @@ STAGE_TITLES: Mapping[str, str] = {
 
 
 def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
-    """Return figures of a force error, in N and in per cent of the largest force of the rig."""
+    """Return metrics of a force error, in N and in per cent of the largest force of the rig."""
     errors = {
         "worst": peak_deviation(deviation),
         "rms": rms(deviation),
@@ -175,7 +176,7 @@ def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
 
 
 def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
-    """Return the error figures of every controller of a trial, after the lead-in.
+    """Return the error metrics of every controller of a trial, after the lead-in.
 
     ``true`` uses the exact force of the simulation, and ``read`` the sensor reading with noise and
     delay. ``simulated`` uses the prediction of the model. ``differing`` is the number of ticks at
@@ -213,7 +214,7 @@ def worst_errors(
 
 
 def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the worst errors of each stage by controller, also relative to ``single``."""
+    """Return the worst errors of each group of trials by controller, also relative to ``single``."""
     return {
         stage: {
             name: {
@@ -228,7 +229,7 @@ def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
-    """Return every trial in which the force of ``full`` was lost, with time and reason."""
+    """Return every trial in which ``full`` lost control of the force, with time and reason."""
     losses = []
     for outcome in outcomes:
         demand, recording = outcome.trial.demand, outcome.recordings["full"]
@@ -273,11 +274,11 @@ def make_figures(rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: 
 
 
 Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
-"""Worst errors by stage, controller and figure."""
+"""Worst errors by group of trials, controller and metric."""
 
 
 def strongest_baselines(summary: Summary) -> dict[str, str]:
-    """Return for every stage the controller without a model that has the smallest worst error."""
+    """Return the controller without a model that has the smallest worst error, by group of trials."""
     return {
         stage: min(
             (name for name in errors if name not in MODEL_METHODS),
@@ -288,7 +289,7 @@ def strongest_baselines(summary: Summary) -> dict[str, str]:
 
 
 def judge_stages(summary: Summary) -> Judgement:
-    """Assess ``full`` by its worst error at every stage, against the strongest baseline."""
+    """Assess ``full`` by its worst error in every group of trials, against the strongest baseline."""
     compared = [
         ComparedFigure(
             stage,

@@ -41,7 +41,7 @@ force of the virtual armature is used instead."""
 
 
 class BenchMonitor:
-    """Monitors one model over the rows of a bench, from its first row."""
+    """Monitors one model with the rows of a bench, from the first row on."""
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
@@ -92,7 +92,7 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
         if name in names:
             return 1 + names.index(name)
     raise InputError(
-        f"watch: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
+        f"monitor: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
     )
 
 
@@ -113,7 +113,7 @@ class DrawnLoop(NamedTuple):
 
 
 def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return thinned loops of force over current, and those of a model with the same currents."""
+    """Return thinned loops of force against current, and those of a model for the same currents."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     curves = []
@@ -143,7 +143,7 @@ def make_model_with_loops(loops: Loops, model: Model) -> ModelWithLoops:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """An old and a new model on the same loops."""
+    """An old and a new model, compared on the same loops."""
 
     loops: Loops  # measured loops
     old: tuple[FloatArray, ...]  # predictions, loop by loop
@@ -152,7 +152,7 @@ class ModelComparison:
     def residual_figures(
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
     ) -> dict[str, float]:
-        """Return rms and peak residual over all loops or those of one gap, including sensor noise."""
+        """Return rms and peak residual of all loops, or of one gap, including sensor noise."""
         residual = np.concatenate(
             [
                 force - loop.output
@@ -163,7 +163,7 @@ class ModelComparison:
         return {"rms_N": rms(residual), "worst_N": peak_deviation(residual)}
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures, and the loops for drawing."""
+        """Return the metrics, and the loops for drawing."""
         rows = [
             {"gap_m": gap, "old": self.residual_figures(self.old, gap),
              "new": self.residual_figures(self.new, gap)}

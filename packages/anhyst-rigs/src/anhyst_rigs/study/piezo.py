@@ -1,8 +1,8 @@
 """Simulate a piezo stage that follows a triangle, with and without hysteresis compensation.
 
 Only the inverse from displacement to voltage differs: a constant, the best single-valued curve, or
-the compiled inverse of the model in fixed point. All are identified from loops that the virtual
-stage measures at a pace of their own, with sensor noise.
+the compiled inverse of the model in fixed point. All are identified from loops of the virtual
+stage, which are measured separately with sensor noise.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class PiezoTracking(StudyResult):
 
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
-        """Deviations by compensation, in the figures of :data:`DEVIATION_METRICS`."""
+        """Deviations by compensation, in the metrics of :data:`DEVIATION_METRICS`."""
         deviations = {name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()}
         return {
             name: {"worst_m": peak_deviation(deviation), "rms_m": rms(deviation)}
@@ -111,21 +111,21 @@ class PiezoTracking(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Compensations with which the loop was lost, with time and reason."""
+        """Compensations with which control was lost, with time and reason."""
         return [f"{name} {run.loss_text}" for name, run in self.runs.items() if run.loss_text]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult if the loop with ``full`` was lost."""
-        if lost := self.runs["full"].loss_text:
+        """Raise NegativeResult if control was lost with ``full``."""
+        if loss_text := self.runs["full"].loss_text:
             raise NegativeResult(
-                f"the loop was lost {lost}: a bandwidth of "
+                f"control was lost {loss_text}: a bandwidth of "
                 f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz is too high for this stage; "
                 "the recording is kept",
                 code="loop-lost",
             )
 
     def deviation_ratio(self, key: str = "rms_m") -> float:
-        """Return a deviation with ``full`` over that with a constant."""
+        """Return the ratio of a deviation with ``full`` to the same deviation with a constant."""
         return self.errors["full"][key] / self.errors["none"][key]
 
     @property
@@ -169,7 +169,7 @@ class PiezoTracking(StudyResult):
         return Recording(columns).save(path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures for JSON."""
+        """Return the metrics for JSON."""
         return {
             "lost_in": self.lost_in,
             "rms_with_over_without": self.deviation_ratio("rms_m"),
@@ -250,7 +250,7 @@ def _constant_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
 
 
 def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
-    """Return the best voltage over displacement without hysteresis: a polynomial of degree 5."""
+    """Return the best curve without hysteresis: voltage as a polynomial of degree 5."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
     return _make_curve_inverse(rig, curve, float(loop.output.max()), CURVE_SEGMENTS)
@@ -259,7 +259,7 @@ def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
 def _make_curve_inverse(
     rig: PiezoRig, curve: np.polynomial.Polynomial, max_displacement_m: float, segments: int
 ) -> ForceController:
-    """Return a curve over displacements of 0 to a maximum (m) as a monotone table."""
+    """Return a curve for displacements from 0 to a maximum (m) as a monotone table."""
     voltages = np.maximum.accumulate(curve(np.linspace(0.0, max_displacement_m, segments + 1)))
     amplifier = rig.settings.stack_amplifier
     scales = Scales(max_displacement_m, amplifier.high_V, 0.0, 1.0)
@@ -306,10 +306,10 @@ def follow_reference(
 
 
 MAX_WORTHWHILE_RATIO = 0.5
-"""Deviation with compensation over that without, below which compensation is worth it."""
+"""Ratio of the deviations with and without compensation, below which compensation is beneficial."""
 
 
 def judge_ratio(ratio: float) -> Judgement:
-    """Return the verdict for a deviation with compensation over that without."""
+    """Return the verdict for a ratio of the deviations with and without compensation."""
     compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - MAX_WORTHWHILE_RATIO)
     return judge_against_baselines("compensation", [compared], "measures", BENEFICIAL_CONDITIONS["piezo"])

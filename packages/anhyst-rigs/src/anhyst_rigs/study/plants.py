@@ -45,7 +45,7 @@ from anhyst_rigs.rig.tables import SPREADS
 from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.responses import evaluate_step, position_resolution
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
-from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst_rigs.study.engine.monte_carlo import PlantMetric, Plants
 from anhyst_rigs.study.force_trials import ForceTrial, plan_trials
 from anhyst_rigs.study.piezo import (
     DEVIATION_METRICS,
@@ -85,7 +85,7 @@ def bearing_plants(
     methods: Sequence[MethodName] | None = None,
     seed: int | None = None,
 ) -> Plants:
-    """Return the random plants of a bearing; the controller is that of the nominal plant."""
+    """Return the random plants of a bearing; all use the controller of the nominal plant."""
     main_variant = controller.settings.compensation.variant
     names = tuple(dict.fromkeys((*BEARING_METHODS, main_variant))) if methods is None else tuple(methods)
     inputs = check_inputs(rig, controller)
@@ -98,9 +98,9 @@ def bearing_plants(
         methods=names,
         own_method=main_variant if main_variant in names else names[-1],
         figures=(
-            PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *height_cases),
-            PlantFigure("settling_s", "settling", "ms", 1e3, *height_cases),
-            PlantFigure("standstill_rms_m", "standstill, rms", "nm", 1e9),
+            PlantMetric("overshoot_percent", "overshoot", "%", 1.0, *height_cases),
+            PlantMetric("settling_s", "settling", "ms", 1e3, *height_cases),
+            PlantMetric("standstill_rms_m", "standstill, rms", "nm", 1e9),
         ),
         input_files=tuple(path for path in files if path is not None),
         setting_texts={"controller": controller.settings.model_dump_json()},
@@ -112,7 +112,7 @@ def bearing_plants(
 def run_bearing(
     setups: Mapping[MethodName, BearingSetup], method: MethodName, drift: Drift, noise: int
 ) -> dict[str, Any]:
-    """Run one plant of a bearing; returns its figures, or only the time of a loss."""
+    """Run one plant of a bearing; returns its metrics, or only the time of a loss."""
     setup = setups[method]
     rig, settings = setup.rig, setup.rig.settings
     scenario = plan_steps(rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S)
@@ -129,7 +129,7 @@ def run_bearing(
 def _evaluate_steps(
     rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
-    """Evaluate an ideal sensor with this gain and offset: an offset is not an overshoot."""
+    """Evaluate steps with a sensor of this gain and offset, since an offset is not an overshoot."""
     sensor = drifted.gap_sensor
     gap_reading = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]
@@ -162,7 +162,7 @@ FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 def force_plants(rig: ForceControlRig, model: Model | None = None, loops: Loops | None = None) -> Plants:
     """Return the random plants of a force rig: at every held position, and with a moving armature.
 
-    The loops are those of the rig file, unless others are given.
+    The compensators are identified from the loops of the rig file, unless other loops are given.
     """
     loops = loops or read_rig_loops(rig)
     rig = complete_rig(rig, loops)
@@ -189,8 +189,8 @@ def force_plants(rig: ForceControlRig, model: Model | None = None, loops: Loops 
         methods=FORCE_METHODS,
         own_method="full",
         figures=(
-            PlantFigure("rms_N", "force error, rms", "N", 1.0, *trial_cases),
-            PlantFigure("worst_N", "force error, worst", "N", 1.0, *trial_cases),
+            PlantMetric("rms_N", "force error, rms", "N", 1.0, *trial_cases),
+            PlantMetric("worst_N", "force error, worst", "N", 1.0, *trial_cases),
         ),
         input_files=tuple(files),
         setting_texts={},
@@ -233,7 +233,7 @@ def run_force(
 
 
 def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
-    """Return a rig with drifted iron, in its own file or in that of its solenoid."""
+    """Return a rig with drifted iron, which is in the rig file or in its solenoid file."""
     file = rig.solenoid_file
     if file is None:
         return replace(rig, settings=drifted_file(rig.settings, drift))
@@ -247,7 +247,7 @@ PIEZO_METHODS: Mapping[MethodName, str] = {"ratio": "none", "single-valued": "si
 
 
 def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
-    """Return the random plants of a piezo stage; the loops are those of the nominal stage."""
+    """Return the random plants of a piezo stage; loops of the nominal stage give the compensators."""
     inverses = find_inverses(rig, loops)
     return Plants(
         file=rig.settings,
@@ -258,7 +258,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
         own_method="full",
         figures=(
             *(
-                PlantFigure(metric.key, metric.title, metric.unit, metric.factor)
+                PlantMetric(metric.key, metric.title, metric.unit, metric.factor)
                 for metric in reversed(DEVIATION_METRICS)
             ),
         ),
@@ -311,7 +311,7 @@ ERROR_CASES: Mapping[str, tuple[str, ...]] = {
     "head positions": ("heads",),
     "all": tuple(_SPREAD_KEYS),
 }
-"""Errors of the plants of a stage, case by case, in all magnets at the same time."""
+"""Errors of the plants of a stage, by case; each error applies to all magnets at the same time."""
 
 
 def varied_errors(file: RigFile) -> Mapping[str, tuple[str, ...]]:
@@ -337,7 +337,7 @@ def stage_plants(
 ) -> Plants:
     """Return the random plants of a stage, with the gains of the calibrated stage for all variants.
 
-    The default error cases are those of :func:`varied_errors`.
+    The default error cases come from :func:`varied_errors`.
     """
     check_calibration(rig)
     knowledge = magnet or identify_stage_magnet(rig)
@@ -353,7 +353,7 @@ def stage_plants(
         methods=tuple(setups),
         own_method=COMPENSATOR,
         figures=tuple(
-            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
+            PlantMetric(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
             for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME, *cross_talk_metrics(rig.settings))
         ),
         input_files=tuple(rig.measured_loops.files),

@@ -92,7 +92,7 @@ class PreparedBearing:
         variant = self.setup.method
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
-                f"the controller runs without a model ('{variant}'), so there is none to replace",
+                f"the controller runs without a model ('{variant}'), so there is no model to replace",
                 code="no-model",
             )
         controller_table, scales = self.setup.controller, running.scales
@@ -262,7 +262,7 @@ def fixed_point_block(plan: Plan) -> Block:
 
 
 def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
-    """Return the part of a model that a board can follow: layers only if it has states for them."""
+    """Return a model that a board can simulate: layers remain only if the board has their states."""
     if kind != "full" or running.layers is None or not running.has_layers:
         return model.at_rest
     if not model.has_layers:

@@ -15,8 +15,8 @@ from anhyst.support.numeric import FloatArray
 _REACH_WIDTHS = 0.5
 """Largest distance from a reversal that counts as just after it, in loop widths."""
 _OUTPUT_RANGE = (0.25, 0.9)
-"""Outputs, relative to the largest, between which reversals are used. Below, the iron barely
-responds; above, it is saturated."""
+"""Range of outputs, relative to the largest, in which reversals are used. Below it, the iron barely
+responds; above it, the iron is saturated."""
 _SLOPE_SPAN = 0.1
 """Half-width of the fit of the static slope, relative to the range."""
 _TIP_SAMPLES = 4
@@ -29,12 +29,12 @@ _MAX_STANDARD_ERROR = 0.05
 
 
 def reversal_slope_ratio(loopset: Loops) -> float | None:
-    """Return the slope of the output just after a maximum of the input over the static slope.
+    """Return the ratio of the slope just after a maximum of the input to the static slope.
 
-    Without hysteresis the ratio is 1; an iron with complete pinning has ratio 0. The static slope
-    is that of all branches together near the same input. The reversals of all loops give one
-    estimate by least squares. None if it is too uncertain. Reversals at a minimum have a larger
-    ratio and are not used.
+    Both are slopes of the output. Without hysteresis the ratio is 1; an iron with complete pinning
+    has ratio 0. The static slope is fitted to all branches together near the same input. The
+    reversals of all loops give one estimate by least squares. None if it is too uncertain.
+    Reversals at a minimum have a larger ratio and are not used.
     """
     even = is_even(loopset)
     reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)

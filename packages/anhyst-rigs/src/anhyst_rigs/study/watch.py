@@ -34,7 +34,7 @@ MIN_ALLOWANCE = 0.5
 """Smallest allowance of a chart, in standard deviations. It is optimal for shifts of twice this
 size."""
 _WALK_OVERSHOOT = 1.166
-"""Mean overshoot of a random walk of normal steps over its thresholds, both ends (Siegmund 1985).
+"""Mean overshoot of a random walk of normal steps beyond its thresholds, both ends (Siegmund 1985).
 """
 _SCATTER_QUANTILE = 0.05
 """Probability that the true scatter exceeds its estimate from few values."""
@@ -92,7 +92,7 @@ class CusumChart:
 
     reference: Reference
     min_shift: float  # smallest shift that causes an alarm; half of it is the allowance
-    run_length: float  # mean number of values to a false alarm, both sides
+    run_length: float  # mean number of values until a false alarm, both sides
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
     _counts: list[int] = field(default_factory=lambda: [0, 0])
     _shifts: list[float] = field(default_factory=lambda: [0.0, 0.0])
@@ -131,7 +131,7 @@ DriftKind = Literal["level", "width"]
 LEARNING_CYCLES = 10
 """Number of cycles that define the reference."""
 DEFAULT_RUN_LENGTH = 1e5
-"""Mean number of cycles to a false alarm."""
+"""Mean number of cycles until a false alarm."""
 MIN_DRIFT_RATIO = 0.001
 """Smallest drift that causes an alarm, relative to the largest output of the model."""
 REVERSAL_RATIO = 0.1
@@ -229,12 +229,12 @@ class _BranchSplitter:
 class DriftMonitor:
     """Monitors one model, chunk by chunk; the result does not depend on the division into chunks."""
 
-    model: Model  # of force over current and gap
+    model: Model  # model of force as a function of current and gap
     gap: float  # initial gap, m
     # History of the iron before the first sample; default: that of the model. The first cycle must
     # delete the effect of an error in it.
     history: HistoryLike | None = None
-    run_length: float = DEFAULT_RUN_LENGTH  # mean number of cycles to a false alarm
+    run_length: float = DEFAULT_RUN_LENGTH  # mean number of cycles until a false alarm
     # smallest drift that causes an alarm, N; default: a thousandth of the model's largest output
     min_drift: float | None = None
     finding: Finding = field(default=Finding(0, True, None), init=False)

@@ -103,7 +103,7 @@ def excite(
 
     if calibrate:
         if folder or xcp or port:
-            text = "--calibrate: uses the simulated stage; leave out --folder, --xcp and --port"
+            text = "--calibrate: uses the simulated stage; omit --folder, --xcp and --port"
             raise InputError(text, code="option-not-for-this", key="--calibrate")
         return excite_to_calibrate(rig, out, plot=plot)
     check_path(rig, "excite: rig", "the path of a rig file")

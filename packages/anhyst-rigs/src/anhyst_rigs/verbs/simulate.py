@@ -245,15 +245,15 @@ def _map_table(
 ) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
 
-    first = benefit.metrics[0]
+    first_metric = benefit.metrics[0]
     cases = dict.fromkeys(cell.case for cell in benefit.cells)
     rows = TerminalTable(
-        f"{first.title} of 'full' over that of {baseline}",
+        f"{first_metric.title} of 'full' relative to that of {baseline}",
         ["loop width, reversible part", *map(_case_text, cases)],
     )
     for iron in dict.fromkeys(cell.iron for cell in benefit.cells):
         row_comparisons = [
-            comparison[first.key]
+            comparison[first_metric.key]
             for cell, comparison in zip(benefit.cells, comparisons, strict=True)
             if cell.iron == iron
         ]

@@ -159,7 +159,7 @@ def show(result: Tuning, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
         "95 % interval"
     )
     for name, tuned in result.tuned.items():
-        yield from (f"what limits '{name}': {one.text}" for one in tuned.limits)
+        yield from (f"what limits '{name}': {limit.text}" for limit in tuned.limits)
     for name, tuned in result.tuned.items():
         if tuned.search_result.check:
             yield from (f"'{name}': {text}" for text in tuned.search_result.check.notes)

@@ -1,5 +1,5 @@
-// The body view of a stage: magnets and heads as the rig file places them, the pose magnified, and the
-// forces as arrows. A panel shows wrench, errors, gaps and forces as numbers and bars.
+// The body view of a stage: magnets and heads at their positions in the rig file, the pose magnified,
+// and the forces as arrows. A panel shows wrench, errors, gaps and forces as numbers and bars.
 
 import { COLOURS, ink } from "./colours.js";
 import { Figures, numbered } from "./bodyfigures.js";
@@ -9,12 +9,12 @@ import { Space } from "./space.js";
 import { show } from "./units.js";
 
 const FACTORS = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
-const MOST = 1e6; // of the factors that are chosen here
-const SEEN = 0.16; // of the body's size: by so much it is moved at most then
-const FADES_S = 3; // in which what moved it is forgotten
-const LONGEST = 0.8; // arrow of the largest force, in sizes of the body
-const THIN = 0.25; // least edge of the box, in parts of its largest
-const BARE = 0.1; // m, where all places are one
+const MOST = 1e6; // largest magnification that is selected automatically
+const SEEN = 0.16; // largest drawn motion, as a fraction of the body's size, for the automatic magnification
+const FADES_S = 3; // time constant with which an earlier motion decays
+const LONGEST = 0.8; // length of the arrow of the largest force, relative to the body's size
+const THIN = 0.25; // smallest edge of the box, as a fraction of its largest
+const BARE = 0.1; // size of the body, m, if all magnets and heads have the same position
 const OF = {
   error: ["error against the set-point", "at its set-point"],
   gap: ["place in the gaps", "in the middle of its gaps"],
@@ -22,7 +22,7 @@ const OF = {
 const SIDES = [0, 1, 2].flatMap((axis) => [0, 1].map((side) => [axis, side]));
 
 export class BodyView {
-  #moved = 0; // by which the corners were moved of late, m
+  #moved = 0; // recent motion of the corners, m; decays with FADES_S
   #drawnAt = 0;
 
   constructor(place, bench, store) {
@@ -76,7 +76,7 @@ export class BodyView {
     this.figures.draw();
   }
 
-  // Way and turn that are drawn, m and rad; none where the body is not free.
+  // Returns the drawn displacement and rotation, m and rad; 0 for a fixed coordinate.
   pose() {
     const { free, see, magnets } = this.body;
     const opened = magnets.map((one, n) => this.#last(numbered("gap", n)) - one.gap);
@@ -101,7 +101,7 @@ export class BodyView {
     return this.store.value(columnOf(this.bench, name), this.store.count - 1);
   }
 
-  // The factor, 1, 2 or 5 of a power of ten, with which what moved of late is well seen.
+  // Selects the magnification, 1, 2 or 5 times a power of ten, that makes recent motion visible.
   #choose(moves) {
     const now = performance.now();
     this.#moved = Math.max(moves, Math.exp((this.#drawnAt - now) / (1e3 * FADES_S)) * this.#moved);
@@ -128,7 +128,7 @@ export class BodyView {
     }
   }
 
-  // Its pole face on the long stroke, and what it pulls the body with.
+  // Draws a magnet: its pole face on the long stroke, and the force with which it pulls the body.
   #magnet({ name, at, direction }, n, moved) {
     const { size } = this.shape;
     const pole = sum(at, times(0.2 * size, direction));
@@ -147,7 +147,7 @@ export class BodyView {
     this.space.line([from, minus(from, times(0.07 * this.shape.size, direction))], COLOURS[2], 4);
   }
 
-  // The way of the long stroke below the body, to a scale of its own, and the axes.
+  // Draws the travel of the long stroke below the body, at a separate scale, and the axes.
   #stroke() {
     const { middle, size, corners } = this.shape;
     const { along, way } = this.body;
@@ -165,7 +165,7 @@ export class BodyView {
     }
   }
 
-  // What is seen, in words: beside the picture, and for those who do not see it.
+  // Describes the picture in words, next to it and for screen readers.
   #notes() {
     const { force, way } = this.body;
     const [text, thin] = OF[this.what.value];
@@ -181,7 +181,7 @@ export class BodyView {
   }
 }
 
-// A box around all magnets and heads; corner n lies at the high end of axis k where n has bit k.
+// Returns a box around all magnets and heads; corner n is at the high end of axis k if bit k of n is set.
 function boxOf({ magnets, heads }) {
   const places = [...magnets, ...heads].map((one) => one.at);
   const [low, high] = [Math.min, Math.max].map((pick) => [0, 1, 2].map((k) => pick(...places.map((at) => at[k]))));
@@ -199,7 +199,7 @@ const times = (factor, a) => a.map((one) => factor * one);
 const dot = (a, b) => a.reduce((total, one, k) => total + one * b[k], 0);
 const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b * x];
 
-// Two directions across one and each other.
+// Returns two directions perpendicular to the given one and to each other.
 function across(direction) {
   const other = Math.abs(direction[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
   const side = cross(direction, other);

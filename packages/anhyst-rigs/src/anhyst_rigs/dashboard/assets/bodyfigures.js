@@ -4,11 +4,11 @@ import { make } from "./dom.js";
 import { columnOf } from "./signals.js";
 import { fine, shown } from "./units.js";
 
-const EVERY_MS = 100; // from one reading to the next
-const WINDOW_S = 1; // of which the largest is told
-const MANY = 1e4; // beyond so many of a fine unit the usual one is better read
+const EVERY_MS = 100; // time between two updates
+const WINDOW_S = 1; // time window of the largest error
+const MANY = 1e4; // value in the fine unit above which the usual unit is shown
 
-// The name of a magnet's signal; the first magnet has no number.
+// Returns the name of a magnet's signal; that of the first magnet has no number.
 export const numbered = (name, n) => (n ? `${name}_${n + 1}` : name);
 
 export class Figures {
@@ -35,7 +35,8 @@ export class Figures {
     );
   }
 
-  // A number and its bar; `part` is what the bar shows of it, else that of the largest of its unit.
+  // Returns a cell with a number and a bar. `part` converts the value to the length of the bar; without
+  // it, the length is relative to the largest value with the same unit.
   #cell(name, part = null) {
     const column = columnOf(this.bench, name);
     const { unit, head } = this.bench.signals[column];
@@ -67,7 +68,7 @@ export class Figures {
     }
   }
 
-  // Every tick of the last second.
+  // Returns the values of every tick of the last second.
   table() {
     const { store, bench } = this;
     const first = store.find(store.newest - WINDOW_S * bench.rate);
@@ -91,7 +92,7 @@ function table(id, heads, rows) {
   return make("table", { id, className: "gauges" }, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...body));
 }
 
-// Four figures; what rounds to zero has no sign.
+// Formats a number with four digits, at most three of them decimals; a rounded zero has no sign.
 function digits(value) {
   const whole = Math.max(1, Math.ceil(Math.log10(Math.abs(value) + 1e-9)));
   const places = Math.max(0, Math.min(3, 4 - whole));

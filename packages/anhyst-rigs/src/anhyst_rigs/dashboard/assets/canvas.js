@@ -5,7 +5,7 @@ import { ink } from "./colours.js";
 const MARGIN = { left: 62, right: 24, top: 12, bottom: 40 };
 
 export class Plane {
-  // `log`: what is drawn are logarithms, and the axes are marked by decades.
+  // `log`: the values are logarithms, and the axes are labelled in decades.
   constructor(place, xLabel, yLabel, log = false) {
     this.log = log;
     this.canvas = document.createElement("canvas");
@@ -14,7 +14,7 @@ export class Plane {
     this.labels = [xLabel, yLabel];
   }
 
-  // Begins a picture within limits [x low, x high, y low, y high].
+  // Starts a picture with the limits [x low, x high, y low, y high].
   begin([left, right, low, high]) {
     const { canvas, context } = this;
     this.limits = [left, right, low, high];
@@ -55,7 +55,7 @@ export class Plane {
     context.restore();
   }
 
-  // What lies between two lines, in a light colour.
+  // Fills the area between two lines with a light colour.
   band(xs, lows, highs, colour, alpha) {
     const { context } = this;
     context.save();
@@ -68,7 +68,7 @@ export class Plane {
     context.restore();
   }
 
-  // What seldom changes: drawn aside by `draw`, and again only where the key or the axes differ.
+  // Draws a background that rarely changes: `draw` is called only if the key or the axes have changed.
   backdrop(key, draw) {
     const { canvas, context } = this;
     const full = [key, canvas.width, canvas.height, this.limits, ink("--ink")].join();
@@ -132,7 +132,7 @@ function label(value) {
   return String(Number(value.toPrecision(6)));
 }
 
-// Round numbers within a range, about six of them.
+// Returns about six round numbers within a range.
 export function marks(low, high) {
   const raw = (high - low) / 6;
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -147,7 +147,7 @@ function decades(low, high) {
   return Array.from({ length: Math.max(0, Math.floor(high) - first + 1) }, (_, n) => first + n);
 }
 
-// The range of some columns with a margin.
+// Returns the range of some columns, with a margin.
 export function limits(...columns) {
   let low = Infinity;
   let high = -Infinity;

@@ -1,6 +1,6 @@
 // Colours of signals, and those of the theme.
 
-// Okabe and Ito: distinct for every kind of colour vision, on white and on black.
+// Okabe-Ito colours, which all kinds of colour vision can distinguish, on white and on black.
 export const COLOURS = [
   "#0072b2",
   "#d55e00",
@@ -14,7 +14,7 @@ export const COLOURS = [
 
 const known = new Map();
 
-// A colour of the theme in force; a browser computes it slowly, and pictures ask at every frame.
+// Returns a colour of the active theme. Colours are cached, because the browser computes them slowly.
 export function ink(name) {
   const root = document.documentElement;
   const key = `${root.dataset.theme} ${name}`;

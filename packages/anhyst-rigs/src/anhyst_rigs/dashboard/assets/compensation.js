@@ -2,9 +2,9 @@
 
 import { make } from "./dom.js";
 
-export const NAME = "compensation"; // of the parameter: 1 or 0
+export const NAME = "compensation"; // name of the parameter, which is 1 or 0
 
-// A button that shows and toggles the active state, whoever set it.
+// Returns a button that shows and toggles the active state, which any browser may have set.
 export function compensationSwitch(parameters) {
   const button = make("button", { id: NAME, onclick: () => parameters.toggle(NAME) });
   const show = () => {

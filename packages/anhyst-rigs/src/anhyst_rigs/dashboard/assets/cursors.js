@@ -1,4 +1,4 @@
-// Two cursors on the scope, and the figures between them.
+// Two cursors on the scope, and statistics of the signals between them.
 
 import { make } from "./dom.js";
 import { seconds, show } from "./units.js";
@@ -6,9 +6,9 @@ import { seconds, show } from "./units.js";
 const HEADS = ["", "A", "B", "dy", "rms", "rms about the mean"];
 
 export class Cursors {
-  ticks = []; // none, one or two; A before B
-  found = []; // figures of each signal between both
-  #key = ""; // of what is shown
+  ticks = []; // ticks of no, one or two cursors; A before B
+  found = []; // statistics of each signal between both cursors
+  #key = ""; // cursors and signals that are shown
 
   constructor(store, rate) {
     this.store = store;
@@ -22,7 +22,7 @@ export class Cursors {
     this.element = make("div", { id: "cursors", hidden: true }, bar, this.table);
   }
 
-  // Sets A, then B; after that the nearer of both moves. They stand on samples.
+  // Sets cursor A, then B; each later call moves the nearer cursor. Cursors are on samples.
   put(time) {
     const { store, ticks } = this;
     if (!store.count) return;
@@ -46,7 +46,7 @@ export class Cursors {
     this.table.hidden = !this.found.length;
   }
 
-  // What stands there, in lines.
+  // Returns the cursor times and the statistics as lines of text.
   lines() {
     if (!this.ticks.length) return [];
     const figures = this.#cells().map((cells) =>
@@ -62,7 +62,7 @@ export class Cursors {
     ]);
   }
 
-  // Where they stand, in a line.
+  // Returns the times of the cursors as a line of text.
   #where() {
     const [a, b] = this.ticks.map((tick) => tick / this.rate);
     if (a === undefined) return "";
@@ -71,7 +71,7 @@ export class Cursors {
     return `A ${a.toFixed(5)} s, B ${b.toFixed(5)} s, ${apart}`;
   }
 
-  // Figures of a signal from A to B, both among them; ticks that never came are left out.
+  // Returns the statistics of a signal from A to B, inclusive; missing ticks are ignored.
   #between({ name, unit, column }) {
     const { store } = this;
     const [first, last] = this.ticks.map((tick) => store.find(tick));

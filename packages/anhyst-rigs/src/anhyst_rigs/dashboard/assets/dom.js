@@ -18,22 +18,22 @@ export function select(names, chosen) {
   return element;
 }
 
-// Greys a control while it is refused, with the reason as its title; then it has its own title again.
+// Disables a control and shows the reason as its title; without a reason, enables it and restores the title.
 export function refuse(element, reason) {
   element.dataset.title ??= element.title;
   element.disabled = Boolean(reason);
   element.title = reason || element.dataset.title;
 }
 
-// Hands a file to whoever looks at the page.
+// Lets the browser download a file.
 export function download(name, blob) {
   const link = make("a", { download: name, href: URL.createObjectURL(blob) });
   link.click();
   URL.revokeObjectURL(link.href);
 }
 
-// What a browser remembers of one's choices, of one rig where it is named; a browser that forbids
-// it just forgets.
+// Stores the user's choices in the browser, for one rig if it is named. If the browser forbids storage,
+// the choices are lost.
 export function keeping(rig = "") {
   const key = (name) => ["anhyst", ...(rig ? [rig] : []), name].join(".");
   return {
@@ -48,7 +48,7 @@ export function keeping(rig = "") {
       try {
         localStorage.setItem(key(name), JSON.stringify(value));
       } catch {
-        // private windows
+        // forbidden in private windows
       }
     },
   };

@@ -12,7 +12,7 @@ export const WINDOWS = {
   none: () => 1,
 };
 
-// Transforms in place; as many as a power of two.
+// Transforms in place; the number of samples must be a power of two.
 export function transform(re, im) {
   const n = re.length;
   for (let i = 1, j = 0; i < n; i++) {
@@ -41,8 +41,8 @@ export function transform(re, im) {
   }
 }
 
-// Welch: stretches of `length` overlap by half; the mean of each is taken out. Returns frequencies
-// in Hz and the density in the unit of the samples over root hertz, one-sided, without 0 Hz.
+// Welch's method: segments of `length` samples overlap by half, and the mean of each is removed.
+// Returns the frequencies in Hz and the one-sided density without 0 Hz, in the samples' unit per root Hz.
 export function density(samples, rate, length, shape) {
   const weights = Float64Array.from({ length }, (_, i) => shape(i / length));
   const power = weights.reduce((sum, one) => sum + one * one, 0);

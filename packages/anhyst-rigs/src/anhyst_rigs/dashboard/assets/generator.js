@@ -5,7 +5,7 @@ import { seconds, show, shown, usual } from "./units.js";
 
 const CHIRP = "chirp";
 const TABLE = "own CSV";
-const LARGEST = 12000; // bytes of a table, so that it fits a message
+const LARGEST = 12000; // largest size of a table in bytes, so that it fits into a message
 
 export class GeneratorPanel {
   constructor(place, bench, order) {

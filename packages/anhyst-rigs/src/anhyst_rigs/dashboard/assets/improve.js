@@ -16,7 +16,7 @@ const STEPS = ["measure", "identify", "compile", "swap"];
 
 export class Improve {
   #results = {};
-  #shown = ""; // what is drawn, and how large
+  #shown = ""; // key of the drawn content and its size
 
   constructor(place, bench, order) {
     this.order = order;
@@ -60,7 +60,7 @@ export class Improve {
     return make("button", { textContent: `${number}. ${step}`, onclick: begin });
   }
 
-  // Limits of the rig file, to be drawn tighter; and what the winding stands.
+  // Shows the limits of the rig file, which the user can tighten, and the thermal limit of the winding.
   #limits({ gaps_m: gaps, winding, ...bounds }) {
     this.inputs = {};
     const fields = LIMITS.map(([name, text, unit]) => {
@@ -98,7 +98,7 @@ export class Improve {
     for (const [name, text] of Object.entries(answer?.files ?? {})) download(name, new Blob([text]));
   }
 
-  // Takes what the steps left.
+  // Shows the results of the steps.
   show(results) {
     if (!this.now) return;
     this.#results = results;
@@ -161,7 +161,7 @@ export class Improve {
     this.left.line(time, current, NEW, 1);
   }
 
-  // What each model is off the measured loops.
+  // Draws the error of each model against the measured loops.
   #drawErrors(loops) {
     const errors = (name) =>
       loops.map((one) => one[name].map((force, i) => force - one.force[i]));
@@ -175,7 +175,7 @@ export class Improve {
   }
 }
 
-// What both models leave of the measured loops, over all and gap by gap.
+// Returns a table of the residuals of both models, over all loops and for each gap.
 function misfits({ law, old, new: found, gaps }) {
   const cell = (text, colour) => {
     const element = make("td", { textContent: text });

@@ -4,7 +4,7 @@ import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
 
-const MOST = 500; // laps that are drawn
+const MOST = 500; // maximum number of drawn cycles
 // Name, unit and factor from SI of each kind of parameter, for every magnet.
 const KINDS = {
   scale: ["scales", "%", 100],
@@ -18,14 +18,14 @@ const KINDS = {
   centre_y_m: ["body", "µm", 1e6],
   centre_z_m: ["body", "µm", 1e6],
 };
-const FEW = 8; // numbers that are shown together, whatever they are
+const FEW = 8; // largest number of parameters that are all shown; above it, one kind or magnet is selected
 const ERRORS = {
   m: { what: "moving average", axis: "moving average of the error / nm", unit: "nm", factor: 1e9 },
   N: { what: "unexplained force", axis: "unexplained force, rms / N", unit: "N", factor: 1 },
 };
 
 export class Learning {
-  #shown = ""; // what is drawn, and how large
+  #shown = ""; // key of the drawn content and its size
   #laps = [];
   #now = null;
 
@@ -58,7 +58,7 @@ export class Learning {
     );
   }
 
-  // Takes the laps that came.
+  // Adds new cycles.
   learnt(laps) {
     this.#laps = [...this.#laps, ...laps].slice(-MOST);
     this.#again();
@@ -70,7 +70,7 @@ export class Learning {
     this.figures.replaceChildren(this.#table());
   }
 
-  // The numbers of a lap that are shown: all of them, or of many those of a kind or of a magnet.
+  // Returns the parameters to show: all, or if there are many, those of the selected kind or magnet.
   #names({ values = {} } = {}) {
     const names = Object.keys(values);
     this.group.hidden = names.length <= FEW;
@@ -105,7 +105,7 @@ export class Learning {
     this.gained.textContent = `${last.method}: ${what} ${were}${text(last.average)} now, peak ${text(last.peak)}`;
   }
 
-  // Laps of the method that drove the last one.
+  // Returns the cycles that used the same method as the last cycle.
   #own() {
     const method = this.#laps.at(-1)?.method;
     return this.#laps.filter((one) => one.method === method);
@@ -156,7 +156,7 @@ export class Learning {
     }
   }
 
-  // In parts of the deviation that the rig file states, so that all stand in one picture.
+  // Draws the estimates divided by the prior standard deviations, so that all fit into one plot.
   #drawValues(laps) {
     const times = this.#times(laps);
     const names = this.#names(laps.at(-1));

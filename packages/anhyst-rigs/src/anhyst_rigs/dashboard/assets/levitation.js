@@ -5,7 +5,7 @@ import { make } from "./dom.js";
 import { columnOf } from "./signals.js";
 import { fine, shown } from "./units.js";
 
-const WINDOW_S = 0.5; // over which it has to stand still
+const WINDOW_S = 0.5; // time window, in which the reference must be constant
 const EVERY_MS = 100;
 
 export class LevitationView {
@@ -73,7 +73,7 @@ export class LevitationView {
     return [[...this.fields].map(([name, { textContent }]) => [`${name} ${textContent}`])];
   }
 
-  // How far it is from the reference, and how still while the reference stood.
+  // Shows the deviation from the reference, and the standstill noise while the reference is constant.
   #deviation(present) {
     const { store, columns, bench } = this;
     const { name, factor } = this.fine;
@@ -109,7 +109,7 @@ export class LevitationView {
   }
 }
 
-// Four figures that stay in place while they change.
+// Formats a number with four digits, at most three of them decimals, so that its width stays constant.
 function digits(value) {
   const whole = Math.max(1, Math.ceil(Math.log10(Math.abs(value) + 1e-9)));
   return value.toFixed(Math.max(0, Math.min(3, 4 - whole)));

@@ -1,5 +1,5 @@
-// The loop view: force over current with the measured loops, or position over voltage. A second plot
-// shows the difference from the controller's demand, over the demand.
+// The loop view: force against current with the measured loops, or position against voltage. A second
+// plot shows the difference from the controller's demand, against the demand.
 
 import { Plane, limits } from "./canvas.js";
 import { ink } from "./colours.js";
@@ -13,7 +13,7 @@ const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
 
 export class LoopView {
   #due = 0;
-  #version = 0; // of the loops that are known
+  #version = 0; // version of the stored loops
 
   constructor(place, bench, store) {
     this.bench = bench;
@@ -21,7 +21,7 @@ export class LoopView {
     const find = (name) => columnOf(bench, name);
     const magnet = find("current") >= 0;
     this.current = find(magnet ? "current" : "voltage");
-    this.force = find(!magnet ? "position" : find("force") >= 0 ? "force" : "expected"); // a bearing measures none
+    this.force = find(!magnet ? "position" : find("force") >= 0 ? "force" : "expected"); // a bearing has no force sensor
     this.name = magnet ? "force" : "position";
     const { unit } = bench.signals[this.force];
     this.shown = shown(unit);
@@ -50,7 +50,7 @@ export class LoopView {
     this.error = new Plane(right, `demand / ${this.shown.name}`, off);
   }
 
-  // Takes the loops that are drawn below, of the model in force.
+  // Stores the measured loops and those of the active model, which are drawn below the running loop.
   know(loops) {
     this.known = loops;
     this.#version++;
@@ -88,7 +88,7 @@ export class LoopView {
     return [[[this.note.textContent], [this.legend.textContent]]];
   }
 
-  // Below it the loops that are known; those of the gap nearest to the present one stand out.
+  // Draws the running loop above the stored loops; those of the nearest gap are highlighted.
   #drawLoop(currents, forces, gap) {
     const { known } = this;
     const away = known.map((one) => (gap === null ? 0 : Math.abs(one.gap - gap)));

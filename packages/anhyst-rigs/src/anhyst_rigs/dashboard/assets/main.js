@@ -23,9 +23,9 @@ const KEYED = "1234567890"; // keys of the views
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
-const kept = keeping(); // of this browser, whatever the rig
+const kept = keeping(); // choices for this browser and any rig
 const link = new Link(askToken);
-let page = null; // views and what they draw, once the bench is known
+let page = null; // views and their data; null until the bench is known
 let view = "scope";
 
 link.addEventListener("bench", (event) => open(event.detail));
@@ -37,7 +37,7 @@ link.addEventListener("learnt", (event) => (page?.learning ?? page?.improve)?.le
 link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
 link.addEventListener("lost", (event) => lost(event.detail));
 
-// Sends an order; a refusal is shown, and then there is no answer.
+// Sends an order and returns its answer. If the order is refused, shows the reason and returns null.
 async function order(what, fields) {
   try {
     return await link.order(what, fields);
@@ -52,7 +52,7 @@ function open(bench) {
   const store = new Store(bench.signals.length, bench.every);
   const parameters = new Parameters(at("parameters"), order, bench.choices);
   parameters.take(bench.parameters, 0);
-  const both = bench.learns && bench.limits; // a view of its own, beside that of better models
+  const both = bench.learns && bench.limits; // the learning view is separate only if there is also an improve view
   page = {
     bench,
     store,
@@ -130,7 +130,7 @@ function facts(values) {
   at("facts").replaceChildren(...items);
 }
 
-// Who operates: this browser, another, and who asks.
+// Shows which browser operates the bench, and which one requests control.
 function role({ operator, asking, browsers }) {
   const mine = operator === page.bench.you;
   document.body.classList.toggle("watching", !mine);
@@ -181,7 +181,7 @@ function askToken() {
   });
 }
 
-// Views that not every bench has.
+// Whether the bench has a view; some views exist only for some benches.
 const offered = (name) => !["improve", "learning", "body"].includes(name) || Boolean(page?.[name]);
 
 function choose(wanted) {
@@ -195,7 +195,7 @@ function choose(wanted) {
     tab.setAttribute("aria-selected", tab.dataset.view === name);
 }
 
-// The view that is open, as a file: a picture of it, or its numbers.
+// Saves the open view as a file: a picture, or its values as CSV.
 async function save(kind) {
   const { bench, store } = page;
   const shown = page[view];

@@ -7,7 +7,7 @@ import { RecorderPanel } from "./recorder.js";
 import { show, shown, usual } from "./units.js";
 
 const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
-const SLIDER_MS = 50; // between two orders of a slider that moves
+const SLIDER_MS = 50; // delay of a slider's order, which a further movement restarts
 
 export class Panel {
   constructor(place, bench, order, parameters) {
@@ -37,7 +37,7 @@ export class Panel {
     this.senders = [...place.querySelectorAll("button, [type=range], #speed")];
   }
 
-  // Controls that send an order, which a group names; a command's button names its own.
+  // Returns a group of controls. The group names the order that they send; a command button names its command.
   #group(title, order, ...children) {
     const group = make("fieldset", {}, make("legend", { textContent: title }), ...children);
     group.dataset.order = order;
@@ -107,7 +107,7 @@ export class Panel {
     return [make("div", { className: "line" }, this.load), this.loadNow];
   }
 
-  // A push by the magnets along one coordinate; the others have none.
+  // Returns controls for a push by the magnets along one coordinate; it is zero along the others.
   #push() {
     const names = this.pushes.map(({ name }) => name);
     const axis = select(names.map((name) => [name, name.replace("push_", "along ")]), names[0]);
@@ -135,7 +135,7 @@ export class Panel {
     return [make("div", { className: "line" }, this.place), this.gapNow];
   }
 
-  // A slider that orders while it moves, at most every so often.
+  // Returns a slider that sends its order when it has not moved for SLIDER_MS.
   #slider(properties, order) {
     const slider = make("input", { type: "range", ...properties });
     let due = 0;
@@ -161,7 +161,7 @@ export class Panel {
     return [make("div", { className: "line" }, field("speed", speed), this.pause, single)];
   }
 
-  // Shows what the bench says; fields in which somebody types are left alone.
+  // Shows the status of the bench; a field that is being edited is not changed.
   status(status, values) {
     for (const one of this.senders)
       refuse(one, status.refused[one.closest("[data-order]").dataset.order]);

@@ -4,13 +4,13 @@ import { make, refuse } from "./dom.js";
 
 export class Parameters extends EventTarget {
   #staged = new Map();
-  #before = null; // values in force before the last that were applied
+  #before = null; // active values before the last change
   #inputs = new Map();
-  #first = null; // values that the page came upon
-  #eras = []; // what was in force from which tick on, in words
-  #last = Promise.resolve(); // what was asked for last: one at a time, each knows what is in force
+  #first = null; // active values when the page was opened
+  #eras = []; // active values in words, with the first tick of each
+  #last = Promise.resolve(); // last request; each waits for the previous one, so that it uses the active values
 
-  #refused = ""; // why nothing may be applied now
+  #refused = ""; // reason why no values can be applied now
 
   constructor(place, order, choices) {
     super();
@@ -36,7 +36,7 @@ export class Parameters extends EventTarget {
     place.replaceChildren(bar, this.tree);
   }
 
-  // Takes what is in force from a tick on; what is staged stays so.
+  // Stores the active values from a tick on; staged values are not changed.
   take(parameters, applied) {
     this.parameters = parameters;
     this.#first ??= new Map(parameters.map((one) => [one.name, one.value]));
@@ -125,7 +125,7 @@ export class Parameters extends EventTarget {
     this.#refresh();
   }
 
-  // Stages values by name; what was staged before stays so.
+  // Stages values by name, in addition to those that are already staged.
   stage(values) {
     for (const [name, value] of Object.entries(values)) this.#staged.set(name, value);
     this.show();
@@ -148,7 +148,7 @@ export class Parameters extends EventTarget {
     return this.parameters.find((one) => one.name === name)?.value;
   }
 
-  // Turns a parameter that is 0 or 1, where there is one.
+  // Toggles a parameter between 0 and 1, if it exists.
   toggle(name) {
     return this.#inTurn(() => {
       const value = this.value(name);
@@ -156,7 +156,7 @@ export class Parameters extends EventTarget {
     });
   }
 
-  // Puts values in force together; what else is staged stays so.
+  // Applies values together; other values stay staged.
   put(values) {
     return this.#inTurn(() => this.#put(values));
   }
@@ -178,7 +178,7 @@ export class Parameters extends EventTarget {
     this.take(answer.parameters, answer.applied);
   }
 
-  // What was in force at a tick, in the few words that tell steps apart.
+  // Returns a short text on the values that were active at a tick, to distinguish steps.
   label(tick) {
     return (this.#eras.findLast((era) => era.from <= tick) ?? this.#eras[0]).words;
   }

@@ -2,8 +2,8 @@
 
 import { ink } from "./colours.js";
 
-const EDGE = 12; // pixels around everything
-const LINE = 18; // from one line of text to the next
+const EDGE = 12; // margin around the picture, pixels
+const LINE = 18; // distance between two lines of text, pixels
 
 // Makes a PNG of all canvases of a view, below header lines of [text, colour] parts.
 export function picture(view, lines) {
@@ -38,7 +38,7 @@ function write(context, line, y) {
   }
 }
 
-// CSV of columns under their heads.
+// Returns columns with their headers as CSV.
 export function csv(columns) {
   const heads = Object.keys(columns);
   const cell = (value) => (String(value).includes(",") ? `"${value}"` : value);

@@ -8,7 +8,7 @@ export class Raster {
   #width = 0;
   #height = 0;
 
-  // Begins an empty picture.
+  // Starts an empty picture.
   begin(width, height) {
     if (this.#width !== width || this.#height !== height) {
       this.canvas.width = this.#width = width;
@@ -20,8 +20,8 @@ export class Raster {
     }
   }
 
-  // A line through points; x = a[0] * value + a[1] from the left, y = b[0] * value + b[1] from the
-  // top, in pixels. It is broken where a value is no number.
+  // Draws a line through points: x = a[0] * value + a[1] from the left, y = b[0] * value + b[1] from
+  // the top, in pixels. The line is interrupted at values that are NaN.
   line(xs, ys, a, b, colour, thickness) {
     const paint = word(colour);
     let left = NaN;
@@ -36,7 +36,7 @@ export class Raster {
     }
   }
 
-  // What was drawn, as a canvas.
+  // Returns the picture as a canvas.
   end() {
     this.#context.putImageData(this.#image, 0, 0);
     return this.canvas;
@@ -68,7 +68,7 @@ export class Raster {
   }
 }
 
-// The word of an opaque pixel, of a colour #rrggbb; pixels are red, green, blue, alpha in memory.
+// Returns the 32-bit word of an opaque pixel with the colour #rrggbb; bytes are in the order RGBA.
 function word(colour) {
   const rgb = Number.parseInt(colour.slice(1), 16);
   const bytes = new Uint8Array([rgb >> 16, (rgb >> 8) & 255, rgb & 255, 255]);

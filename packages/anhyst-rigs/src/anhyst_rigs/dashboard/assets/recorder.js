@@ -99,7 +99,7 @@ export class RecorderPanel {
   }
 }
 
-// The next free-sounding name: run, run-2, run-3.
+// Returns the next file name: run, run-2, run-3.
 function following(name) {
   const parts = /^(.*?)(?:-(\d+))?$/.exec(name);
   return `${parts[1]}-${Number(parts[2] ?? 1) + 1}`;

@@ -8,20 +8,20 @@ import { Strip } from "./strip.js";
 import { Trigger } from "./trigger.js";
 import { seconds, show, shown } from "./units.js";
 
-const READ_MS = 100; // from one reading of numbers to the next
-const SHORTEST = 20; // ticks of a window
-const TURN = 0.002; // of the logarithm of the window, a pixel of the wheel
+const READ_MS = 100; // time between two updates of the displayed values
+const SHORTEST = 20; // shortest window, ticks
+const TURN = 0.002; // change of the logarithm of the window per pixel of the wheel
 const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 
 export class Scope {
-  held = null; // last tick of a picture that is held
-  view = { from: 0, to: 0 }; // ticks that are seen
-  #before = []; // cursors before the last click, which may become a double click
-  #pointer = null; // s
+  held = null; // last tick of a held picture; null if the newest tick is shown
+  view = { from: 0, to: 0 }; // range of visible ticks
+  #before = []; // cursors before the last click, restored if it becomes a double click
+  #pointer = null; // time at the pointer, s
   #readAt = 0;
   #size = { width: 0, height: 0 };
   #trigger = null;
-  #unzoomed = null; // window and hold before the picture was zoomed
+  #unzoomed = null; // window and held tick before the picture was zoomed
 
   constructor(place, bench, store) {
     this.place = place;
@@ -32,7 +32,7 @@ export class Scope {
       column: n,
       colour: COLOURS[n % COLOURS.length],
     }));
-    const tracked = columnOf(bench, "error") >= 0; // over a way beside which no error is seen
+    const tracked = columnOf(bench, "error") >= 0; // show the error, which is invisible next to the long travel
     const followed = tracked ? ["error"] : [bench.aim.signal, bench.aim.reference];
     const usual = [...followed, "force", columnOf(bench, "current") < 0 ? "voltage" : "current"];
     this.chosen = new Set(bench.choices.get("signals", usual));
@@ -46,7 +46,7 @@ export class Scope {
     this.#trigger?.feed(frame);
   }
 
-  // --- what is seen -------------------------------------------------------------------------
+  // --- visible range ------------------------------------------------------------------------
 
   draw() {
     const to = this.#end();
@@ -64,7 +64,7 @@ export class Scope {
     }
   }
 
-  // The last tick to be seen: of the hold, of the trigger, or the newest.
+  // Returns the last visible tick: that of the held picture, that of the trigger, or the newest.
   #end() {
     if (this.held !== null) return this.held;
     const trigger = this.#trigger;
@@ -115,7 +115,7 @@ export class Scope {
     this.#zoomTo(to - from, to);
   }
 
-  // Zooms around a moment, s, by a turn of the wheel.
+  // Zooms around a time, s, by a rotation of the wheel, pixels.
   zoomAt(time, turn) {
     const [shortest, longest] = [SHORTEST / this.bench.rate, WINDOWS.at(-1)];
     const wanted = this.window * Math.exp(TURN * turn);
@@ -130,7 +130,7 @@ export class Scope {
     this.hold(Math.min(this.store.newest, Math.round(to * this.bench.rate)));
   }
 
-  // Back to the picture before it was zoomed; where it was not, the newest is followed.
+  // Restores the picture before the zoom; without a zoom, follows the newest tick.
   back() {
     this.cursors.ticks = this.#before;
     const { window, held } = this.#unzoomed ?? { held: null };
@@ -157,7 +157,7 @@ export class Scope {
     this.#pointer = plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : null;
   }
 
-  // Sets a cursor at a moment, s; the picture is held for it.
+  // Sets a cursor at a time, s, and holds the picture.
   put(time) {
     this.#before = this.cursors.ticks;
     if (this.held === null) this.hold(Math.round(this.view.to));
@@ -168,7 +168,7 @@ export class Scope {
     return this.signals.filter((signal) => this.chosen.has(signal.name));
   }
 
-  // Values at the pointer, or the newest; and what lies between the cursors.
+  // Shows the values at the pointer, or the newest ones, and the statistics between the cursors.
   #read() {
     const { store, bench } = this;
     if (!store.count) return;
@@ -180,7 +180,7 @@ export class Scope {
     this.cursors.show(this.#chosen());
   }
 
-  // Chosen signals of all ticks that are seen, as a table in SI.
+  // Returns the selected signals at all visible ticks, as a table in SI units.
   table() {
     const { store } = this;
     const [first, end] = [store.find(this.view.from), store.find(this.view.to + 1)];
@@ -196,14 +196,14 @@ export class Scope {
     };
   }
 
-  // What stands over the picture: signals in their colours, and the figures of the cursors.
+  // Returns the text above the picture: signals in their colours, and the statistics of the cursors.
   words() {
     const { cursors } = this;
     const figures = cursors.lines();
     return [this.#chosen().map(({ name, colour }) => [name, colour]), ...figures.map((one) => [[one]])];
   }
 
-  // Lines of the cursors and the trigger, and bands where ticks are missing.
+  // Draws the lines of the cursors and the trigger, and bands where ticks are missing.
   mark(plot) {
     const { ctx, bbox } = plot;
     const { rate } = this.bench;
@@ -261,7 +261,7 @@ export class Scope {
       this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
     }).observe(this.stripsPlace);
     this.stripsPlace.title = "click: cursors A and B; drag or wheel: zoom; double click: back";
-    // Cursors come below, so that no strip jumps away from the pointer that sets one.
+    // The statistics are below the strips, so that the strips do not move when a cursor is set.
     this.place.replaceChildren(bar, legend, this.stripsPlace, this.cursors.element);
   }
 

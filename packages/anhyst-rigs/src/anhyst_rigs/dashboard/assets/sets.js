@@ -32,7 +32,7 @@ export class Sets {
     this.first.onchange = this.second.onchange = () => this.compare();
   }
 
-  // Takes the names of all sets; compares again where other values are in force.
+  // Updates the names of all sets; compares again if the active values have changed.
   status({ sets, refused }) {
     refuse(this.saveButton, refused.sets);
     if (this.#compared && this.#compared !== this.parameters.parameters) this.compare();

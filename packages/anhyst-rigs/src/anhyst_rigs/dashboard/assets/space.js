@@ -2,10 +2,10 @@
 
 import { ink } from "./colours.js";
 
-const VIEW = { round: -1.05, up: 0.42 }; // rad: x to the right, z upwards
-const KEYED = 0.08; // rad by one press of a key
-const DRAGGED = 0.008; // rad a pixel
-const HEAD = 9; // pixels of the point of an arrow
+const VIEW = { round: -1.05, up: 0.42 }; // initial view angles, rad: x points to the right, z upwards
+const KEYED = 0.08; // rotation per key press, rad
+const DRAGGED = 0.008; // rotation per pixel, rad
+const HEAD = 9; // length of an arrow head, pixels
 
 export class Space {
   view = { ...VIEW };
@@ -43,7 +43,7 @@ export class Space {
     this.view.up = Math.max(-most, Math.min(most, this.view.up + up));
   }
 
-  // Begins a picture around a middle in which all within a radius is seen.
+  // Starts a picture that shows everything within a radius of a centre point.
   begin(middle, radius) {
     const { canvas, context } = this;
     const { clientWidth: width, clientHeight: height } = canvas.parentElement;
@@ -56,8 +56,8 @@ export class Space {
     context.lineJoin = "round";
     const [s, c] = [Math.sin(this.view.round), Math.cos(this.view.round)];
     const [su, cu] = [Math.sin(this.view.up), Math.cos(this.view.up)];
-    this.towards = [cu * c, cu * s, su]; // whoever looks
-    const scale = (this.scale = Math.min(width, height) / (2 * radius)); // pixels each metre
+    this.towards = [cu * c, cu * s, su]; // direction towards the viewer
+    const scale = (this.scale = Math.min(width, height) / (2 * radius)); // pixels per metre
     this.at = (point) => {
       const [x, y, z] = point.map((one, n) => one - middle[n]);
       const right = -s * x + c * y;
@@ -66,7 +66,7 @@ export class Space {
     };
   }
 
-  // Whether a direction points at whoever looks.
+  // Whether a direction points towards the viewer.
   faces(direction) {
     return direction.reduce((sum, one, n) => sum + one * this.towards[n], 0) > 0;
   }
@@ -116,7 +116,7 @@ export class Space {
     this.context.fillText(words, x, y + 4);
   }
 
-  // A line of text, number n from the lower left corner upwards; behind a bar of so many pixels.
+  // Writes line n of the text, counted from the lower left corner upwards, after a bar of `bar` pixels.
   note(words, n, bar = 0, colour = ink("--ink")) {
     const { context } = this;
     const y = this.canvas.parentElement.clientHeight - 12 - 18 * n;

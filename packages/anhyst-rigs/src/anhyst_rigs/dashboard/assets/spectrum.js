@@ -8,12 +8,12 @@ import { columnOf } from "./signals.js";
 import { fine } from "./units.js";
 
 const LENGTHS = [1024, 4096, 16384, 65536];
-const STRETCHES = 4; // lengths that are averaged over, where so much has come
+const STRETCHES = 4; // largest number of segment lengths that are averaged
 const EVERY_MS = 250;
 
 export class SpectrumView {
   #due = 0;
-  #cursor = null; // Hz
+  #cursor = null; // frequency of the cursor, Hz
 
   constructor(place, bench, store) {
     this.bench = bench;
@@ -107,7 +107,7 @@ export class SpectrumView {
     this.reading.textContent = `${Number(frequencies[at].toPrecision(6))} Hz: ${value} ${name || "1"}/√Hz`;
   }
 
-  // The last samples, none missing between them; fewer than one length give none.
+  // Returns the last samples; null if there are fewer than one length or if ticks are missing.
   #samples(column, length) {
     const { store } = this;
     const wanted = Math.min(STRETCHES * length, store.count);

@@ -1,17 +1,17 @@
-// Finds steps of the reference in the samples, and computes their figures.
+// Finds steps of the reference in the samples, and computes overshoot, rise and settling times.
 
-const BEFORE_S = 0.01; // the reference must have rested so long
-const AFTER_S = 0.06; // and rest so long afterwards
-const LEAST = 1e-3; // of the reference itself, or it is no step
-const BAND = 0.05; // of the step, within which it counts as settled
+const BEFORE_S = 0.01; // time for which the reference must be constant before a step
+const AFTER_S = 0.06; // time for which it must be constant after a step
+const LEAST = 1e-3; // smallest height of a step, as a fraction of the reference before it
+const BAND = 0.05; // settling band, as a fraction of the step height
 
 export class StepFinder {
-  #rate; // rows a second
-  #every; // ticks from one row to the next
+  #rate; // rows per second
+  #every; // ticks between two rows
   #columns;
-  #rows = []; // [tick, reference, actual], of the last while
+  #rows = []; // recent rows: [tick, reference, actual]
   #since = 0; // rows since the reference last changed
-  #jump = null; // row of a jump that is being watched
+  #jump = null; // row of a step that has not settled yet; null if there is none
 
   constructor({ rate, every }, reference, actual) {
     this.#rate = rate / every;
@@ -64,7 +64,7 @@ export class StepFinder {
   }
 }
 
-// Figures of a step: overshoot, % of its height; rise from 10 to 90 %, s; settling to 5 %, s.
+// Returns the results of a step: overshoot, % of its height; rise from 10 to 90 %, s; settling to 5 %, s.
 export function measure(rows, at, rate) {
   const from = rows[at - 1][1];
   const to = rows[at][1];

@@ -1,4 +1,4 @@
-// The step view: overlays the last steps, coloured by active parameters, with their figures.
+// The step view: overlays the last steps, coloured by active parameters, with their overshoot, rise and settling times.
 
 import { Plane } from "./canvas.js";
 import { COLOURS } from "./colours.js";
@@ -116,7 +116,7 @@ export class StepView {
   }
 }
 
-// The mean, and from where to where the values lie.
+// Returns the mean and the range of the finite values as text.
 function spread(values, write) {
   const finite = values.filter(Number.isFinite);
   if (!finite.length) return "–";

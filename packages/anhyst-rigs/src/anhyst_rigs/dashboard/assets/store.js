@@ -4,11 +4,11 @@ const CAPACITY = 1 << 19;
 
 export class Store {
   newest = 0;
-  missing = []; // stretches [first, last] of ticks that never came
+  missing = []; // intervals [first, last] of missing ticks
 
   #ticks = new Float64Array(CAPACITY);
   #data;
-  #every; // ticks from one row to the next where none is missing
+  #every; // ticks between two rows if no tick is missing
   #begin = 0;
   #count = 0;
 
@@ -51,7 +51,7 @@ export class Store {
     return at;
   }
 
-  // Number of the first row at or after a tick.
+  // Returns the number of the first row at or after a tick.
   find(tick) {
     let low = 0;
     let high = this.#count;
@@ -71,7 +71,7 @@ export class Store {
     return this.#data[column][(this.#begin + row) % CAPACITY];
   }
 
-  // The largest size of a column from a row on.
+  // Returns the largest absolute value of a column from a row on.
   largest(column, first) {
     const data = this.#data[column];
     let most = 0;
@@ -82,8 +82,8 @@ export class Store {
     return most;
   }
 
-  // Ticks and columns of rows to draw: all, or smallest and largest of each pixel in the order in
-  // which they came, so that no spike is lost. What is missing is no number.
+  // Returns ticks and columns to draw: all rows, or the smallest and the largest value of each pixel in
+  // their order of time, so that no spike is lost. Missing values are NaN.
   envelope(columns, from, to, pixels) {
     const first = Math.max(0, this.find(from) - 1);
     const last = Math.min(this.#count, this.find(to) + 1);

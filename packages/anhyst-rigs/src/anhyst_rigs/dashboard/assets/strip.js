@@ -5,8 +5,8 @@ import { Raster } from "./raster.js";
 import { shown } from "./units.js";
 import uPlot from "./uplot/uPlot.esm.js";
 
-const LEAST = 64; // pixels of height
-const TIMES = 24; // of them for the marks of time below the last strip
+const LEAST = 64; // smallest height, pixels
+const TIMES = 24; // height of the time labels below the last strip, pixels
 const THICKNESS = 1.5;
 
 export class Strip {
@@ -65,7 +65,7 @@ export class Strip {
       this.plot.setSize({ width, height });
   }
 
-  // Shows ticks and columns of an envelope, from a tick to another.
+  // Shows the ticks and columns of an envelope between two ticks.
   show(trace, from, to) {
     this.#trace = trace;
     const ends = [from / this.rate, to / this.rate];
@@ -94,13 +94,13 @@ export class Strip {
   }
 }
 
-// Marks of an axis with as many digits as they need; of its own accord uPlot gives three at most.
+// Returns axis labels with the necessary digits; uPlot itself shows at most three.
 function marked(_plot, values, _axis, _space, step) {
   const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9) + (step < 1 ? 1 : 0));
   return values.map((value) => String(Number(value.toFixed(Math.min(digits, 12)))));
 }
 
-// The range of what is drawn, with a margin, and never less than the least.
+// Returns the range of the drawn values with a margin, and at least the minimum range.
 function padded(columns, factor, least) {
   let low = Infinity;
   let high = -Infinity;

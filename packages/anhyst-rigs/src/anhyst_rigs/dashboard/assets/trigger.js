@@ -1,12 +1,12 @@
-// Finds the tick at which a signal crosses a level, as frames come in.
+// Finds the tick at which a signal crosses a level, in each new frame.
 
 export class Trigger {
-  hit = null; // the tick of the first sample beyond the level
+  hit = null; // tick of the first sample at or beyond the level; null before
 
   #before = NaN;
 
   constructor(settings) {
-    this.settings = settings; // column, level (SI), rising, pre (part of the picture), mode
+    this.settings = settings; // column, level (SI), rising, pre (fraction of the window before the trigger), mode
   }
 
   rearm() {

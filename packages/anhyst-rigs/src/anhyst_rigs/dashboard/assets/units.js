@@ -18,7 +18,7 @@ export function shown(unit) {
   return { name, factor, least };
 }
 
-// Units for what is small beside the value itself: noise, deviations.
+// Units for quantities that are much smaller than the signal: noise and deviations.
 const FINE = { m: ["nm", 1e9], rad: ["nrad", 1e9], N: ["mN", 1e3], A: ["mA", 1e3] };
 
 export function fine(unit) {
@@ -32,7 +32,7 @@ export function show(value, unit, digits = 5) {
   return `${Number((value * factor).toPrecision(digits))}${name ? ` ${name}` : ""}`;
 }
 
-// A part of the range of what may be demanded, rounded down to 1, 2 or 5 of a power of ten.
+// Returns a fraction of the demand range, rounded down to 1, 2 or 5 times a power of ten.
 export function usual({ low, high, unit }, part) {
   const wanted = part * (high - low) * shown(unit).factor;
   const power = 10 ** Math.floor(Math.log10(wanted));

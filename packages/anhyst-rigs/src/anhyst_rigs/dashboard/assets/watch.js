@@ -33,7 +33,7 @@ export class Watch {
   }
 }
 
-// What an alarm means, and what measuring again would gain.
+// Returns a text on the false-alarm rate, the residual, and the improvement that a new measurement would give.
 function said({ state, run_length, least_N, usual_N, left_N, gain_N }) {
   const rate = `one false alarm in ${run_length.toLocaleString("en")} cycles in the mean, smallest drift ${short(least_N)} N`;
   if (state === "learning") return `${rate}; swing the current to and fro: standstill shows nothing`;

@@ -170,8 +170,8 @@ def _load(plant: RigFile) -> DiagramBlock:
         lines.append(f"{_format_gain(load.stiffness_N_per_m)} N/m, {load.damping_N_s_per_m:g} N s/m")
     lines.append(f"encoder {_format_length(load.encoder_step_m)}")
     for disturbance in plant.load.disturbance[:1]:
-        more = f" and {len(load.disturbance) - 1} more" if len(load.disturbance) > 1 else ""
-        lines.append(f"{disturbance.kind} of {disturbance.force_N:g} N{more}")
+        more_text = f" and {len(load.disturbance) - 1} more" if len(load.disturbance) > 1 else ""
+        lines.append(f"{disturbance.kind} of {disturbance.force_N:g} N{more_text}")
     return DiagramBlock("load drive", tuple(lines))
 
 

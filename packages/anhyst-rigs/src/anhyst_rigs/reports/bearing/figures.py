@@ -61,7 +61,7 @@ class StepPanel:
 
 @use_report_style
 def figure_steps(panels: Sequence[StepPanel]) -> Figure:
-    """Draw step responses (paper, Fig. 11), one panel per step, with the deviation below each."""
+    """Draw step responses (paper, Fig. 11), one panel per step, each with its deviation below."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
@@ -79,25 +79,28 @@ def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, R
     """Return the time since the step in ms, and the part of a recording that is shown."""
     step, recording = panel.step, panel.recordings[name]
     tick = recording["t_s"][1] - recording["t_s"][0]
-    first = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
-    part = recording.slice_ticks(first, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
+    first_tick = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
+    part = recording.slice_ticks(first_tick, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
     return 1e3 * (part["t_s"] - recording["t_s"][step.begin]), part
 
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
-    """Draw the deviation beyond the end of a step in % of its height, scaled to the overshoot."""
-    step, largest = panel.step, 0.0
+    """Draw how far the gap moves past the new reference, in % of the step height.
+
+    The vertical axis is scaled to the largest overshoot.
+    """
+    step, max_deviation = panel.step, 0.0
     direction = np.sign(step.before - step.after)
     for name in in_report_order(panel.recordings):
         time, part = _part_around_step(panel, name)
         deviation = 100.0 * direction * (step.after - part["gap_m"]) / step.height
-        largest = max(largest, float(deviation.max()))
+        max_deviation = max(max_deviation, float(deviation.max()))
         is_after_step = time >= 0.0
         ax.plot(*thin_curves(time[is_after_step], deviation[is_after_step]), **line_style(name))
     band = 100.0 * SETTLING_BAND
     ax.axhspan(-band, band, color=SHADE_COLOUR, alpha=0.2, lw=0)
     ax.axhline(0.0, color=INK_COLOUR, lw=0.9)
-    limit = max(1.2 * largest, 2.0 * band)
+    limit = max(1.2 * max_deviation, 2.0 * band)
     ax.set_ylim(-limit, limit)
     ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
     ax.set_xlabel("time (ms)")
@@ -130,7 +133,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
 
 @use_report_style
 def figure_forces(recordings: Recordings) -> Figure:
-    """Draw demanded and true force over time and their difference, one column per variant."""
+    """Draw demanded and true force against time and their difference, one column per variant."""
     names = in_report_order(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
@@ -188,7 +191,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
 
 @use_report_style
 def figure_standstill(recordings: Recordings) -> Figure:
-    """Draw the position at standstill over time, and its spectrum."""
+    """Draw the position at standstill against time, and its spectrum."""
     names = in_report_order(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)
@@ -200,8 +203,8 @@ def figure_standstill(recordings: Recordings) -> Figure:
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
         ax = figure.add_subplot(grid[row, 0], sharex=first, sharey=first)
         first = first or ax
-        keep = time <= 100.0
-        ax.plot(time[keep], deviation[keep], color=COLOURS[name], lw=0.8)
+        is_shown = time <= 100.0
+        ax.plot(time[is_shown], deviation[is_shown], color=COLOURS[name], lw=0.8)
         ax.set_title(f"{name}: {deviation.std():.2f} nm rms", fontsize=8.5)
         ax.set_ylabel("nm")
         ax.tick_params(labelbottom=row + 1 == len(names))
@@ -245,12 +248,12 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
     """Return the measured loops of the nearest gaps: one on each side, if there are two."""
     loops_by_gap = [(loop.schedule_value, loop) for loop in loops.loops]
     gaps = sorted({value for value, _ in loops_by_gap if value is not None})
-    below = [value for value in gaps if value <= gap][-1:]
+    lower_gap = [value for value in gaps if value <= gap][-1:]
     above = [value for value in gaps if value > gap][:1]
     return [
         LoopCurve(value, loop.input, loop.output)
         for value, loop in loops_by_gap
-        if value is not None and value in (*below, *above)
+        if value is not None and value in (*lower_gap, *above)
     ]
 
 
@@ -266,10 +269,10 @@ def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCu
 def figure_force_current(
     recordings: Recordings, measured: Sequence[LoopCurve], identified: LoopCurve | None
 ) -> Figure:
-    """Draw true force over true current of a run, with measured and identified loops.
+    """Draw true force against true current of a run, with measured and identified loops.
 
-    Below, the loops are drawn minus the single-valued curve through each. Their width is a few per
-    cent of the force.
+    Below, the single-valued curve through each loop is subtracted from it, because the loop width
+    is only a few per cent of the force.
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
@@ -295,7 +298,7 @@ _AXIS_COLUMNS = ("current_A", "force_N")
 
 
 def _draw_widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    """Draw loops minus the single-valued curve of their gap."""
+    """Draw loops after subtraction of the single-valued curve of their gap."""
     differences = []
     for gap in dict.fromkeys(loop.gap for loop in measured):
         differences += _subtract_curve([loop for loop in measured if loop.gap == gap])

@@ -78,7 +78,7 @@ def _headline(subject: SimulationSubject) -> Headline:
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=benefit_table(subject),
-        validity="These figures apply only to this plant, its iron and these settings. The gain "
+        validity="These results apply only to this plant, its iron and these settings. The gain "
         "of compensation depends on loop width, reversible fraction and step height.",
     )
 
@@ -131,7 +131,7 @@ def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
         if cell.lost
     ]
     if runs:
-        text = f"{'; '.join(runs)}. A figure has no mean if one of its runs was lost."
+        text = f"{'; '.join(runs)}. A metric has no mean if one of its runs was lost."
         yield Note("bad", "Levitation lost", text)
 
 
@@ -144,7 +144,7 @@ def structure_section(
 ) -> Section:
     """Return the section with the block diagram and the variants."""
     caption = (
-        "Structure of the simulation (the paper's Fig. 10) with the numbers of rig and controller "
+        "Structure of the simulation (the paper's Fig. 10) with the values of rig and controller "
         "file. Blue: the compiled program, as on a controller. Grey: the plant."
     )
     alt = (
@@ -171,7 +171,7 @@ def _step_section(subject: SimulationSubject) -> Section:
             picture(
                 figure_steps(subject.panels),
                 "steps",
-                f"Step responses, position over time, one panel a step: {', '.join(names)}.",
+                f"Step responses, position against time, one panel per step: {', '.join(names)}.",
                 "Step responses with and without compensation (the paper's Fig. 11), one run of "
                 f"{subject.seeds}; overshoot in the legends is the mean over all of them, in % of "
                 "the height. The grey band is 2 % of the height. True position; upwards closes "
@@ -192,7 +192,7 @@ def _force_section(subject: SimulationSubject) -> Section:
             picture(
                 figure_forces(subject.forces),
                 "forces",
-                "Demanded and true force over time and their difference, one column a variant: "
+                "Demanded and true force over time and their difference, one column per variant: "
                 f"{', '.join(in_report_order(subject.forces))}.",
                 "The force that the position controller demands and the force of the magnet. The "
                 "difference includes hysteresis, the lag of the amplifier and the delay. With a "
@@ -215,7 +215,7 @@ def _loop_section(subject: SimulationSubject) -> Section | None:
             picture(
                 figure,
                 "loops",
-                f"Force over current: measured loops at {gaps}, and the run: "
+                f"Force against current: measured loops at {gaps}, and the run: "
                 f"{', '.join(in_report_order(subject.run))}.",
                 f"True force over true current of the run, over the loops measured at {gaps}, the "
                 "nearest gaps, and the identified loop at the gap of the run. Below, the loops "

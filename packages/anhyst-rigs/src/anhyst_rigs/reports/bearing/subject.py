@@ -99,7 +99,7 @@ class SimulationSubject:
     def step_text(self, step: StepComparison) -> str:
         """Return a step as text, with the load only if there are several loads."""
         place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
-        has_several_loads = len({other.load for other in self.steps}) > 1
+        has_several_loads = len({step.load for step in self.steps}) > 1
         return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
 
 
@@ -113,7 +113,7 @@ _FREQUENCY_COUNT = 400
 
 
 def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
-    """Gather the data of a report; trajectories and loads are simulated once more."""
+    """Gather the data of a report; trajectories and load steps are simulated again."""
     rig, settings = simulation.rig, simulation.rig.settings
     steps = group_by_step(simulation.cells)
     upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
@@ -187,9 +187,10 @@ def _cut_around_step(
 def _linear_responses(
     simulation: Simulation,
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
-    """Return loop gain and sensitivity of the linearised loop, for `ratio` and the own variant.
+    """Return loop gain and sensitivity of the linearised loops.
 
-    The own variant is treated as if it knew the static slopes, unless it consists of constants.
+    The loops use `ratio` and the variant of the controller file. This variant is treated as if it
+    knew the static slopes, unless it consists of constants.
     """
     frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCY_COUNT)
     gains: dict[MethodName, Response] = {}
@@ -206,7 +207,10 @@ def _linear_responses(
 def _run_variants(
     setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
 ) -> Mapping[MethodName, Recording]:
-    """Simulate a scenario with every variant; return the part after a tick, without lost runs."""
+    """Simulate a scenario with every variant; return the part after a tick.
+
+    Runs that lost levitation are omitted.
+    """
     parts = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
@@ -243,23 +247,23 @@ _DELAY_NOTE = (
     "the amplifier, which no compensation removes."
 )
 STEP_TABLES: Mapping[Metric, str] = {
-    Metric(OVERSHOOT, "Overshoot", "%"): "Of the height of the step, noise included; the larger "
-    f"of a step up and one down. “{WITHIN_NOISE}”: not significantly above the noise below, so that "
-    "it is no property of the step.",
+    Metric(OVERSHOOT, "Overshoot", "%"): "Relative to the height of the step, noise included; the larger "
+    f"of a step up and one down. “{WITHIN_NOISE}”: not significantly above the noise in the next table, "
+    "so that it may be only noise.",
     Metric(NOISE, "Noise in the overshoot", "%"): "Largest deviation of the gap from its mean in "
-    "the last half of the hold, to both sides, of the height of the step; the larger of a step up "
+    "the last half of the hold, relative to the height of the step; the larger of a step up "
     "and one down.",
     Metric("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3): "",
     SETTLING: f"Until the gap stays within {100.0 * SETTLING_BAND:g} % of the height, or three times the "
     "resolution of the position sensor (rms of its noise and its steps) if that is more. The "
     "band is the same for all variants.",
-    STEADY_ERROR: "Of the gap, over the end of the hold.",
-    Metric("tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6): "Over the whole step.",
+    STEADY_ERROR: "Mean of gap minus reference in the last quarter of the hold.",
+    Metric("tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6): "During the whole step.",
     Metric(FORCE_ERROR, "Force error, rms", "N"): _DELAY_NOTE,
     Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
     "current's rate of change.",
 }
-"""Figures of steps, and the captions of their tables."""
+"""Metrics of steps, and the captions of their tables."""
 STANDSTILL_METRICS = (
     Metric("rms_m", "Position at a standstill, rms", "nm", 1e9),
     Metric("mean_error_m", "Mean error at a standstill", "nm", 1e9),
@@ -356,7 +360,7 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
 
 
 def step_tables(subject: SimulationSubject) -> list[PageTable]:
-    """Return one table for each figure of the steps."""
+    """Return one table for each metric of the steps."""
     steps = {subject.step_text(step): step.cells for step in subject.steps}
     return [
         case_table(metric, steps, caption, _noise_remark if metric.key == OVERSHOOT else None)
@@ -366,7 +370,7 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
 
 
 def standstill_tables(figures: VariantFigures) -> list[PageTable]:
-    """Return the figures at standstill, and the variants whose armature has a limit cycle."""
+    """Return the metrics at standstill, and the variants whose armature has a limit cycle."""
     cycles = make_table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
@@ -388,10 +392,10 @@ def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
 
 
 def experiment_tables(experiments: Experiments) -> list[PageTable]:
-    """Return the figures of trajectories, load steps and disturbing events."""
+    """Return the metrics of trajectories, load steps and disturbing events."""
     trajectories = {
-        f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": one
-        for shape, one in experiments.trajectories
+        f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": by_variant
+        for shape, by_variant in experiments.trajectories
     }
     loads = {f"load step of {force:g}{NBSP}N": one for force, one in experiments.load_steps}
     recovery: dict[str, VariantFigures] = dict(loads)
@@ -453,7 +457,7 @@ def settling_sentence(subject: SimulationSubject) -> str:
             for row in [step.figure(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
-        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # runs that were lost
+        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # levitation was lost
         if pairs:
             own_range, ratio_range = (
                 _range_text([metric.factor * value for value in values], metric.unit)

@@ -1,4 +1,4 @@
-"""Parts of the pages of all studies: a colour for each variant, diagrams, tables, origin."""
+"""Provide the common parts of the pages of all studies: colours, diagrams, tables, file origins."""
 
 from __future__ import annotations
 
@@ -87,9 +87,9 @@ def in_report_order(variants: Iterable[str]) -> list[MethodName]:
 
 
 def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
-    """Return rows of equal length with no more points than a figure can show.
+    """Return rows of equal length with no more points than a plot can show.
 
-    In each stretch, the lowest and the highest value of the last row are kept, so that peaks
+    In each interval, the lowest and the highest value of the last row are kept, so that peaks
     remain.
     """
     values = rows[-1]
@@ -162,8 +162,8 @@ PLANT_FILL = "#F4F6F8"
 _BOX_EDGE_COLOUR = "#333333"
 _TITLE_SIZE_PT = 8.5
 _TEXT_SIZE_PT = 7.5
-_LINE_SPACING_IN = 0.155  # distance of lines
-_MAX_TEXT_SHARE = 0.86  # share of the width of a box
+_LINE_SPACING_IN = 0.155  # distance between lines
+_MAX_TEXT_SHARE = 0.86  # largest width of a text, as a fraction of the width of its box
 Point = tuple[float, float]
 
 
@@ -236,9 +236,11 @@ def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, 
     ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
 
 
-def draw_label(ax: Axes, at: Point, text: str, across: str = "center", up: str = "bottom") -> None:
+def draw_label(
+    ax: Axes, at: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
+) -> None:
     """Write a label at a point."""
-    ax.text(*at, text, ha=across, va=up, fontsize=_TEXT_SIZE_PT)
+    ax.text(*at, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
 
 
 REPORT_NAME = "report.html"
@@ -247,11 +249,11 @@ _METHOD_REMARKS: Mapping[MethodName, str] = {
     "ratio": "the paper's case without compensation; the negative stiffness remains",
     "secant": "the same, as a line through the origin",
     "linearised": "cancels the negative stiffness at the operating point: standard practice",
-    "single-valued": "best possible curve without hysteresis",
+    "single-valued": "best single-valued curve",
     "play": "simplest hysteresis model: the width of the loops and one state",
     "simplified": "inverse of the simplified law",
     "at-rest": "as full, but without the eddy-current lag",
-    "full": "inverse of the identified law, its state advanced with what was applied",
+    "full": "inverse of the identified law, with its state updated by the applied current",
     "flux": "measures the flux density with a Hall probe in the gap instead of a model",
     "fused": "full, corrected by a Hall probe in the gap",
 }
@@ -267,7 +269,7 @@ class TerminalSummary(NamedTuple):
 def page_text(
     kind: str, head: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
-    """Return the page of a study; empty sections are left out."""
+    """Return the page of a study; empty sections are omitted."""
     nonempty = [section for section in sections if section is not None and section.blocks]
     return render_page(head, nonempty, running_version(), kind=kind, source=source)
 
@@ -279,11 +281,11 @@ def write_page(path: PathLike, text: str) -> None:
 
 
 def origin_section(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
-    """Return the section with the files of a study, their SHA-256 and the command for it."""
+    """Return the section with the files of a study, their SHA-256, and the command that repeats it."""
     rows: list[list[str | Cell]] = [
         [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
     ]
-    texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same figures."]
+    texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same results."]
     texts += [f"Made by: {command}"] if command else []
     blocks = [make_table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
     items = [Items("How to repeat the study", tuple(texts))] if texts else []
@@ -301,7 +303,7 @@ def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
 
 
 def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
-    """Return a large figure with the value that it is compared with."""
+    """Return a tile with a large number and the value with which it is compared."""
     texts = [
         f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}" for value in (own_value, other_value)
     ]
@@ -316,7 +318,7 @@ def method_table(
 ) -> PageTable:
     """Return a table of one case: one row per method and one column per metric.
 
-    Each method is a function that returns its figure by the key of the metric.
+    Each method is given as a function from the key of a metric to its value.
     """
 
     def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
@@ -333,7 +335,7 @@ def case_table(
     methods = in_report_order(name for row in cases.values() for name in row)
 
     def cell(case: str, name: MethodName) -> str:
-        """Return a figure and its remark; a line can break only between them."""
+        """Return a value and its remark; a line can break only between them."""
         if name not in cases[case]:
             return interval_text(None)
         figures = cases[case][name]

@@ -16,13 +16,13 @@ from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
 from anhyst_rigs.study.engine.table import FIGURES_FILE, StudyResult
 
 MONTE_CARLO_NAME = "montecarlo.json"
-"""File name of the figures of drifted plants, in the folder of their results."""
+"""File name of the metrics of drifted plants, in the folder of their results."""
 Result = TypeVar("Result", bound=StudyResult)
 
 
 @dataclass(frozen=True)
 class SimulationTask:
-    """A rig file, and the place for the results of its study."""
+    """A rig file, and the path for the results of its study."""
 
     rig: PathLike
     controller: PathLike | None

@@ -72,7 +72,7 @@ def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | Non
         if faults.any():
             force = setup.controller.limits.force_high_N
             return (
-                "the armature did not lift: it lay on its rest at "
+                "the armature did not lift: it was still on its rest at "
                 f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
                 "force_high_N or lower the load"
             )
@@ -88,28 +88,28 @@ def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | Non
 def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
     """Return a text if rejected samples ended the run of a controlled armature."""
     implausible = (run["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
-    missing = setup.controller.safety.max_missing_samples
+    max_missing = setup.controller.safety.max_missing_samples
     # Whether this sample and the `missing` samples before it were implausible: the position is
     # lost.
-    row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
+    row = np.convolve(implausible, np.ones(max_missing + 1), "valid") > max_missing + 0.5
     if (run["state"] >= RUN_CODE).any():
-        row &= run["state"][missing:] >= FAULT_CODE
+        row &= run["state"][max_missing:] >= FAULT_CODE
     if not row.any():
         return None
-    end = int(np.argmax(row)) + missing
+    end = int(np.argmax(row)) + max_missing
     gap, body = run["gap_m"][: end + 1], setup.rig.settings.body
     lifted = gap[int(np.argmax(gap < body.stop_high_m)) :]
     touched = (lifted <= body.stop_low_m) | (lifted >= body.stop_high_m)
     if (gap < body.stop_high_m).any() and touched.any():
         return None
     return (
-        f"samples of the gap were rejected at {run['t_s'][end]:.4f} s, {missing + 1} in a "
+        f"samples of the gap were rejected at {run['t_s'][end]:.4f} s, {max_missing + 1} in a "
         "row: see step_m, gap_low_m and gap_high_m of [limits], and the noise of the sensor"
     )
 
 
 def losses_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
-    """Return whether the recording's load steps or landing lost levitation, in words."""
+    """Return in words whether a recording lost levitation in its load steps or its landing."""
     loads, landed = run.slice_ticks(begin, landing), run.slice_ticks(landing, len(run))
     if len(loads) and levitation_loss_time(rig, loads) is not None:
         return ["load steps of the recording"]

@@ -52,7 +52,7 @@ class BearingSetup(Setup):
         )
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
-        """Return the controller as it is after power-on."""
+        """Return the controller in its state after power-on."""
         number_format, control = self.compensator.format, self.position_control
         natives = [drive.native for drive in drives or self.make_compensators()]
         controller: LoopController = _CONTROLLER_CLASSES[number_format](

@@ -29,7 +29,7 @@ _SELFTEST_S = 0.005
 _REST_S = 0.1  # time for the last current to decay to zero
 _MIN_SETTLE_S = 0.07
 _MAX_SETTLE_S = 1.0
-_SETTLE_INTEGRAL_TIMES = 10.0  # times K_p/K_i, for the integral to take over the residual force
+_SETTLE_INTEGRAL_TIMES = 10.0  # multiple of K_p/K_i until the integral has settled
 
 
 @dataclass
@@ -193,5 +193,6 @@ def _disturbance_force(rig: BodyRig, table: DisturbanceTable, ticks: int, number
     share = first_order_share(2.0 * math.pi * table.frequency_Hz * rig.dt)
     white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
     coloured = lfilter([share], [1.0, share - 1.0], white)
-    # A first-order low-pass passes share/(2 - share) of the power of white noise.
+    # A first-order low-pass that moves by `share` of the difference per tick passes share/(2 -
+    # share) of the power of white noise.
     return np.asarray(table.force_N * coloured * math.sqrt((2.0 - share) / share) * is_active)

@@ -175,8 +175,8 @@ class BearingBench(LockStepBench):
     signals = (*_PLANT_SIGNALS.values(), *_FIRMWARE_SIGNALS)
     commands = BEARING_COMMANDS
     _bus: BusController
-    state = State.INIT  # of the controller after the last tick
-    fault = Fault.NONE  # of the controller after the last tick
+    state = State.INIT  # state of the controller after the last tick
+    fault = Fault.NONE  # fault of the controller after the last tick
     gap = math.nan  # gap at the last tick, m
     sends_heartbeat = True  # whether heartbeats of the operator are sent
 

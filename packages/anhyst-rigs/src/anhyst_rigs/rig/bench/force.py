@@ -259,7 +259,7 @@ def run_firmware(
             bench.demand(force)
             rows.append(bench.advance(1))
         if (status := bench.link.status()).state is not State.RUN:
-            text = f"the controller left its run for {_state_text(status)}"
+            text = f"the controller left the state run for {_state_text(status)}"
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     all_rows = np.concatenate([start_up, run])

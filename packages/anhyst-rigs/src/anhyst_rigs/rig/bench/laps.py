@@ -1,4 +1,4 @@
-"""Share the code of virtual benches that repeat a set-point in this process."""
+"""Provide the common code of virtual benches that repeat a set-point in this process."""
 
 from __future__ import annotations
 

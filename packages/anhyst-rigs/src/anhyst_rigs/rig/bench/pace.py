@@ -156,7 +156,7 @@ class PacedBench:
             )
 
     def close(self) -> None:
-        """Distribute the current chunk and end all queues; the bench stays open."""
+        """Distribute the last computed chunk, and end all queues; the bench stays open."""
         with self._wake:
             self._is_closing = True
             self._wake.notify_all()

@@ -258,7 +258,7 @@ class PiezoBench(CycleBench):
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
         staged = {name: value for name, value in values.items() if name in self._values}
         if staged and self._state is State.FAULT:
-            raise InputError("the stage is lost: press clear first", code="wrong-state")
+            raise InputError("the stage has lost control: press clear first", code="wrong-state")
         self._check_displacement(self._offset, self._staged | staged)
         self._knobs.apply(values)
         if "disturbance_frequency" in values:

@@ -164,7 +164,7 @@ def set_expected_amplifier(line: SettingsLine, file: RigFile, slew: float, full_
 def heartbeat_setting(rate: float) -> SettingSpec:
     """Return the setting of the time for which a controller waits for a heartbeat, s."""
     low_s, high_s = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
-    doc = "time without a heartbeat after which the controller goes to rest"
+    doc = "time without a heartbeat after which the controller enters its safe state"
     return SettingSpec("heartbeat", Setting.HEARTBEAT_TICKS, "s", low_s, high_s, 1.0 / rate, doc)
 
 

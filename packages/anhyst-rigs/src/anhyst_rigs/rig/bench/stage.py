@@ -1,8 +1,8 @@
 """Simulate a stage interactively: plant and controller of the core in lock-step, in this process.
 
-No firmware runs, because it has no controller of a stage. The bench repeats the set-point, forward
-and backward alternately, with a rest in between. Changes take effect on one tick while the body
-rests, so that no law, gain or filter changes under force.
+The firmware does not contain a controller of a stage, so the bench runs the controller of the core.
+The bench repeats the set-point, forward and backward alternately, with a rest in between. Changes
+take effect on one tick while the body rests, so that no law, gain or filter changes under force.
 """
 
 from __future__ import annotations
@@ -70,9 +70,10 @@ from anhyst_rigs.rig.stage.setpoint import (
 )
 
 CARRY_OVER_S = 1e-3
-"""Time over which the integral's wrench is averaged before a new controller takes it over, s."""
+"""Time over which the wrench of the integral is averaged before a new controller starts from it, s.
+"""
 REMEMBERED_CYCLES = 4
-"""Number of set-points whose current and gap history is stored for new compensators."""
+"""Number of cycles of the set-point whose currents and gaps are stored for new compensators."""
 MAX_LOAD_SHARE = 0.5
 """Largest force of the load drive relative to the force that the set-point leaves available."""
 FEEDFORWARD_GAINS = ("acceleration", "jerk", "snap")
@@ -89,7 +90,7 @@ class StageCycle(NamedTuple):
     number: int
     first_tick: int
     tick_count: int
-    # first tick whose currents form the history of the iron; it was demagnetised before
+    # first tick of the stored currents; the iron was demagnetised before
     history_start: int
     motion: SetPoint
     conditions: tuple[object, ...]  # all conditions except corrections, such as plant and gains
@@ -289,10 +290,10 @@ class StageBench(CycleBench):
         forward = mass * mass_acceleration + setup.cable_stiffness * (self._course_start + ahead[:, 3])
         return self._course_start + positions, accelerations, forward
 
-    def _next_stray(self, n: int, late: FloatArray | float) -> FloatArray:
+    def _next_stray(self, n: int, delayed_acceleration: FloatArray | float) -> FloatArray:
         """Return the path error of the long stroke at the next ticks, m, as in a simulation."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
-        return frame_stray_from(self.rig, late, self.rig.dt * ticks)
+        return frame_stray_from(self.rig, delayed_acceleration, self.rig.dt * ticks)
 
     def _run_ticks(self, n: int) -> FloatArray:
         if self._active_course is not None:
@@ -459,7 +460,7 @@ class StageBench(CycleBench):
             if self._is_lifting_or_landing:
                 raise InputError("the stage is lifting or landing: wait", code="wrong-state")
             if self._state is State.FAULT:
-                raise InputError("the stage is lost: press clear first", code="wrong-state")
+                raise InputError("the stage has lost control: press clear first", code="wrong-state")
             self._staged |= staged
             due = self._next_rest_tick
         self._pushes |= pushes

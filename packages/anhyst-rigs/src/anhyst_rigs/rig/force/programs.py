@@ -141,11 +141,13 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
     return replace(model, valid=replace(valid, output=(0.0, min(max_force, valid.output[1]))))
 
 
-def _with_min_dead_band(model: Model, least: float) -> Model:
+def _with_min_dead_band(model: Model, min_half_width: float) -> Model:
     """Return a model whose dead band, if its law has one, has at least a given half-width, A/m."""
     widened: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        widened[spec.name] = map_parameter(model.parameters[spec.name], lambda value: max(value, least))
+        widened[spec.name] = map_parameter(
+            model.parameters[spec.name], lambda value: max(value, min_half_width)
+        )
     return replace(model, parameters={**model.parameters, **widened}) if widened else model
 
 

@@ -147,7 +147,7 @@ class DuhemSteel(AnySteel):
     family: Literal["duhem"]
     coercivity_A_per_m: Positive  # half the width of a large loop about zero
     turning_T: Positive  # polarisation by which this part settles by a factor e after a reversal
-    # share of the coercive field that is lost at saturation
+    # fraction of the coercive field that is lost at saturation
     fading: Annotated[float, Field(ge=0.0, lt=1.0)]
 
     def make_steel(self) -> Steel:
@@ -171,12 +171,12 @@ class DuhemSteel(AnySteel):
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the polarisation of the curve, T, at some fields, A/m, and its slope."""
         root = np.sqrt(field * field + self.knee_sharp_A_per_m**2)
-        slow = self.saturation_slow_T * 2.0 / np.pi
-        polarisation = self.saturation_sharp_T * field / root + slow * np.arctan(
+        slow_scale = self.saturation_slow_T * 2.0 / np.pi
+        polarisation = self.saturation_sharp_T * field / root + slow_scale * np.arctan(
             field / self.knee_slow_A_per_m
         )
         slope = self.saturation_sharp_T * self.knee_sharp_A_per_m**2 / root**3
-        slope += slow * self.knee_slow_A_per_m / (field * field + self.knee_slow_A_per_m**2)
+        slope += slow_scale * self.knee_slow_A_per_m / (field * field + self.knee_slow_A_per_m**2)
         return polarisation, slope
 
     def _check_stability(self) -> None:

@@ -111,7 +111,7 @@ class SolidIron:
     volumes: int = 12  # number of volumes across the depth; narrower near the surface
 
     def layer_parameters(self) -> tuple[FloatArray, FloatArray]:
-        """Return each volume's share of the cross-section, and its eddy-current drag, A s/(m T)."""
+        """Return each volume's fraction of the cross-section, and its eddy-current drag, A s/(m T)."""
         width = np.geomspace(1.0, _VOLUME_WIDTH_RATIO, self.volumes)
         width /= width.sum()
         distances = 0.5 * np.append(width[0], width[1:] + width[:-1])

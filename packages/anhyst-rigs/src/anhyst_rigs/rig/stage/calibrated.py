@@ -38,8 +38,8 @@ def correction_rows(learnt: CalibratedMethod, compensator: ForceController, rig:
     count = range(1, len(rig.settings.body_magnets) + 1)
     scales = np.array([1.0 + learnt.value(f"scale_{number}") for number in count])
     zeros = [learnt.value(f"gap_zero_{number}_m") for number in count]
-    ones = np.ones(scales.size)
-    rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
+    unit_scales = np.ones(scales.size)
+    rows = np.column_stack([unit_scales, zeros, unit_scales, 0.0 * unit_scales])
     if learnt.name in FLUX_PROBE_METHODS:
         rows[:, 2] = scales
     else:

@@ -77,25 +77,25 @@ def axis_yields(file: RigFile) -> list[float]:
 
 @cache
 def _find_spare_magnets(
-    pull: bytes, magnets: int, weight: tuple[float, ...], least: float, most: float
+    pull: bytes, magnets: int, weight: tuple[float, ...], min_force: float, max_force: float
 ) -> int:
     rows = np.frombuffer(pull).reshape(magnets, -1)
     spare_magnets = 0
-    for lost in range(magnets):
-        remaining_rows = np.delete(rows, lost, axis=0)
+    for lost_magnet in range(magnets):
+        remaining_rows = np.delete(rows, lost_magnet, axis=0)
         if np.linalg.matrix_rank(remaining_rows) < len(weight):
             continue
         # Find the forces that carry the weight with the largest distance to their bounds. A
         # positive distance means that the body can be pushed in any direction.
         count, margin_column = magnets - 1, np.ones((magnets - 1, 1))
         constraints = np.block([[-np.eye(count), margin_column], [np.eye(count), margin_column]])
-        limits = np.repeat([-least, most], count)
+        limits = np.repeat([-min_force, max_force], count)
         equalities = np.column_stack([remaining_rows.T, np.zeros(len(weight))])
         solution = linprog(
             [*np.zeros(count), -1.0], constraints, limits, equalities, -np.array(weight), (None, None)
         )
-        if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
-            spare_magnets |= 1 << lost
+        if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_RATIO * (max_force - min_force):
+            spare_magnets |= 1 << lost_magnet
     return spare_magnets
 
 

@@ -1,4 +1,8 @@
-"""Prepare a stage for a run: identify its magnets, fit a method, and apply a calibration."""
+"""Prepare a stage for a run.
+
+The module identifies the magnets, fits the compensator of a method to each of them, and applies a
+calibration.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +42,7 @@ def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> Identifie
 def make_stage(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, calibrated: CalibratedMethod | None = None
 ) -> StageSetup:
-    """Fit a method, and apply the given calibration or that of the rig file, if any."""
+    """Fit the compensator of a method, and apply a given calibration or that of the rig file."""
     learnt = calibrated or rig.method_calibration(method)
     if learnt is None:
         return StageSetup(rig, fit_method_compensator(rig, magnet, method))
@@ -70,7 +74,7 @@ def apply_calibration(
 def fit_method_compensator(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
-    """Fit a method to a magnet whose loop width is changed by a relative amount."""
+    """Fit the compensator of a method to a magnet whose loop width is changed by a relative amount."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
         operating = OperatingRange(

@@ -29,7 +29,7 @@ def error_columns(free: Sequence[str]) -> list[str]:
 
 
 def _line_rows(file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]) -> FloatArray:
-    """Return one row per line: velocity along the line per velocity of each coordinate."""
+    """Return one row per line of action: its velocity per velocity of each coordinate."""
     all_rows = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
     return np.ascontiguousarray(all_rows[:, axis_indices(file)])
 

@@ -49,7 +49,8 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss, recording_columns
 from anhyst_rigs.rig.stage.setpoint import SetPoint, frame_stray, motion_ticks, tick_times
 
 CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
-"""Methods with constants; pairs work in class A about the bias at which these are fitted."""
+"""Methods whose compensator consists of constants. In a pair of magnets, these methods use half of
+the largest force as the bias force of each magnet."""
 MAX_POSE_STOP_RATIO = 2.0
 """Largest plausible pose relative to the end stops; a larger reading is rejected."""
 
@@ -70,7 +71,7 @@ class StageSetup(Setup):
     # number format of PID and allocation; f64 for any compensator, f32 for f32 and fixed ones
     number_format: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # difference between the plant and the rig file
-    # of every magnet, in the form of the core; not in fixed point
+    # corrections of every magnet, in the form of the core; not in fixed point
     correction_rows: FloatArray | None = None
     # estimated changes of mass and centre of mass, used by the feedforward
     body_corrections: Mapping[ParameterName, float] = field(default_factory=dict)

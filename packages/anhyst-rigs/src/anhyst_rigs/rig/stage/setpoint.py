@@ -158,13 +158,14 @@ def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     return frame_stray_from(rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time)
 
 
-def frame_stray_from(rig: BodyRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
+def frame_stray_from(rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray) -> FloatArray:
     """Return the path error of the long stroke, m: half from its acceleration, half independent.
 
-    `late` is the acceleration :data:`STRAY_DELAY_S` earlier, relative to its largest value.
+    `delayed_acceleration` is the acceleration :data:`STRAY_DELAY_S` earlier, relative to its
+    largest value.
     """
     stray = rig.settings.frame.stray_m
-    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
+    return np.asarray(0.25 * stray * (delayed_acceleration + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
 
 
 def tick_times(rig: BodyRig, count: int) -> FloatArray:

@@ -88,7 +88,7 @@ class FaultOutcome:
 
 
 def _fake_readings(ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]) -> FaultAction:
-    """Replace sensor readings for some ticks by numbers or by functions of the sample."""
+    """Replace sensor readings for some ticks by constants or by functions of the sample."""
 
     def change(sample: PlantSample) -> PlantSample:
         changed = {

@@ -40,7 +40,7 @@ _PERIODS_PER_PIECE = 6  # number of periods in a piece
 _MIN_PIECES = 5  # minimum number of pieces
 _MAX_CANDIDATES = 5  # number of peaks of the spectrum that are tested
 _FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a cycle
-_MIN_VARIANCE_SHARE = 0.1  # smallest share of the variance
+_MIN_VARIANCE_SHARE = 0.1  # smallest fraction of the variance that a cycle explains
 _PADDING_FACTOR = 8
 
 
@@ -50,7 +50,7 @@ class LimitCycle:
 
     amplitude: float  # amplitude of the fundamental, in the unit of the signal
     period: float  # s
-    variance_share: float  # share of the signal's variance in the fundamental, 0..1
+    variance_share: float  # fraction of the signal's variance in the fundamental, 0..1
 
 
 def min_detectable_frequency(duration: float) -> float:
@@ -59,7 +59,7 @@ def min_detectable_frequency(duration: float) -> float:
 
 
 def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9) -> LimitCycle | None:
-    """Find a limit cycle in a record of a standstill; None if there is none."""
+    """Find a limit cycle in a record at standstill; None if there is none."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
     y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
@@ -116,7 +116,7 @@ def _amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.co
 
 
 def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
-    """Whether the mean amplitude is too large for noise, even at the best frequency."""
+    """Whether the mean amplitude is too large to be noise, at the frequency that makes it largest."""
     count = len(amplitudes)
     mean = complex(np.mean(amplitudes))
     coherence = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
@@ -125,7 +125,7 @@ def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> boo
 
 
 def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
-    """Whether the powers scatter too little for noise."""
+    """Whether the powers of the pieces scatter too little to be noise."""
     count = len(amplitudes)
     power = np.abs(amplitudes) ** 2
     if np.any(power <= 0.0):
@@ -163,7 +163,7 @@ class ExperimentTrial:
 class ExperimentOutcome:
     """The result of an experiment."""
 
-    figures: dict[str, float]  # figures by name
+    figures: dict[str, float]  # metrics by name
     # the limit cycle, if any; None if none was searched for
     cycles: tuple[LimitCycle, ...] | None = None
 
@@ -355,7 +355,8 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
         reference_run, event_run = (_run(trial, scenario, largest) for largest in (False, True))
-        # control starts earlier with a stronger iron
+        # With magnetised iron the armature rises earlier, so each run is evaluated from its own
+        # rise.
         return _compare_runs(
             trial.setup, reference_run, event_run, lambda run: int(np.argmax(run["state"] == RISE_CODE))
         )
@@ -406,7 +407,7 @@ def _compare_runs(
     event_run: tuple[Recording, bool],
     begin_of: Callable[[Recording], int],
 ) -> ExperimentOutcome | None:
-    """Compare a run with an event to one without, each from its own start."""
+    """Compare a run with an event to a run without it, each from its tick `begin_of`."""
     if reference_run[1] or event_run[1]:
         return None
     errors = []
@@ -425,7 +426,7 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
 
 
 def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
-    """Run a scenario and return its recording from a tick; None if levitation was lost."""
+    """Run a scenario, and return its recording after a tick; None if levitation was lost."""
     recording, has_lost = _run(trial, scenario)
     return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 

@@ -34,17 +34,17 @@ from anhyst.support.numeric import FloatArray
 ComplexArray = NDArray[np.complex128]
 
 _GRID_POINTS = 3000  # number of frequencies between which crossings are searched
-_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
 
 
 @dataclass(frozen=True)
 class LinearBearing:
-    """A bearing for small movements."""
+    """A bearing, linearised for small movements."""
 
     mass: float  # kg
-    k_i: float  # slope of the force over the current, N/A
-    # slope of the force as the gap closes, N/m, minus the stiffness of the load drive; positive if
-    # the magnet is unstable
+    k_i: float  # slope of the force with respect to the current, N/A
+    # slope of the force with respect to a reduction of the gap, minus the stiffness of the load
+    # drive, N/m; positive if the magnet is unstable
     k_s: float
     inductance: float  # incremental inductance at this gap, H
     resistance: float  # ohm
@@ -172,7 +172,7 @@ def _close_current_loop(
 def _append_sensor_lag(
     a: FloatArray, b: FloatArray, output: FloatArray, direct: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Append a first-order lag to an output; the lag becomes the output."""
+    """Append a first-order lag to an output; the output of the lag becomes the new output."""
     if math.isinf(bandwidth):
         return a, b, output
     lag = 2.0 * math.pi * bandwidth
@@ -182,7 +182,7 @@ def _append_sensor_lag(
 
 
 def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices over a time with a constant input."""
+    """Return the state transition and the input vector for a time with constant input."""
     n = len(b)
     matrix = np.zeros((n + 1, n + 1))
     matrix[:n, :n], matrix[:n, n] = a, b
@@ -191,7 +191,7 @@ def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatA
 
 
 def _discretise_with_delay(a: FloatArray, b: FloatArray, timing: LoopTiming) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices over a tick; the input of tick n takes effect `delay_ticks` later."""
+    """Return the matrices of one tick; the input of tick n takes effect `delay_ticks` later."""
     tick_s, n = 1.0 / timing.rate, len(b)
     whole_ticks = math.floor(timing.delay_ticks)
     fraction = timing.delay_ticks - whole_ticks

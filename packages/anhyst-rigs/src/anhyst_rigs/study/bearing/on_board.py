@@ -39,7 +39,7 @@ QEMU = "qemu-mps2"
 _LIFTED_DISTANCE_M = 5e-6
 """Distance from the rest above which the armature counts as lifted."""
 _WORK_OF_PARTS = (2.0, 3.0, 7.0)
-"""Relative work of model and code, of the run, and of the faults, for the progress."""
+"""Relative work of compiling, of the run, and of the faults, for the progress display."""
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     target_force = load_N if bias is None else bias
     min_force, max_force = float(force[0]), float(force[_CURRENT_POINTS - 1])
     if not min_force < target_force < max_force:
-        text = f"{target_force:g} N is not within what the magnet pulls at {gap:g} m"
+        text = f"{target_force:g} N is outside the force range of the magnet at {gap:g} m"
         text += f", {min_force:.4g} to {max_force:.4g} N; correct it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
     ascending_current_A = float(np.interp(target_force, force[:_CURRENT_POINTS], ascending_current))
@@ -154,8 +154,8 @@ def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: floa
 def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> linear.LinearLoop:
     """Return the linear loop of a setup for small movements.
 
-    If the compensator consists of constants, the loop uses them. A constant ratio does not cancel the
-    negative stiffness. Every other compensator is assumed to use the static slopes.
+    If the compensator consists of constants, the loop uses these constants. A constant ratio does
+    not cancel the negative stiffness. Every other compensator is assumed to use the static slopes.
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
@@ -194,7 +194,8 @@ def sweep_frequencies(rig: BodyRig) -> FloatArray:
 
 
 PATHOLOGICAL_SLOPE_RATIO = 0.25
-"""Slope after a reversal over the static slope below which an iron is called pathological."""
+"""Ratio of the slope after a reversal to the static slope, below which an iron is called
+pathological."""
 _SETTLING_CYCLES = 3  # cycles until the loop is in steady state
 _SAMPLES_PER_BRANCH = 400  # number of samples of a branch
 _SLOPE_SPAN = 0.05  # half-width of the fit of a static slope, relative to the current range
@@ -206,21 +207,21 @@ class Slopes:
     """Force and its slopes at an operating point."""
 
     force: float  # N
-    k_i: float  # slope over the current, N/A
-    k_s: float  # slope as the gap closes, N/m
+    k_i: float  # slope of the force with respect to the current, N/A
+    k_s: float  # slope of the force with respect to a reduction of the gap, N/m
 
 
 @dataclass(frozen=True)
 class ReversalSlopes:
     """Static slopes of a magnet with hysteresis, and slopes just after a reversal."""
 
-    static: Slopes  # of the mean of both branches of the steady-state loop
+    static: Slopes  # force and slopes of the mean of both branches of the steady-state loop
     after_rise: float  # slope just after a maximum of the current, N/A
     after_fall: float
 
     @property
     def slope_ratio(self) -> float:
-        """The smaller slope after a reversal over the static slope."""
+        """Ratio of the smaller slope after a reversal to the static slope."""
         return min(self.after_rise, self.after_fall) / self.static.k_i
 
     @property
@@ -230,7 +231,7 @@ class ReversalSlopes:
 
 
 def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
-    """Return the class of an iron from its slope after a reversal over the static slope."""
+    """Return the class of an iron from the ratio of its slope after a reversal to the static slope."""
     return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
 
 
@@ -261,7 +262,7 @@ def measure_slopes(
 
 
 def _drive(apply: Callable[[float, float], float], gap: float, start: float, end: float) -> FloatArray:
-    """Drive the current from one value to another and return the forces along this path."""
+    """Change the current from one value to another, and return the forces along this path."""
     return np.array([apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
 
 
@@ -274,7 +275,7 @@ def _settle_on_loop(apply: Callable[[float, float], float], gap: float, low: flo
 def _mean_branch(
     apply: Callable[[float, float], float], current: float, gap: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Return force and slope over the current, of the mean of both branches."""
+    """Return the mean force of both branches at a current, and the slope of this mean, N and N/A."""
     _settle_on_loop(apply, gap, low, high)
     ascending, descending = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
     grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)

@@ -52,10 +52,10 @@ _NOISE_PART = 0.5
 
 @dataclass(frozen=True)
 class StepFigures:
-    """Figures of a step of the reference."""
+    """Metrics of a step of the reference."""
 
-    # largest excess over the new reference, % of the height, noise included; 0 if it was not
-    # reached
+    # overshoot beyond the new reference, % of the height, noise included; 0 if the reference was
+    # not reached
     overshoot_percent: float
     # largest deviation of the gap from its mean in the last half of the hold, % of the height; a
     # smaller overshoot is not significant
@@ -110,12 +110,12 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
-    """Return the rms rate of change of a current; multiplied by the inductance, a voltage."""
+    """Return the rms rate of change of a current, A/s; times the inductance, it is a voltage."""
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
 def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> float:
-    """Return the time at which a progress is first reached, interpolated; inf if never."""
+    """Return the interpolated time at which the progress first reaches a level; inf if never."""
     reached_samples = np.flatnonzero(progress >= share)
     if not len(reached_samples):
         return math.inf
@@ -127,11 +127,11 @@ def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> f
 
 
 def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
-    """Return the first time from which the error stays within the band; inf if it does not."""
-    first = settling_tick(error, band)
-    if not first:
+    """Return the time after which the error stays within the band; inf if it does not."""
+    settled_tick = settling_tick(error, band)
+    if not settled_tick:
         return 0.0
-    return math.inf if first == len(elapsed) else float(elapsed[first])
+    return math.inf if settled_tick == len(elapsed) else float(elapsed[settled_tick])
 
 
 _MIN_PERIODS = 5  # measured periods of each frequency
@@ -145,9 +145,9 @@ class Sensitivity:
     """A measured sensitivity."""
 
     frequency: FloatArray  # Hz; shape (n,)
-    ratio: NDArray[np.complex128]  # reading over injected sine; shape (n,)
-    # rms of the reading that the sine does not explain (noise, harmonics), over the rms of the
-    # injected sine; shape (n,)
+    ratio: NDArray[np.complex128]  # ratio of reading to injected sine; shape (n,)
+    # rms of the part of the reading that the sine does not explain (noise, harmonics), relative to
+    # the rms of the injected sine; shape (n,)
     residual_ratio: FloatArray
     amplitude: float  # amplitude of the injected sine, m
 
@@ -247,14 +247,15 @@ STEP_FIGURES = (
     "current_rate_rms_A_per_s",
     "heat_W",
 )
-"""Names of the figures of one step; docs/simulate.md explains them."""
+"""Names of the metrics of one step; docs/simulate.md explains them."""
 _FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
-"""Figures of which the larger value of a step up and a step down counts. Others are averaged."""
+"""Metrics whose value is the larger one of a step up and a step down. All other metrics are
+averaged."""
 
 
 @dataclass(frozen=True)
 class StepRun:
-    """One run of steps: a variant at a gap and a load with one noise seed."""
+    """One run of steps: a variant at one gap and one load with one noise seed."""
 
     setup: BearingSetup
     gap: float
@@ -264,7 +265,7 @@ class StepRun:
 
 
 class StepResult(NamedTuple):
-    """The figures of one step of a run."""
+    """The metrics of one step of a run."""
 
     height: float  # m
     figures: Mapping[str, float]  # by :data:`STEP_FIGURES`
@@ -272,7 +273,7 @@ class StepResult(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class StepCell(CaseFigures):
-    """The figures of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
+    """The metrics of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
 
     Both directions of a seed give one value: their mean, or the maximum of overshoot and noise.
     """
@@ -300,7 +301,7 @@ def position_resolution(rig: BodyRig) -> float:
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run; returns their figures, and the time of a loss (s) or None."""
+    """Run all steps of a run; returns their metrics, and the time of a loss (s) or None."""
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
@@ -335,7 +336,7 @@ def compare_steps(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> list[StepCell]:
-    """Run every setup at every gap and load with every seed, and summarise the figures."""
+    """Run every setup at every gap and load with every seed, and summarise the metrics."""
     runs = [
         StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
@@ -353,7 +354,7 @@ def compare_steps(
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
-    """Return the figures of steps up and down of one height together; None if there are no steps."""
+    """Return the metrics of steps up and down of one height together; None if there are no steps."""
     step_figures = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
     return {
         name: float(
@@ -373,13 +374,13 @@ SWEEP_AMPLITUDE_M = 0.5e-6
 
 
 class _LevitationLostError(Exception):
-    """The armature was lost during a sweep."""
+    """Levitation was lost during a sweep."""
 
 
 def measure_loop_sensitivity(
     setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
-    """Measure the sensitivity of a setup with a swept sine; None if the armature was lost."""
+    """Measure the sensitivity of a setup with a swept sine; None if levitation was lost."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
     loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
@@ -398,7 +399,7 @@ def measure_loop_sensitivity(
 
 @dataclass(frozen=True)
 class StepComparison:
-    """Figures of one step, up and down, with every variant."""
+    """Metrics of one step, up and down, with every variant."""
 
     gap: float  # gap around which the step is made, m
     load: float  # N
@@ -406,7 +407,7 @@ class StepComparison:
     cells: Mapping[MethodName, StepCell]  # by variant
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
-        """Return a figure of every variant; without a mean if levitation was lost."""
+        """Return a metric of every variant; without a mean if levitation was lost."""
         return {key: cell.interval(name) for key, cell in self.cells.items()}
 
 
@@ -419,7 +420,7 @@ def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
 
 
 def compare_overshoots(step: StepComparison, variant: MethodName, baseline: MethodName) -> ComparedFigure:
-    """Compare the overshoots of two variants in a step, above the larger noise of both."""
+    """Compare the overshoots of two variants in a step, above the larger of their noise values."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
     noise_floor = max(noise[variant].mean, noise[baseline].mean)
     return compare("overshoot", baseline, overshoot[variant], overshoot[baseline], noise_floor)
@@ -449,7 +450,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
 def _compare_with(
     steps: Sequence[StepComparison], variant: MethodName, baselines: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
-    """Compare a variant with another one at each step at which both held the armature."""
+    """Compare a variant with another one, in all steps in which neither lost levitation."""
     differences = [
         compare_overshoots(step, variant, baseline)
         for step, baseline in zip(steps, baselines, strict=True)

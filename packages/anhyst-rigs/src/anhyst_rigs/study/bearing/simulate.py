@@ -57,7 +57,7 @@ COMPARED_VARIANTS = (
 )
 """Variants that are compared with that of the controller file; ``flux`` only with a Hall probe."""
 _WORK_OF_PARTS = (5.0, 4.0)
-"""Work of model and first run, and of the steps, relative to that of another experiment."""
+"""Work of the model and the first run, and of the steps, relative to that of another experiment."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,9 +80,9 @@ class Simulation(StudyResult):
     scenario : Scenario
         Scenario of these runs.
     cells : list of StepCell
-        Figures of all steps, over all seeds.
+        Metrics of all steps, over all seeds.
     experiments : Experiments
-        Figures of all other experiments.
+        Metrics of all other experiments.
     loops : mapping of str to linear.LinearLoop
         Linear loops for small movements, by variant.
     sensitivity : mapping of str to Sensitivity
@@ -142,7 +142,7 @@ class Simulation(StudyResult):
         if self.lost_in:
             raise NegativeResult(
                 f"'{self.main_variant}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
-                "figures and recording are kept",
+                "metrics and recording are saved",
                 code="levitation-lost",
             )
 
@@ -169,7 +169,7 @@ class Simulation(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the figures of all steps, one row per variant, gap and height, SI and per cent."""
+        """Return the metrics of all steps, one row per variant, gap and height, SI and per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
         rows = []
         for cell in self.cells:
@@ -233,7 +233,7 @@ def simulate_bearing(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a bearing with all variants; writes files only if levitation is lost."""
+    """Simulate a bearing with all variants; files are written only if levitation is lost."""
     rig, controller = read_files(rig_path, controller_path)
     inputs = check_inputs(rig, controller, _output_paths(out, controller))
     rig = inputs.rig

@@ -43,8 +43,8 @@ PERCENTILES = (5, 50, 95, 99)
 
 
 @dataclass(frozen=True)
-class PlantFigure(Metric):
-    """A figure that is measured on each plant."""
+class PlantMetric(Metric):
+    """A metric that is measured on each plant."""
 
     # cases in which it is measured; empty: one value for each plant
     cases: tuple[float | str, ...] = ()
@@ -60,15 +60,15 @@ class PlantFigure(Metric):
 
 @dataclass(frozen=True)
 class Plants:
-    """A rig with its controller, and the figures to measure on its plants."""
+    """A rig with its controller, and the metrics to measure on its plants."""
 
     file: RigFile  # rig file with the spread of the plants
-    # runs a plant with a method and a noise seed, possibly in another process; returns every
-    # figure, infinite or null if it was not reached, or ``lost_s`` alone
+    # Runs a plant with a method and a noise seed, possibly in another process. Returns every
+    # metric, infinite or null if it was not reached, or only ``lost_s`` if control was lost.
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
-    own_method: MethodName  # method that is compared with all others
-    figures: tuple[PlantFigure, ...]
+    own_method: MethodName  # main method, which is compared with all others
+    figures: tuple[PlantMetric, ...]
     input_files: tuple[Path, ...]  # files that affect the results
     setting_texts: Mapping[str, str]  # further settings that affect the results
     seed: int  # seed of all plants
@@ -81,7 +81,7 @@ class Plants:
         return sample_plant(self.file, self.seed, number)
 
     def header(self) -> dict[str, Any]:
-        """Return all inputs of the results."""
+        """Return everything that affects the results, for the head of the results file."""
         return {
             "format": "anhyst-montecarlo",
             "version": 2,
@@ -104,7 +104,7 @@ def _hash(settings: str, files: Sequence[Path]) -> str:
 class PlantRun:
     """Result of one plant with one method."""
 
-    # by figure, one for each case; infinite if the loop was lost
+    # by metric, one for each case; infinite if control was lost
     values: Mapping[str, tuple[float, ...]]
     lost_s: float | None  # time of the loss of the loop, s
 
@@ -128,20 +128,20 @@ class MonteCarlo(StudyResult):
     runs: Mapping[MethodName, tuple[PlantRun, ...]]
 
     def values(self, method: MethodName, key: str, case: int = 0) -> list[float]:
-        """Return a figure of every plant, infinite if the loop was lost.
+        """Return a metric of every plant, infinite if control was lost.
 
         Parameters
         ----------
         method : str
         key : str
-            Of the figure.
+            Of the metric.
         case : int, optional
             Number of the case.
         """
         return [run.values[key][case] for run in self.runs[method]]
 
     def lost_count(self, method: MethodName) -> int:
-        """Return the number of plants that lost the loop with a method.
+        """Return the number of plants that lost control with a method.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class MonteCarlo(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial over all plants, for each figure and case."""
+        """Whether compensation is beneficial over all plants, for each metric and case."""
         own_method = self.plants.own_method
         if self.lost_count(own_method):
             return Judgement(
@@ -185,8 +185,8 @@ class MonteCarlo(StudyResult):
         ]
         return judge_against_baselines(own_method, compared, "figures", self.plants.beneficial_condition)
 
-    def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
-        """Compare with the strongest baseline plant by plant, because both have the same plants."""
+    def _compare(self, figure: PlantMetric, case: int) -> ComparedFigure | None:
+        """Compare with the strongest baseline, plant by plant, since both use the same plants."""
         completed = [method for method in self.runs if not self.lost_count(method)]
         means = {method: mean_interval(self.values(method, figure.key, case)) for method in completed}
         if (baseline := strongest_baseline(means)) is None:
@@ -202,7 +202,7 @@ class MonteCarlo(StudyResult):
         return ComparedFigure(title, baseline, means[own_method].mean, means[baseline].mean, uncertainty)
 
     def facts(self) -> dict[str, str]:
-        """Return the first figure of every method, and the verdict."""
+        """Return the first metric of every method, and the verdict."""
         figure = self.plants.figures[0]
         facts = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
         for name in self.runs:
@@ -211,7 +211,7 @@ class MonteCarlo(StudyResult):
         return facts | self.losses_fact() | {"verdict": self.verdict.sentence}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return every figure of every plant, one row for each plant, method and case."""
+        """Return every metric of every plant, one row for each plant, method and case."""
         rows = []
         for figure in self.plants.figures:
             for case, name in enumerate(figure.case_names):
@@ -324,12 +324,12 @@ def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
 
 
 def find_fault(row: Mapping[str, Any], plants: Plants) -> str | None:
-    """Return why a line is not the result of a plant, or None."""
+    """Return why a line of the results file is not the result of a plant, or None."""
     return next(_faults(row, plants), None)
 
 
 def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
-    """Yield the faults of a line; a later check may rely on the earlier ones."""
+    """Yield the faults of a line of the results file; a later check may rely on the earlier ones."""
     number = row.get("plant")
     if not isinstance(number, int) or isinstance(number, bool) or number < 0:
         yield "plant: must be the number of a plant"

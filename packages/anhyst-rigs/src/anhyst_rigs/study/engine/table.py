@@ -1,8 +1,8 @@
-"""Compare the figures of methods in the cases of a study, and decide whether a model is beneficial.
+"""Compare the metrics of methods in the cases of a study, and decide whether a model is beneficial.
 
-A figure is stored by its key, as a mean over noise seeds; a :class:`Metric` has its title and unit.
-Each figure of the model is compared with the best baseline. A difference counts if it exceeds the
-uncertainty of both means. The model is beneficial if some figures are significantly smaller and
+A metric is stored by its key, as a mean over noise seeds; a :class:`Metric` has its title and unit.
+Each metric of the model is compared with the best baseline. A difference counts if it exceeds the
+uncertainty of both means. The model is beneficial if some metrics are significantly smaller and
 none is significantly larger.
 """
 
@@ -58,7 +58,7 @@ class Interval:
 
 
 def lost_interval(lost: int, count: int) -> Interval:
-    """Return an interval without a mean, for runs of which some lost levitation."""
+    """Return an interval without a mean, for runs of which some lost control."""
     return Interval(math.nan, math.nan, count, lost)
 
 
@@ -105,7 +105,7 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
 
 @dataclass(frozen=True, slots=True)
 class ComparedFigure:
-    """A figure of a model and that of a baseline; the smaller one is better."""
+    """A metric of a model, compared with that of a baseline; the smaller value is better."""
 
     title: str
     baseline: str
@@ -125,7 +125,7 @@ class ComparedFigure:
 
     @property
     def ratio(self) -> float:
-        """Figure of the model over that of the baseline, or nan if both are zero."""
+        """Ratio of the model's value to the baseline's value; nan if both are zero."""
         if self.baseline_value != 0.0:
             return self.model_value / self.baseline_value
         return math.nan if self.model_value == 0.0 else math.inf
@@ -174,7 +174,7 @@ def judge_against_baselines(
 
 
 def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
-    """List in which figures a model is significantly better, worse or equal."""
+    """List the metrics in which a model is significantly better, worse or equal."""
     comparable = [
         comparison
         for comparison in comparisons
@@ -195,7 +195,7 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
 
 
 def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
-    """List figures with their ratios to the baseline, or count them."""
+    """List metrics with their ratios to the baseline, or count them."""
     if count > MAX_LISTED:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
         parts = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
@@ -222,12 +222,12 @@ def _format_range(low: float, high: float) -> str:
 
 
 FIGURES_FILE = "figures.json"
-"""Name of the file with figures next to a recording."""
+"""Name of the file with metrics next to a recording."""
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure by which methods are compared; smaller is better."""
+    """A metric by which methods are compared; smaller is better."""
 
     key: str  # name in files, with unit
     title: str  # in words
@@ -242,43 +242,43 @@ class Metric:
 
 @dataclass(frozen=True)
 class CaseFigures:
-    """Figures of one method in one case."""
+    """Metrics of one method in one case."""
 
-    # by key; both directions of a step are one value; empty if any run lost the loop
+    # by key; both directions of a step are one value; empty if any run lost control
     figures: Mapping[str, Interval]
-    lost: int  # number of runs that lost the loop, and of all runs
+    lost: int  # number of runs that lost control, and of all runs
     runs: int
 
     @classmethod
     def summarise(cls, runs: Sequence[Mapping[str, float] | None], **extra_fields: Any) -> Self:
-        """Summarise runs, one for each seed; None is a run that lost the loop."""
+        """Summarise runs, one for each seed; None is a run that lost control."""
         completed = [run for run in runs if run is not None]
         names = completed[0] if len(completed) == len(runs) else ()
         figures = {name: mean_interval([run[name] for run in completed]) for name in names}
         return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
-        """Return a figure, without a mean if any run lost the loop."""
+        """Return a metric, without a mean if any run lost control."""
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures as files store them."""
+        """Return the metrics as files store them."""
         figures = {name: interval.as_dict() for name, interval in self.figures.items()}
         return {"lost": self.lost, "runs": self.runs, **figures}
 
 
 def save_lost_run(recording: Recording, out: PathLike) -> None:
-    """Save the recording of a run that lost the loop, and delete older figures next to it."""
+    """Save the recording of a run that lost control, and delete older metrics next to it."""
     recording.save(out)
     (Path(out).parent / FIGURES_FILE).unlink(missing_ok=True)
 
 
 Cases = Mapping[str, Mapping[MethodName, CaseFigures]]
-"""Figures by case and method."""
+"""Metrics by case and method."""
 
 
 class StudyResult(Result):
-    """Result of a study: figures, verdict and lost runs."""
+    """Result of a study: metrics, verdict and lost runs."""
 
     __slots__ = ()
     kind: ClassVar[str]
@@ -287,13 +287,13 @@ class StudyResult(Result):
     @property
     @abstractmethod
     def lost_in(self) -> list[str]:
-        """Runs that lost the loop."""
+        """Runs that lost control."""
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult if the loop was lost."""
+        """Raise NegativeResult if control was lost."""
         if self.lost_in:
             raise NegativeResult(
-                f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
+                f"control was lost: {'; '.join(self.lost_in)}; metrics and recording are saved",
                 code="loop-lost",
             )
 
@@ -311,5 +311,5 @@ class StudyResult(Result):
         return {"lost in": "; ".join(self.lost_in)} if self.lost_in else {}
 
     def write_figures(self, path: PathLike) -> None:
-        """Write the figures."""
+        """Write the metrics."""
         write_json(path, self.as_dict())

@@ -155,7 +155,7 @@ def _demanded_force_rate(file: RigFile) -> float:
     scan = next((case for case in file.cases if isinstance(case, ScanCase)), None)
     if scan is None:
         return 0.0
-    # time of constant jerk, taken for the whole rise
+    # time of constant jerk, used as the time of the whole rise
     rise_s = scan.jerk_phase_s - scan.snap_phase_s
     return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise_s
 
@@ -193,13 +193,13 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
 
 
 MIN_STACK_CYCLE_S = 1.0
-"""Shortest slow cycle of a piezo stage over the range of its amplifier, s."""
+"""Shortest period of a slow cycle of a piezo stage over the whole range of its amplifier, s."""
 RESONANCE_PERIODS_PER_CYCLE = 80.0
 """Periods of the resonance in the fastest cycle: the ringing at a reversal is 0.8 % of the stroke.
 """
 FAST_RATE_RATIO = 5.0
-"""Rate of the fast cycles of a piezo stage over the slow ones. Two rates separate a lag from a
-wider loop."""
+"""Ratio of the rate of the fast cycles of a piezo stage to that of the slow ones. Two rates
+separate a lag from a wider loop."""
 STACK_PAUSE_S = 30.0
 """Time at 0 V before each record of a piezo stage, s, in which the creep of its conditioning
 decays."""
@@ -283,24 +283,25 @@ def _optional_bound(value: float | None, key: str) -> list[Bound]:
 MAJOR_LOOP_ENDS = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
 """Upper ends of nested major loops that begin at zero or at the negative end."""
 REVERSAL_RATIOS = (0.9, 0.75, 0.5, 0.25)
-"""Start point of the descending first-order reversal curves, then their reversal points. The
-ascending ones are the major loops."""
+"""Start point of the descending first-order reversal curves, then their reversal points. The major
+loops serve as ascending curves."""
 MINOR_SWINGS_FROM_ZERO = (0.3, 0.2, 0.1, 0.05)
 """Amplitudes of minor loops about the operating point, approached from zero current."""
 MINOR_SWINGS_FROM_PEAK = (0.35, 0.25, 0.15, 0.1)
 """Amplitudes of minor loops about the operating point, approached from the peak."""
 OPERATING_RANGE = (0.2, 0.8)
-"""Smallest and largest operating current."""
+"""Smallest and largest operating current, as fractions of the peak."""
 DEMAGNETISING_DECAY = (0.85, 0.01)
 """Decaying sine for demagnetisation: ratio of successive half-swings, and of last to first."""
 SETTLING_DECAY = (0.7, 0.08)
 """Decaying sine about the operating point: the same two ratios."""
 MIN_START_WARMTH = 0.1
-"""Warmth at which every record may begin."""
+"""Warmth of the winding at which every record may begin."""
 PEAK_REDUCTION = 0.97
 """Factor by which the peak is reduced until the winding stays cool enough."""
 MIN_PEAK_RATIO = 0.25
-"""Smallest peak over the nominal one; below it loops are not useful."""
+"""Smallest ratio of the peak current to its nominal value; with a smaller peak, the loops are not
+useful."""
 
 
 @dataclass(frozen=True, slots=True)

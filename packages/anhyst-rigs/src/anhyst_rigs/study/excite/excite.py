@@ -1,7 +1,8 @@
 """Measure the loops of a rig's magnet or piezo stage, and write them with their history.
 
-At each gap a probe finds the largest current, then the designed records are run. The functions
-measure virtual rigs; `on_board` measures with a running controller.
+At each gap a probe finds the largest current, and then the designed records are measured. The
+functions of this module measure virtual rigs. The module `on_board` measures with a running
+controller.
 """
 
 from __future__ import annotations
@@ -113,7 +114,8 @@ SLOPE_WINDOW_RATIO = 0.1
 """Half-width of the current window about the operating point in which the slope of the force is
 fitted, as a fraction of the peak."""
 FAST_RATE_MARGIN = 1.5
-"""Fastest measured rate over the rate that the set-point needs; a note recommends this ratio."""
+"""Ratio of the fastest measured rate to the rate that the set-point needs; a note recommends this
+ratio."""
 PROBE_FORCE_RATIO = 0.95
 """Fraction of the force limit at which the probe stops."""
 _PROBE_SEED = 1000
@@ -128,7 +130,7 @@ class ProbedGap:
     peak: Bound  # largest current, A, and its limit
     largest_force: float  # largest force of the probe, N
     operating_current: float  # current of the operating point, A
-    is_force_reached: bool  # whether it gives the operating force
+    is_force_reached: bool  # whether the operating current gives the operating force
     # rate of the current that the set-point needs there, A/s; 0: unknown
     required_rate: float = 0.0
 
@@ -236,7 +238,7 @@ class _DriveLog:
             self.append(np.zeros(count), gap)
 
     def cool_for(self, current: FloatArray, gap: float) -> None:
-        """Append the rest after which a path keeps the winding cool enough."""
+        """Append a rest that is long enough for the winding to stay cool during a path."""
         winding = self.specimen.winding
         if winding is not None:
             max_warmth = winding.max_start_warmth(current, self.specimen.sample_s)
@@ -331,7 +333,7 @@ def _probe_gap(
 def evaluate_probe(
     specimen: Specimen, gap: float, driven: FloatArray, forces: Sequence[float], thermal_peak: Bound
 ) -> ProbedGap:
-    """Evaluate the first rise of the current at a gap."""
+    """Evaluate the first increase of the current at a gap."""
     peak = thermal_peak
     if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
         # The previous sample is certainly below the limit.
@@ -347,8 +349,8 @@ def evaluate_probe(
     min_operating, max_operating = (share * peak.value for share in OPERATING_RANGE)
     bias = float(driven[sufficient[0]]) if sufficient.size else np.inf
     operating = min(max(bias, min_operating), max_operating)
-    needed = _required_rate(specimen, driven, np.array(forces), operating)
-    return ProbedGap(gap, peak, max(forces), operating, bias == operating, needed)
+    required_rate = _required_rate(specimen, driven, np.array(forces), operating)
+    return ProbedGap(gap, peak, max(forces), operating, bias == operating, required_rate)
 
 
 def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
@@ -386,7 +388,7 @@ def _record_loop(
 
 
 def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> None:
-    """Raise an InputError if no gap reaches the operating force."""
+    """Raise an InputError if the operating force is not reached at any gap."""
     if any(probed_gap.is_force_reached for probed_gap in probed_gaps):
         return
     best_gap = max(probed_gaps, key=lambda probed_gap: probed_gap.largest_force)

@@ -102,7 +102,8 @@ class DrivenBoard(Protocol):
 def measure_on_board(specimen: Specimen, bench: DrivenBoard, progress: Progress | None = None) -> Excitation:
     """Measure loops within the limits, at the gap at which the armature is held.
 
-    Finally the controller is stopped, with its previous settings, and idle if it was before.
+    Finally, the controller is stopped and its previous settings are restored. It becomes idle if it
+    was idle before.
     """
     drive = BoardDrive(specimen, bench)
     # Boards read too slowly for fast cycles.

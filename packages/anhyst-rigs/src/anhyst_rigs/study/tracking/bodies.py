@@ -57,12 +57,13 @@ from anhyst_rigs.study.tracking.motion import (
 _DERIVATIVE_STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE_PARAMETERS, 1e-3)}
 """Step of each body parameter for finite-difference derivatives."""
 COMPARISON_START_S = 0.01
-"""Time of the first comparison, s. Before it the weight is taken up in one step, and the currents
-do not follow their commands."""
+"""Time of the first comparison, s. Before it, the magnets take up the weight in one step, and the
+currents do not follow their commands."""
 
 
 SPEED_WINDOW_TICKS = 20
-"""Ticks between two positions whose difference gives the speed at the start of a recording."""
+"""Distance in ticks of the two positions whose difference gives the speed at the start of a
+recording."""
 CALIBRATABLE_METHODS: tuple[MethodName, ...] = ("single-valued", "play", "at-rest", "full", "flux", "fused")
 """Methods that a motion can correct."""
 _UNUSED_PARAMETERS: Mapping[MethodName, tuple[str, ...]] = {
@@ -82,7 +83,10 @@ class StageMotion(Motion):
         return len(self.rig.settings.body.free)
 
     def filter_wrench(self, wrench: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
-        """Filter a wrench, moments over the radius of gyration, and return it as one row, N."""
+        """Filter a wrench and return it as one row, N.
+
+        Moments are divided by the radius of gyration.
+        """
         filtered = [
             self.filter_force(component, delay_ticks) for component in (wrench / self.gyration_radii).T
         ]
@@ -208,14 +212,14 @@ class StageLaw(MotionLaw):
         speed = np.linalg.norm(position[SPEED_WINDOW_TICKS:] - position[:-SPEED_WINDOW_TICKS], axis=1) / (
             SPEED_WINDOW_TICKS * self.rig.dt
         )
-        noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
+        max_noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
         if abs(columns["demand_N"][0] + weight_along_scan(file)) > MIN_DEMAND_RATIO * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
         # a body that carries its weight falls until currents flow
         fall_speed = (
             abs(file.body.gravity_m_per_s2) * SPEED_WINDOW_TICKS * self.rig.dt * weight_wrench(file).any()
         )
-        is_moving = speed[0] > 0.02 * float(speed.max()) + noise_speed + fall_speed
+        is_moving = speed[0] > 0.02 * float(speed.max()) + max_noise_speed + fall_speed
         return ColumnFault("begins in motion", position_names[0]) if is_moving else None
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
@@ -305,10 +309,10 @@ class StageLaw(MotionLaw):
 
 
 REFERENCE_WINDOW_S = 0.06
-"""Window in which the reference must have moved for a tick to be compared, s."""
+"""A tick is compared only if the reference moved within a window of this length, s."""
 MIN_REFERENCE_CHANGE_RATIO = 0.02
-"""Smallest change of the reference in that window, as a fraction of the travel. At rest, any load
-would be taken for an error of the magnet."""
+"""Smallest change of the reference in that window, as a fraction of the travel. At rest, a load
+could not be distinguished from an error of the magnet."""
 RECORDED_LOAD_SIGMA_RATIO = 0.002
 """Standard deviation of a recorded load, as a fraction of the largest force."""
 ASSUMED_LOAD_SIGMA_RATIO = 0.1
@@ -352,13 +356,13 @@ class BearingMotion(Motion):
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Indices of compared ticks: the armature levitates and its reference moves."""
+        """Indices of compared ticks, in which the armature levitates and its reference moves."""
         file, reference = self.rig.settings, self.columns["reference_m"]
         state = np.rint(self.columns["state"])
         if "phase" in self.columns:
             state = 16.0 * state + np.rint(self.columns["phase"])
         is_levitated = state == HOVER_CODE
-        # before levitation the reference is that of the lift
+        # before levitation, the reference is the one of the lift-off
         levitated_reference = np.where(
             is_levitated, reference, file.gap_m if not is_levitated.any() else reference[is_levitated][0]
         )

@@ -1,6 +1,6 @@
-"""Compile the controller of a stage to a folder of C, with a simulated flight as golden vectors.
+"""Compile the controller of a stage to a folder of C, with a simulated motion as golden vectors.
 
-Golden vectors are inputs and expected outputs of each tick. They come from a flight over the test
+Golden vectors are inputs and expected outputs of each tick. They come from a simulation of the test
 set-point, followed by commands to switch off, to lift and to land.
 """
 
@@ -54,7 +54,7 @@ from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motio
 ROWS_PER_COMMAND = 20
 """Rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and cruise."""
+"""Largest number of ticks of the motion in the golden vectors: rest, acceleration and cruise."""
 
 
 def compile_stage(
@@ -200,7 +200,7 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     scenario = scan_scenario(rig, motion.derivatives_at(time)[0], frame_stray(rig, motion, time), wrench)
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     if loss := find_stage_loss(rig, run, rows):
-        text = f"{rig.path}: the loop is lost in the simulated flight: {loss.reason}; check it"
+        text = f"{rig.path}: control is lost in the simulated motion: {loss.reason}; check it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
     read = [run[column_name("gap_read", "m", number)] for number in range(1, magnets + heads + 1)]

@@ -237,7 +237,7 @@ class ParameterEstimator:
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
     def relative_sigma(self, *rows: FloatArray) -> dict[ParameterName, float]:
-        """Return posterior over prior standard deviation, with further information rows added."""
+        """Return posterior standard deviations as fractions of the prior ones, with further rows."""
         stacked = np.vstack([self._information, *rows])
         sigma = self._posterior_sigma(stacked, self._excited_names(stacked), 0.0)
         prior_sigma = self.prior_sigma
@@ -321,7 +321,7 @@ class ParameterEstimator:
         )
 
     def _add_scale_sum_sigma(self, sigma: dict[ParameterName, float]) -> None:
-        """Add the uncertainty of the mean scale, which motion does not show."""
+        """Add the uncertainty of the mean scale, which motion cannot determine."""
         scale_count = sum(parameter_kind(name) == "scale" for name in self._names)
         mean_scale_sigma = self.prior_sigma["scale_1"] / math.sqrt(scale_count)
         # The force is proportional to the square of the current, so an error of the mean scale

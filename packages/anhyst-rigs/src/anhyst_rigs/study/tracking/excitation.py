@@ -79,7 +79,7 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
 def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
     """Simulate a stage that follows legs from rest with demagnetised iron and mass feedforward."""
     rig, file = setup.rig, setup.rig.settings
-    start_s = COMPARISON_START_S  # the weight is taken up before this time
+    start_s = COMPARISON_START_S  # the magnets take up the weight before this time
     n = round((start_s + sum(leg.duration for leg in legs.values())) / rig.dt)
     time = tick_times(rig, n + 1)
     position, frame, acceleration = np.zeros((3, n + 1, len(file.body.free)))
@@ -113,11 +113,11 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
 
 @dataclass(frozen=True)
 class Information:
-    """Information about the parameters that a flight of the nominal stage gives."""
+    """Information about the parameters from a simulated motion of the nominal stage."""
 
     duration_s: float
     condition: float  # condition number of the information, scaled by the priors
-    left: Mapping[ParameterName, float]  # posterior over prior standard deviation
+    left: Mapping[ParameterName, float]  # ratio of posterior to prior standard deviation
     hidden: Sequence[ParameterName]
 
 
@@ -170,7 +170,7 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
-        why = "[spread] states no errors, or the loop is lost" if run is None else f"lost {run.loss_text}"
+        why = "[spread] states no errors, or control is lost" if run is None else f"lost {run.loss_text}"
         raise NegativeResult(f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown")
 
     def information(run: Recording) -> Information:

@@ -1,8 +1,9 @@
-"""Measure the errors of a stage run, and simulate the loss of magnets and heads in flight.
+"""Measure the errors of a stage run, and simulate the loss of magnets and position heads.
 
 The measures are servo error, moving average over a slit, settling time and force error. In the loss
 study, each amplifier or head fails in a separate run. Set-point and long stroke brake to rest when
-the controller detects the loss, unless the remaining magnets can make the rest of the set-point.
+the controller detects the loss. They continue if the remaining magnets can make the rest of the
+set-point.
 """
 
 # ruff: noqa: N815 - names carry units
@@ -68,7 +69,7 @@ METRICS = (
     Metric("force_peak_N", "force error, largest", "N"),
     Metric("force_rms_N", "force error, rms", "N"),
 )
-"""Measures of a run, in the order of every table."""
+"""Metrics of a run, in the order of all tables."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +91,12 @@ class Measures:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the loop was lost in the run."""
+        """Whether control was lost in the run."""
         return math.isinf(self.peak_m)
 
 
 LOST_MEASURES = Measures(*[float("inf")] * 8)
-"""Measures of a run that lost the loop."""
+"""Measures of a run that lost control."""
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
@@ -143,7 +144,7 @@ def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]
 def slit_statistics(
     error: FloatArray, motion: SetPoint, slit: float, dt: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return moving average and standard deviation of an error over a slit, s, for each cruise."""
+    """Return moving average and standard deviation of an error over a slit, s, in each cruise."""
     delay_ticks, slit_ticks = round(EXPOSURE_DELAY_S / dt), round(slit / dt)
     return [
         moving_statistics(error[cruise.start + delay_ticks : cruise.stop], slit_ticks)
@@ -171,7 +172,7 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""Earliest loss of a magnet, s. Before it the weight is taken up in one step."""
+"""Earliest loss of a magnet, s. Before it the magnets take up the weight in one step."""
 HOLD_TIME_S = 0.1
 """Simulated time after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
@@ -186,7 +187,7 @@ BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
 """Candidates for the deceleration, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
 """Factor of the highest number of a lost magnet in the recorded state word."""
-LOSS_TITLE = "loss of a magnet in flight, when it pulls most, or of a head"
+LOSS_TITLE = "loss of a levitating body's magnet, when it pulls most, or of a head"
 LOSS_COLUMNS = (
     "lost",
     "outcome",
@@ -214,7 +215,7 @@ class LossResult:
     magnet: str
     at_s: float
     current_A: float | None = None
-    spare: bool = False  # whether the others can move the body, or determine its pose
+    spare: bool = False  # whether the remaining magnets or heads are sufficient
     noticed_s: float | None = None  # delay of the detection, or None if it was not detected
     # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
     # "lifts off" or "stays"
@@ -226,7 +227,8 @@ class LossResult:
     # without contact
     down_m_per_s: float
     touch_m_per_s: float
-    # the same if all currents end at the detection, and if nothing is monitored
+    # contact speeds if all currents end at the detection (`let_go`), and without detection
+    # (`unaware`)
     let_go: tuple[float, float]
     unaware: tuple[float, float]
 
@@ -234,10 +236,10 @@ class LossResult:
         """Return the table row, with the columns of :data:`LOSS_COLUMNS`."""
 
         def format_largest(error: Mapping[str, float]) -> str:
-            sizes = [
+            max_errors = [
                 1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0) for u in ("_m", "_rad")
             ]
-            return ", ".join(f"{size:.3g}" for size in sizes) if error else ""
+            return ", ".join(f"{size:.3g}" for size in max_errors) if error else ""
 
         speeds = [self.down_m_per_s, self.let_go[0], self.touch_m_per_s, self.let_go[1]]
         return [
@@ -268,7 +270,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Flights over the test set-point with loss of magnets or heads."""
+    """Simulated motions along the test set-point, in which a magnet or a head is lost."""
 
     setup: StageSetup
     gains: Feedforward
@@ -338,7 +340,7 @@ class LossFlights:
         names = [] if outcome in ("lands", "let go", "falls") else error_columns(file.body.free)
         detection_off = {"control.lost_A": None, "control.head_m_per_s": None}
         unaware_rig = replace(self._rig, settings=file.with_changes(detection_off))
-        unaware_flights = replace(self, setup=replace(self.setup, rig=unaware_rig))
+        flights_without_detection = replace(self, setup=replace(self.setup, rig=unaware_rig))
         all_magnets = (1 << len(file.body_magnets)) - 1 << FIRST_FAILURE_BIT
         return LossResult(
             magnet=name,
@@ -350,11 +352,11 @@ class LossFlights:
             down_m_per_s=down,
             touch_m_per_s=touch,
             let_go=self._contact_speeds(self._fly(plan, faults | {notice_tick: all_magnets})),
-            unaware=self._contact_speeds(unaware_flights._fly(plan, faults)),
+            unaware=self._contact_speeds(flights_without_detection._fly(plan, faults)),
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:
-        """Simulate how a body without currents is lifted from its stops and landed again."""
+        """Simulate how a body without currents is lifted off its stops and landed again."""
         dt, names = self._rig.dt, error_columns(self._rig.settings.body.free)
         lift_tick, land_tick = round(LIFT_COMMAND_S / dt), round(LAND_COMMAND_S / dt)
         zeros = np.zeros(2 * land_tick)

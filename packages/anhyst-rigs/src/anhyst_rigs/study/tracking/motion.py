@@ -30,8 +30,8 @@ tick rate."""
 COMPARISON_RATE_HZ = 1000.0
 """Rate of the comparisons of measured and predicted force, Hz."""
 MIN_DEMAND_RATIO = 0.06
-"""Smallest demand of compared samples, as a fraction of the largest force. At rest, any
-load would be taken for an error of the magnets."""
+"""Smallest demand of compared samples, as a fraction of the largest force. At rest, a load could
+not be distinguished from an error of the magnets."""
 MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
 """Smallest bandwidth of an amplifier, as a multiple of the filter's corner. The lag of the
 amplifier is not modelled."""
@@ -112,7 +112,7 @@ class Motion(ABC):
 
     @property
     def noise_gain(self) -> float:
-        """Standard deviation of the filtered acceleration over that of the position, 1/s^2."""
+        """Ratio of the noise of the filtered acceleration to the noise of the position, 1/s^2."""
         second_difference = np.zeros(self.tick_numbers.size)
         second_difference[:3] = 1.0, -2.0, 1.0
         return float(np.linalg.norm(self.filter_force(second_difference))) / self.rig.dt**2

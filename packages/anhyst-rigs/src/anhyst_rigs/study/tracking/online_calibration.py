@@ -39,11 +39,11 @@ PICKUP_TIME_S = 0.1
 """Time to take up the weight of a body, s. These rows are kept, because they determine
 the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
-"""Length of the row buffer for one cycle and the hysteresis state before it, s. After a longer
-rest, one cycle is skipped."""
+"""Length of the row buffer, s: one cycle and the rows before it that determine the hysteresis
+state. After a longer rest, one cycle is skipped."""
 MAX_ERROR_GROWTH = 1.5
-"""Largest growth of the error over its smallest value in two cycles in a row. Beyond it the earlier
-corrections are restored."""
+"""Largest ratio of the error to its smallest value in two consecutive cycles. If both cycles exceed
+it, earlier corrections are restored."""
 _BEARING_COLUMNS = ("reference_m", "gap_read_m", "command_A", "load_N", "demand_N", "state", "phase")
 MIN_COMPARISONS = 50
 """Smallest number of comparisons in a window that is used for an update."""
@@ -63,7 +63,7 @@ class CycleResult(NamedTuple):
     tick: int  # last tick
     lap: int
     method: MethodName
-    # error; for a stage the largest moving average over the slit in the cruise
+    # error: for a stage, the largest moving average over the slit during the cruise, m
     average: float
     peak: float  # largest error
     learning: bool  # whether the estimate was updated
@@ -73,17 +73,17 @@ class CycleResult(NamedTuple):
 
 
 class _CorrectionHistory:
-    """Corrections of a method that were in force, and those with the smallest error."""
+    """Corrections of a method that were active, and those with the smallest error."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
         self._conditions: tuple[object, ...] = ()
-        # moving averages, m: last cycle, best pair
+        # moving average of the last cycle, and the larger one of the best two consecutive cycles, m
         self._last_average = self._best_average = math.inf
         self._best_corrections: Corrections = {}
 
     def add(self, setup: StageSetup, corrections: Corrections) -> None:
-        """Record the corrections of a setup that is put into force."""
+        """Record the corrections of a setup that becomes active."""
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
     def corrections_of(self, cycle: StageCycle) -> Corrections | None:
@@ -94,7 +94,7 @@ class _CorrectionHistory:
         self, cycle: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
         """Return better corrections and their error, m, if the last two cycles were worse."""
-        # other conditions (plant, load or gain): no earlier errors
+        # If plant, load or gains have changed, errors of earlier cycles cannot be compared.
         if cycle.conditions != self._conditions:
             self._conditions = cycle.conditions
             self._last_average = math.inf
@@ -213,7 +213,7 @@ class StageCalibrator(BenchCalibrator):
             1 + n for n, name in enumerate(self._required_columns) if name.startswith("command")
         ]
         self._skipped_cycles = 0
-        # rows since the current was switched on, while the weight is taken up
+        # rows since the current was switched on, while the magnets take up the weight
         self._pickup_rows = np.zeros((0, 1 + len(self._column_indices)))
         self._laws: dict[MethodName, MotionLaw] = {}
         self._histories: dict[MethodName, _CorrectionHistory] = {}
@@ -264,7 +264,7 @@ class StageCalibrator(BenchCalibrator):
         return np.concatenate([self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]])
 
     def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
-        """Update the estimate from a complete cycle, and put corrections into force."""
+        """Update the estimate from a complete cycle, and activate corrections."""
         table = np.concatenate([rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start])
         first, end = int(table[0, 0]), cycle.last_tick
         error, laps = table[: end + 1 - first, -2:].T
@@ -382,8 +382,9 @@ MAX_HISTORY_ROWS = 100_000
 class BearingCalibrator(BenchCalibrator):
     """Calibrates a bearing from each second in which its reference moved, and swaps the block.
 
-    The firmware fades the change of the current in. Errors are those of the force. For comparison,
-    the error of the uncorrected model is computed for the same second.
+    The firmware changes the current gradually to that of the new block. The reported errors are
+    force errors. For comparison, the error of the uncorrected model is computed for the same
+    second.
     """
 
     unit = "N"
@@ -408,7 +409,7 @@ class BearingCalibrator(BenchCalibrator):
         self._was_worse = False  # whether the last window was worse than without corrections
 
     def revert(self) -> int:
-        """Delete all estimates, and put the initial block into force."""
+        """Delete all estimates, and activate the initial block."""
         super().revert()
         return self._swap_block(self._initial_block, {})
 
@@ -437,7 +438,7 @@ class BearingCalibrator(BenchCalibrator):
         self._buffer = deque([table[-tail:]])
 
     def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Update the estimate from one window, and put corrections into force."""
+        """Update the estimate from one window, and activate corrections."""
         if self._refusal is not None:
             return
         setup = self._setup
@@ -508,7 +509,7 @@ class BearingCalibrator(BenchCalibrator):
             return None
 
     def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
-        """Put a block into force, unless somebody else swapped a model; in the bench's thread."""
+        """Activate a block, unless somebody else swapped a model; runs in the bench's thread."""
         current_block = self._bench.read_block()
         if set_generation(current_block, 0) != set_generation(self._own_block, 0):
             self._stop("another model is in force")
@@ -530,7 +531,7 @@ class BearingCalibrator(BenchCalibrator):
 
 
 def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
-    """Keep the two rows with the smallest and largest current over gap of each block of rows."""
+    """Reduce each block of rows to two rows: smallest and largest ratio of current to gap."""
     blocks = len(rows) // THINNING_BLOCK_ROWS
     row_count = blocks * THINNING_BLOCK_ROWS
     drive = rows[:row_count, columns["command_A"]] / rows[:row_count, columns["gap_read_m"]]

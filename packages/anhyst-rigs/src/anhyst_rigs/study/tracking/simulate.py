@@ -119,7 +119,7 @@ GAIN_SEARCH_RUNS = 30
 _GAIN_STEPS = np.array([0.01, 50e-6, 5e-9])
 """Steps of the first simplex: weight of the acceleration, jerk gain (s), snap gain (s^2)."""
 _LOST_COST_M = 1.0
-"""Cost of a run that lost the loop, m."""
+"""Cost of a run that lost control, m."""
 
 
 def gains_at(point: FloatArray) -> Feedforward:
@@ -148,7 +148,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
 
 COMPENSATOR: MethodName = "full"
-"""Method that all others are compared with; its run is recorded."""
+"""Method with which all others are compared; its run is recorded."""
 _OMITTED_METHODS = ("ratio", "secant", "simplified", "at-rest")
 COMPARED_METHODS = tuple(name for name in METHODS if name not in _OMITTED_METHODS)
 """Variants, in the order of every table."""
@@ -179,7 +179,7 @@ class VariantResult:
 
     @property
     def case_figures(self) -> CaseFigures:
-        """All figures on the test set-point over the seeds."""
+        """All metrics on the test set-point over the seeds."""
         runs = []
         for seed, measures in enumerate(self.measures):
             axis_errors = {key: values[seed] for key, values in self.cross_talk.items()}
@@ -187,7 +187,7 @@ class VariantResult:
         return CaseFigures.summarise(runs)
 
     def interval(self, key: str) -> Interval:
-        """Return a measure over the seeds, without a mean if one of the runs was lost."""
+        """Return the interval of a metric over the seeds; without a mean if control was lost."""
         return self.case_figures.interval(key)
 
     @property
@@ -203,7 +203,7 @@ class VariantResult:
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost the loop, without learning control."""
+        """Runs that lost control, without learning control."""
         lost_count, count = self.case_figures.lost, self.case_figures.runs
         is_lost_by_run = {
             f"test set-point ({lost_count} of {count} runs)": lost_count > 0,
@@ -236,7 +236,7 @@ class TrackingStudy(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost the loop with the compensator."""
+        """Runs that lost control with the compensator."""
         return self.variants[COMPENSATOR].lost_in
 
     def as_dict(self) -> dict[str, Any]:
@@ -257,17 +257,17 @@ class TrackingStudy(StudyResult):
 
     @property
     def completed(self) -> list[MethodName]:
-        """Variants that kept the loop on the test set-point."""
+        """Variants that kept control on the test set-point."""
         return [name for name, variant in self.variants.items() if not variant.case_figures.lost]
 
     @property
     def verdict(self) -> Judgement:
         """Whether compensation is beneficial on this stage, against the strongest baselines."""
         if self.lost_in:
-            return Judgement("unknown", f"the loop of '{COMPENSATOR}' was lost: {'; '.join(self.lost_in)}")
+            return Judgement("unknown", f"control was lost with '{COMPENSATOR}': {'; '.join(self.lost_in)}")
         baselines = [name for name in self.completed if METHODS[name].role == "baseline"]
         if not baselines:
-            return Judgement("unknown", "every baseline lost the loop")
+            return Judgement("unknown", "every baseline lost control")
         return judge_against_baselines(
             COMPENSATOR, self._compare_with_best(baselines), "measures", BENEFICIAL_CONDITIONS["stage"]
         )
@@ -297,7 +297,7 @@ class TrackingStudy(StudyResult):
         return min(completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
-        """Compare each figure with the smallest one of some variants."""
+        """Compare each metric with the smallest value among some variants."""
         compared = []
         for metric in (PEAK_ERROR, MOVING_AVERAGE, SETTLING_TIME):
             intervals = {name: self.variants[name].interval(metric.key) for name in names}
@@ -449,8 +449,8 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     if run.loss is None:
         return
     text = (
-        f"the loop was lost {run.loss_text}: a crossover of "
-        f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not hold this stage"
+        f"control was lost {run.loss_text}: a crossover of "
+        f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not control this stage"
     )
     if out is None:
         raise NegativeResult(text, code="loop-lost")

@@ -1,6 +1,6 @@
 """Define the aims of a tuning and the cost of controller gains.
 
-If gains meet all aims, their cost is a single figure: the settling time of a bearing, the moving
+If gains meet all aims, their cost is a single metric: the settling time of a bearing, the moving
 average of a stage, or the rms error of a piezo stage. Otherwise, the cost is larger and increases
 with the relative excess over each limit. Therefore, a search first finds permitted gains and then
 the best of them.
@@ -22,38 +22,38 @@ from anhyst_rigs.study.engine.table import Metric
 MISSED_AIM_COST = 1e3
 """Cost of gains that miss an aim, in SI units. The sum of their relative excesses is added."""
 _MAX_RELATIVE_EXCESS = 100.0
-"""Largest relative excess that counts for one aim, so that infinite figures have a finite cost."""
+"""Largest relative excess that counts for one aim, so that infinite metrics have a finite cost."""
 LOST_BODY_COST = 1e6
-"""Cost of gains with which the loop loses the body."""
+"""Cost of gains with which control is lost."""
 
 
 @dataclass(frozen=True)
 class GainFigures:
-    """Figures of a set of gains, the worst of all trials."""
+    """Metrics of a set of gains, the worst value of all trials."""
 
-    cost_name: ClassVar[str]  # figure that is the cost of gains that meet all aims
+    cost_name: ClassVar[str]  # metric that is the cost of gains that meet all aims
     settling_time_s: float = 0.0
     peak_sensitivity: float = 0.0
     standstill_rms_m: float = 0.0
     current_rate_rms_A_per_s: float = 0.0  # largest of all currents
 
     def by_name(self) -> dict[str, float]:
-        """Return the figures by name, in the order of every table."""
+        """Return the metrics by name, in the order of every table."""
         return {name: getattr(self, name) for name in GAIN_METRICS if hasattr(self, name)}
 
     def merge_worst(self, other: Self) -> Self:
-        """Return the larger value of each figure."""
+        """Return the larger value of each metric."""
         other_values = other.by_name()
         return type(self)(**{name: max(value, other_values[name]) for name, value in self.by_name().items()})
 
     @property
     def cost(self) -> float:
-        """The figure that is the cost of gains that meet all aims."""
+        """The metric that is the cost of gains that meet all aims."""
         return float(getattr(self, self.cost_name))
 
     @classmethod
     def for_lost_body(cls) -> Self:
-        """Return infinite figures, for gains with which the loop loses the body."""
+        """Return infinite metrics, for gains with which control is lost."""
         return cls(*[math.inf] * len(fields(cls)))
 
 
@@ -92,14 +92,14 @@ class PiezoFigures(GainFigures):
     error_peak_m: float = 0.0
 
     def by_name(self) -> dict[str, float]:
-        """Return the figures by name. A triangle has no settling time and no standstill."""
+        """Return the metrics by name. A triangle has no settling time and no standstill."""
         names = ("error_rms_m", "error_peak_m", "peak_sensitivity")
         return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
 class GainMetric(Metric):
-    """A figure of gains with its title, unit and format."""
+    """A metric of gains with its title, unit and format."""
 
     digits: int = 2  # decimal places in tables
 
@@ -124,7 +124,7 @@ GAIN_METRICS: Mapping[str, GainMetric] = {
 
 
 def format_figure(name: str, value: float) -> str:
-    """Return a figure as text with its title and unit."""
+    """Return a metric as text with its title and unit."""
     metric = GAIN_METRICS[name]
     number = f"{metric.factor * value:.3g}" if math.isfinite(value) else "unlimited"
     return f"{metric.title} {number} {metric.unit}".rstrip()
@@ -132,9 +132,9 @@ def format_figure(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class Aims:
-    """Upper limits of the figures of gains.
+    """Upper limits of the metrics of gains.
 
-    Tuning minimises one further figure among the gains that meet these limits.
+    Tuning minimises one further metric among the gains that meet these limits.
     """
 
     overshoot_percent: float | None = 2.0  # None: no limit
@@ -163,7 +163,7 @@ class Aims:
 
     @property
     def limits(self) -> dict[str, float]:
-        """All limits by the name of their figure, without those that are None."""
+        """All limits by the name of their metric, without those that are None."""
         return {
             field.name: float(limit)
             for field in fields(self)
@@ -171,10 +171,10 @@ class Aims:
         }
 
     def missed_by(self, figures: GainFigures) -> dict[str, float]:
-        """Return the relative excess over the limit of every missed aim.
+        """Return the relative excess above the limit for every missed aim.
 
-        An infinite cost figure (no settling, or no moving average) is missed by 1, even without a
-        limit.
+        An infinite cost metric (no settling, or no moving average) exceeds its limit by 1, even if
+        it has no limit.
         """
         excess = {name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()}
         if not math.isfinite(figures.cost):
@@ -182,14 +182,14 @@ class Aims:
         return {name: value for name, value in excess.items() if value > 0.0}
 
     def cost(self, figures: GainFigures) -> float:
-        """Return the cost of gains: their cost figure if they meet all aims, else more."""
+        """Return the cost of gains: the cost metric if they meet all aims, otherwise more."""
         excesses = self.missed_by(figures).values()
         if excesses:
             return MISSED_AIM_COST + sum(min(excess, _MAX_RELATIVE_EXCESS) for excess in excesses)
         return figures.cost
 
     def with_scaled_limits(self, factors: Mapping[str, float]) -> Aims:
-        """Return aims with scaled limits; that of the peak sensitivity is at least 1.01."""
+        """Return aims with scaled limits; the limit of the peak sensitivity is at least 1.01."""
         limits = {name: limit * factors.get(name, 1.0) for name, limit in self.limits.items()}
         limits["peak_sensitivity"] = max(limits["peak_sensitivity"], 1.01)
         return replace(self, **limits)
@@ -199,5 +199,5 @@ F = TypeVar("F", bound=GainFigures)
 
 
 def merge_worst_figures(figures: Iterable[F]) -> F:
-    """Return the largest value of each figure."""
+    """Return the largest value of each metric."""
     return reduce(lambda worst, other: worst.merge_worst(other), figures)

@@ -67,12 +67,12 @@ class BearingLoop:
 
     @property
     def space(self) -> BearingSpace:
-        """The box of parameters that is searched."""
+        """The search range of all parameters."""
         settings = self.setup.rig.settings
         return BearingSpace(settings.timing.rate_Hz, settings.body.mass_kg)
 
     def with_gains_at(self, point: FloatArray) -> BearingLoop:
-        """Return this loop with the gains of a point of the box."""
+        """Return this loop with the gains at a point of the search range."""
         controller = self.space.make_controller_table(point, self.setup.controller)
         return replace(self, setup=replace(self.setup, controller=controller))
 
@@ -89,7 +89,7 @@ class BearingLoop:
     def figures(
         self, condition: BearingCondition, aims: Aims, ceiling: float, seed: int
     ) -> BearingFigures | None:
-        """Run steps and a sine at one condition; None if the armature was lost.
+        """Run steps and a sine at one condition; None if levitation was lost.
 
         The sine is skipped if the steps alone cost more than the ceiling.
         """
@@ -113,10 +113,10 @@ class BearingLoop:
         return replace(figures, peak_sensitivity=interpolate_peak(measured))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return functions that find the best points for linear loops.
+        """Return functions that find the points with the best linear loops.
 
-        There is one function for each limit of the peak sensitivity and each softening of the
-        magnet.
+        There is one function for each combination of a limit of the peak sensitivity and a softened
+        magnet slope.
         """
         screens = [make_screen(self.setup, self.conditions, part) for part in SLOPE_FRACTIONS]
         aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
@@ -173,7 +173,7 @@ class BearingLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits the gains that were found and checked."""
+        """Report what limits the checked gains."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("settling_time_s", "no gains settle within the hold at every condition")]
         return [
@@ -216,14 +216,14 @@ class BearingLoop:
         """Return lines of text that explain the parameters of a point."""
         return [
             f"Poles of the moving mass: pair at {parameters['bandwidth_Hz']:.4g} Hz with damping "
-            f"{parameters['damping']:.3g}, real one at "
+            f"{parameters['damping']:.3g}, real pole at "
             f"{parameters['bandwidth_Hz'] * parameters['real_pole']:.4g} Hz;",
             f"virtual mass {100.0 * parameters['virtual_mass']:.3g} % of the mass.",
         ]
 
 
 def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
-    """Return the largest value of each figure, with a given peak of the sensitivity."""
+    """Return the largest value of each metric; the peak sensitivity is given."""
     names = set(rows[0]) & set(BearingFigures().by_name())
     return BearingFigures(peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names})
 
@@ -277,7 +277,7 @@ def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
 def _saturation_limits(
     setup: BearingSetup, conditions: Sequence[BearingCondition], seed: int, jobs: int | None
 ) -> list[Limit]:
-    """Report for how long force, voltage or current are at their limits during a step."""
+    """Report how long force, voltage or current are at their limits during a step."""
     measure_times = partial(_saturation_times, setup, seed)
     times_by_condition = list(
         zip(conditions, map_ordered(measure_times, list(conditions), jobs=jobs), strict=True)

@@ -42,7 +42,7 @@ _FIRST_CHECK_PLANT = 1000
 """Number of the first plant of the check. The search uses the plants from number 0."""
 _PEAK_FACTORS = (0.5, 0.75, 1.0)  # factors on the peak limit, for the initial guesses
 _FREQUENCY_COUNT = 300
-_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class LinearPiezo:
         return np.where(excess > 0.0, MISSED_AIM_COST + excess, residual)
 
     def with_doubled(self, table: str, key: str) -> LinearPiezo:
-        """Return loops in which one key of all rig files has twice its value."""
+        """Return loops in which one key of all rig files has twice its original value."""
         file, *plants = (
             file_.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(file_, table), key)})
             for file_ in (self.file, *self.plants)
@@ -138,7 +138,7 @@ class LinearPiezo:
 
 
 def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices of voltage, speed and position over a tick of the controller.
+    """Return the matrices of voltage, speed and position for one tick of the controller.
 
     They equal the substeps of the simulated plant. The voltage is expressed as the displacement of
     the nominal stack at this voltage.
@@ -203,7 +203,7 @@ class PiezoLoop:
 
     @property
     def space(self) -> PiezoSpace:
-        """The box of parameters that is searched."""
+        """The search range of all parameters."""
         return PiezoSpace(self.rig.settings)
 
     def linear_loops(self, conditions: Sequence[PiezoCondition]) -> LinearPiezo:
@@ -212,7 +212,7 @@ class PiezoLoop:
         return LinearPiezo(file, tuple(condition.plant(file)[0] for condition in conditions))
 
     def with_gains_at(self, point: FloatArray) -> PiezoLoop:
-        """Return this loop with the gains of a point of the box."""
+        """Return this loop with the gains at a point of the search range."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         return replace(self, rig=replace(self.rig, settings=self.rig.settings.with_changes(changes)))
@@ -232,7 +232,7 @@ class PiezoLoop:
     def figures(
         self, condition: PiezoCondition, aims: Aims, ceiling: float, seed: int
     ) -> PiezoFigures | None:
-        """Follow the triangle with one plant; None if the loop was lost.
+        """Follow the triangle with one plant; None if control was lost.
 
         The motion is skipped if the sensitivity alone costs more than the ceiling.
         """
@@ -250,7 +250,7 @@ class PiezoLoop:
         return replace(figures, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return functions that find initial points: gains of the file, best linear loops."""
+        """Return functions that find initial points: gains of the file, and best linear loops."""
         linear, file_gains = (
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
@@ -273,7 +273,7 @@ class PiezoLoop:
             for name in nominal_results[0].by_name()
         }
         errors = [result.error_rms_m for result in random_results]
-        lost = sum(map(math.isinf, errors))
+        lost_count = sum(map(math.isinf, errors))
         median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
         error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
@@ -285,8 +285,8 @@ class PiezoLoop:
             seed_count=len(seeds),
             half_widths={},
             locations={},
-            rows={"plants": {"lost": lost, "error_rms_m": errors}},
-            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost} were lost" if lost else error_text),),
+            rows={"plants": {"lost": lost_count, "error_rms_m": errors}},
+            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost_count} were lost" if lost_count else error_text),),
         )
 
     def _run_check(self, task: tuple[PiezoCondition, int]) -> PiezoFigures | None:
@@ -298,7 +298,7 @@ class PiezoLoop:
     ) -> list[Limit]:
         """Report what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("error_rms_m", "the loop was lost with a noise seed or a random plant")]
+            return [Limit("error_rms_m", "control was lost with a noise seed or a random plant")]
         linear = self.linear_loops(self.conditions)
         twice_damping = linear.with_doubled("flexure", "damping_ratio")
         changes = {

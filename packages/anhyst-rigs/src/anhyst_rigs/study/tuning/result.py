@@ -38,12 +38,12 @@ class TunedVariant:
 
     @property
     def figures(self) -> GainFigures:
-        """The figures of the gains, the worst of all conditions."""
+        """The metrics of the gains, the worst of all conditions."""
         return self.search_result.figures
 
     @property
     def missed_aims(self) -> Mapping[str, float]:
-        """The missed aims with their relative excess over the limit."""
+        """The missed aims, each with its relative excess above the limit."""
         return self.aims.missed_by(self.figures)
 
 
@@ -87,11 +87,11 @@ class Tuning(Result):
 
     @property
     def first_tuned(self) -> TunedVariant:
-        """The variant that was tuned first; all have the same rig, conditions and figures."""
+        """The variant that was tuned first; all have the same rig, conditions and metrics."""
         return next(iter(self.tuned.values()))
 
     def facts(self) -> dict[str, str]:
-        """Return the figures of every variant and its missed aims, as text."""
+        """Return the metrics of every variant and its missed aims, as text."""
         facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, tuned in self.tuned.items():
             figure_texts = [format_figure(title, value) for title, value in tuned.figures.by_name().items()]
@@ -100,7 +100,7 @@ class Tuning(Result):
         return facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the figures of every variant, the worst of all conditions."""
+        """Return the metrics of every variant, the worst of all conditions."""
         return rows_to_columns(
             [
                 {"variant": name, **tuned.figures.by_name(), "met": not tuned.missed_aims}
@@ -109,7 +109,7 @@ class Tuning(Result):
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the peak sensitivity over the minimised figure for every variant."""
+        """Draw the peak sensitivity of every variant against the minimised metric."""
         for name, tuned in self.tuned.items():
             metric = GAIN_METRICS[tuned.figures.cost_name]
             position = metric.factor * tuned.figures.cost, tuned.figures.peak_sensitivity
@@ -123,11 +123,12 @@ _PHRASES = {
     "average_m": ("has a moving average of", "one of", "moving average", BENEFICIAL_CONDITIONS["stage"]),
     "error_rms_m": ("has an rms error of", "one of", "rms error", BENEFICIAL_CONDITIONS["piezo"]),
 }
-"""For each minimised figure: verbs for the model and for the baseline, the name, and the advice."""
+"""Words for each minimised metric: verbs for the model and for the baseline, its name, and the
+advice."""
 
 
 def verdict_text(tuning: Tuning) -> str:
-    """Return a sentence on whether hysteresis models are worth it, and on measured flux.
+    """Return a sentence on whether hysteresis models are beneficial, and on measured flux.
 
     The best model and the best baseline are compared by settling time, moving average or rms error.
     Variants that meet their aims come first.
@@ -248,7 +249,7 @@ def format_aims(tuning: Tuning) -> str:
 
 
 def write_results(tuning: Tuning, folder: Path) -> None:
-    """Write the figures as JSON and the table as Markdown."""
+    """Write the metrics as JSON and the table as Markdown."""
     figures, table = (folder / name for name in RESULT_FILES[:2])
     write_json(figures, result_dict(tuning))
     with atomic_writer(table) as stream:
@@ -296,7 +297,7 @@ def make_markdown(tuning: Tuning) -> str:
         f"Rig: {tuning.rig.settings.name}. Aims: {format_aims(tuning)}.",
         f"Worst of {len(loop.conditions)} conditions "
         f"({'; '.join(item.text for item in loop.conditions)}), {loop.trial_text}; "
-        f"means of {seed_count} noise seeds with 95 % intervals. Each variant was tuned for itself: "
+        f"means of {seed_count} noise seeds with 95 % intervals. Each variant was tuned separately: "
         f"{tuning.budget} sets of gains, seed {tuning.seed}.",
         "",
         f"| {' | '.join(columns)} |",
@@ -315,7 +316,7 @@ def make_markdown(tuning: Tuning) -> str:
 
 
 def result_dict(tuning: Tuning) -> dict[str, Any]:
-    """Return the content of ``tuning.json``; equal for equal input and seed."""
+    """Return the content of ``tuning.json``; equal inputs and seeds give equal contents."""
     rig, loop = tuning.rig.settings, tuning.first_tuned.search_result.loop
     return {
         "format": "anhyst-tuning",
@@ -365,5 +366,5 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
 
 
 def meets_other_aims(aims: Aims, figures: GainFigures) -> bool:
-    """Whether all aims except minimised figure and peak sensitivity are met."""
+    """Whether all aims are met, except those for the minimised metric and for the peak sensitivity."""
     return not set(aims.missed_by(figures)) - {figures.cost_name, "peak_sensitivity"}

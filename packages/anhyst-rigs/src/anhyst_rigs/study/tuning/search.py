@@ -70,18 +70,18 @@ REFINEMENT_POPULATION = 32
 
 @dataclass(frozen=True)
 class ScreenResult:
-    """Figures of linear loops with n sets of gains, the worst of all conditions."""
+    """Metrics of linear loops with n sets of gains, the worst value of all conditions."""
 
     # Arrays have the shape (n,). The settling time is infinite if a step does not settle in the
     # horizon.
     overshoot_percent: FloatArray
     settling_time_s: FloatArray
     peak_sensitivity: FloatArray
-    # force demand of the largest step over the available force
+    # force demand of the largest step, relative to the available force
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
-        """Return costs similar to :meth:`Aims.cost`, from the figures of linear loops, shape (n,)."""
+        """Return costs similar to :meth:`Aims.cost`, from the metrics of linear loops, shape (n,)."""
         excess = np.zeros(self.peak_sensitivity.size)
         limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
         for name, limit in (limits | {"peak_sensitivity": aims.peak_sensitivity}).items():
@@ -174,7 +174,7 @@ class Screen:
 
 
 def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices of closed loops over a tick, and their input vectors for the reference."""
+    """Return the matrices of closed loops for one tick, and their input vectors for the reference."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
@@ -203,16 +203,16 @@ def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: in
 
     points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
-    best: FloatArray = points[int(np.argmin(cost))]
+    best_point: FloatArray = points[int(np.argmin(cost))]
     minimum_cost = float(np.min(cost))
-    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_POPULATION)
+    strategy = CmaStrategy(best_point, 0.1, [seed, 2], REFINEMENT_POPULATION)
     for _ in range(REFINEMENT_GENERATIONS):
         points_tried = strategy.ask()
         cost = costs(points_tried)
         strategy.tell(cost)
         if float(np.min(cost)) < minimum_cost:
-            best, minimum_cost = points_tried[int(np.argmin(cost))], float(np.min(cost))
-    return best
+            best_point, minimum_cost = points_tried[int(np.argmin(cost))], float(np.min(cost))
+    return best_point
 
 
 class LinearLoops(Protocol):
@@ -236,8 +236,8 @@ def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, A
 SCREEN_HORIZON_S = 0.03
 """Duration of steps in the screen, s."""
 SLOPE_FRACTIONS = (0.3, 0.5, 0.75)
-"""Fractions between the slope after a reversal (0) and the static slope (1), for softened loops.
-The effective slope for small steps is not known in advance."""
+"""Slopes of softened loops, from the slope after a reversal (0) to the static slope (1). The
+effective slope for small steps is not known in advance."""
 
 
 def make_screen(
@@ -309,7 +309,7 @@ class TuningSearchResult:
 
     @property
     def figures(self) -> GainFigures:
-        """The figures of the best gains, from the check or, without a check, from the search."""
+        """The metrics of the best gains, from the check or, without a check, from the search."""
         if self.check is not None:
             return self.check.worst
         return self.candidates[0].outcome.worst
@@ -395,7 +395,7 @@ class GainSearch:
         self._evaluate_points(np.array(points), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
-                f"none of the {len(points)} best sets of gains of linear loops holds the body at all "
+                f"none of the {len(points)} best sets of gains of linear loops keeps control at all "
                 "conditions; run 'anhyst simulate' to see the loss, and check the limits and the load",
                 code="no-gains-hold",
             )

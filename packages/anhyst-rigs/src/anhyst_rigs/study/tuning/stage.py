@@ -43,7 +43,7 @@ MAX_PERIOD_TICKS = 1000.0
 """Largest period of the crossover frequency in the search, in ticks of the controller."""
 _PEAK_FACTORS = (0.7, 0.85, 1.0)  # factors on the peak limit, for the initial guesses
 _FREQUENCY_COUNT = 400
-_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
 _MIN_NOISE_RATIO = 1e-9  # smallest relative interval that is reported
 _CROSSOVER_LIMIT_FRACTION = 0.95  # fraction of the highest crossover that counts as reached
 _FORCE_LIMIT_FRACTION = 0.995  # fraction of the largest force that counts as reached
@@ -159,13 +159,13 @@ class StageLoop:
     """One compensation variant with the controller of a stage."""
 
     setup: StageSetup
-    feedforward: Feedforward  # feedforward for the original gains; a check identifies its own
+    feedforward: Feedforward  # feedforward for the original gains; a check identifies it again
     max_crossover: float = math.inf  # highest crossover, Hz; set by resonances of real stages
     conditions: tuple[StageCondition, ...] = (TRAINING, SLOW_TRAINING, STANDSTILL)
 
     @property
     def space(self) -> StageSpace:
-        """The box of parameters that is searched."""
+        """The search range of all parameters."""
         return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.max_crossover)
 
     @property
@@ -174,7 +174,7 @@ class StageLoop:
         return make_linear_stage(self.setup.rig)
 
     def with_gains_at(self, point: FloatArray) -> StageLoop:
-        """Return this loop with the gains of a point of the box."""
+        """Return this loop with the gains at a point of the search range."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         rig = self.setup.rig
@@ -198,7 +198,7 @@ class StageLoop:
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
     ) -> StageFigures | None:
-        """Follow a set-point or stand still; None if the loop was lost.
+        """Follow a set-point or stand still; None if control was lost.
 
         The motion is skipped if the sensitivity alone costs more than the ceiling.
         """
@@ -308,9 +308,9 @@ class StageLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits checked gains: aims, force, crossover, helpful changes."""
+        """Report what limits the checked gains: aims, force, crossover, and helpful changes."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("average_m", "the loop was lost with a noise seed or a random plant")]
+            return [Limit("average_m", "control was lost with a noise seed or a random plant")]
         limits = check_result.find_binding_aims(aims)
         motion, file = self._set_point(TEST), self.setup.rig.settings
         demand_N = track(self.setup, motion, self.feedforward, seed)["demand_N"]
@@ -386,9 +386,9 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
     return StageFigures(**means), widths
 
 
-def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
+def _summarise_plants(plant_figures: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
     """Return the results of random plants, for tuning.json and as a sentence."""
-    count, survivors = len(drawn), [figures for figures in drawn if figures is not None]
+    count, survivors = len(plant_figures), [figures for figures in plant_figures if figures is not None]
     lost_count, averages = count - len(survivors), [figures.average_m for figures in survivors]
     peaks = [figures.error_peak_m for figures in survivors]
     plants = {"drawn": count, "lost": lost_count, "average_m": averages, "error_peak_m": peaks}

@@ -43,7 +43,7 @@ class Axis(NamedTuple):
 
 
 class SearchBox:
-    """The box of parameters that is searched."""
+    """The search range of all parameters (a box)."""
 
     @property
     def axes(self) -> dict[str, Axis]:
@@ -141,7 +141,7 @@ class BearingCondition:
 class Limit:
     """One thing that limits the gains."""
 
-    # name of a figure, or ``noise``, ``force``, ``voltage``, ``current``, ``crossover``, ``delay``,
+    # name of a metric, or ``noise``, ``force``, ``voltage``, ``current``, ``crossover``, ``delay``,
     # ``damping``, ``amplifier``, ``pinning``
     what: str
     text: str  # a sentence with values
@@ -151,18 +151,18 @@ class Limit:
 class CheckResult:
     """Figures of gains over all noise seeds."""
 
-    # by condition: means over the seeds, worst of all heights; infinite if the body was lost
+    # by condition: means over the seeds, worst of all heights; infinite if control was lost
     figures: Mapping[Any, GainFigures]
     peak_frequencies: Mapping[Any, float]  # frequency of the peak sensitivity, Hz
     seed_count: int  # number of noise seeds
-    half_widths: Mapping[str, float]  # half-width of the 95 % interval of each worst figure
-    locations: Mapping[str, str]  # step of each worst figure
+    half_widths: Mapping[str, float]  # half-width of the 95 % interval of each worst metric
+    locations: Mapping[str, str]  # step of each worst metric
     rows: Mapping[str, Any]  # further results for tuning.json
     notes: tuple[str, ...] = ()  # further results as sentences
 
     @property
     def worst(self) -> GainFigures:
-        """The worst of each figure."""
+        """The worst value of each metric."""
         return merge_worst_figures(self.figures.values())
 
     def find_binding_aims(self, aims: Aims) -> list[Limit]:
@@ -196,7 +196,7 @@ class Tunable(Protocol):
         """The box of parameters that is searched."""
 
     def with_gains_at(self, point: FloatArray) -> Tunable:
-        """Return this loop with the gains of a point of the box."""
+        """Return this loop with the gains at a point of the search range."""
 
     def for_search(self) -> Tunable:
         """Return this loop with shorter motions than those of a check."""
@@ -205,13 +205,13 @@ class Tunable(Protocol):
         """Make the controller; raises InputError if fixed point cannot represent its gains."""
 
     def figures(self, condition: Any, aims: Aims, ceiling: float, seed: int) -> GainFigures | None:
-        """Try the gains at one condition; None if the body was lost.
+        """Try the gains at one condition; None if control was lost.
 
         A trial may stop early if its cost exceeds the ceiling.
         """
 
     def initial_guesses(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
-        """Return functions that find the best points for linear loops."""
+        """Return functions that find the points with the best linear loops."""
 
     def check(self, jobs: int | None) -> CheckResult:
         """Try the gains with all noise seeds."""
@@ -246,8 +246,8 @@ def find_helpful_changes(
 ) -> list[Limit]:
     """Report the changes that reduce the cost of the best gains in linear loops, the largest first.
 
-    The limit of the peak sensitivity, increased by half, is always one of them. The text of a
-    change is made from its description and the costs with and without it.
+    One of the tested changes is always an increase of the peak sensitivity limit by half. The text
+    of a change is made from its description and the costs with and without it.
     """
     relaxed_peak = 1.5 * aims.peak_sensitivity
     relaxed_aims = aims.with_scaled_limits({"peak_sensitivity": 1.5})
@@ -259,26 +259,28 @@ def find_helpful_changes(
     base_cost, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
     if not math.isfinite(base_cost):
         return []
-    helpful = sorted(
+    helpful_changes = sorted(
         (cost, change)
         for change, cost in zip(changes, costs, strict=True)
         if cost < (1.0 - _MIN_COST_REDUCTION) * base_cost
     )
-    return [Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful]
+    return [
+        Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful_changes
+    ]
 
 
 @dataclass(frozen=True)
 class GainOutcome:
-    """The result of a trial."""
+    """The result of one trial of gains."""
 
     cost: float  # :meth:`Aims.cost`; a lower bound if the trial stopped early
-    # figures of all conditions before the trial stopped or the body was lost
+    # metrics of each condition that was completed before the trial stopped or control was lost
     figures: dict[Any, GainFigures]
     is_complete: bool  # whether all conditions were tried
 
     @property
     def worst(self) -> GainFigures:
-        """The worst of each figure."""
+        """The worst value of each metric."""
         return merge_worst_figures(self.figures.values())
 
 

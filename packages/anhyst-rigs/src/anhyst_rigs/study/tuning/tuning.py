@@ -266,7 +266,7 @@ class PiezoSubject(TuningSubject):
 def _tune_all(
     search: Callable[..., GainSearch], loops: Mapping[MethodName, Tunable], progress: Progress | None
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
-    """Tune one variant after another; ctrl-C keeps the completed ones."""
+    """Tune one variant after another; after ctrl-C, the completed variants are kept."""
     tuned: dict[MethodName, TunedVariant] = {}
     parts = split_progress(progress, [1.0] * len(loops))
     for (name, loop), part in zip(loops.items(), parts, strict=True):
