@@ -27,7 +27,7 @@ from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.compare import BuildFolder
 from anhyst.verification.protocol import COMPENSATOR_RECORD, ON_GRID, START, VECTORS, WINDOW_RECORDS, Request
-from anhyst.verification.targets import offer_cortex_m
+from anhyst.verification.targets import find_cortex_m_builds
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -159,7 +159,7 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
         workshop = BuildFolder.create(read_bundle(folder), Path(scratch))
         ported = next(
             one
-            for one in (order() for order in offer_cortex_m("cortex-m4", workshop).builds)
+            for one in (order() for order in find_cortex_m_builds("cortex-m4", workshop).builds)
             if one.name == "port header"
         )
         requests = [Request(START, seed=1)]

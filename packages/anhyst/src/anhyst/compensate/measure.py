@@ -140,11 +140,11 @@ def snap_gaps(
     knots = gap_knots(model, scales, sizes)
     middles = 0.5 * (knots[1:] + knots[:-1])
 
-    def snap(path: DemandPath) -> DemandPath:
+    def move_gap_to_knot(path: DemandPath) -> DemandPath:
         assert path.gap is not None
         return replace(path, gap=knots[np.searchsorted(middles, path.gap)])
 
-    return [snap(path) for path in paths]
+    return [move_gap_to_knot(path) for path in paths]
 
 
 def measure_gap_interpolation(

@@ -289,11 +289,20 @@ class BlockFrame:
         pack.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
     def _pack_coefficients(
-        self, pack: Packer, bias: FloatArray, flux: FloatArray, field: FloatArray, lag: FloatArray | None
+        self,
+        pack: Packer,
+        bias: FloatArray,
+        flux_coefficient: FloatArray,
+        field_coefficient: FloatArray,
+        lag_coefficient: FloatArray | None,
     ) -> None:
         """Set the coefficients of the current, A for each unit of flux, field and lag."""
         full_scale = self.scales.current
-        columns = (bias, flux, field) if lag is None else (bias, flux + lag, lag, field)
+        columns = (
+            (bias, flux_coefficient, field_coefficient)
+            if lag_coefficient is None
+            else (bias, flux_coefficient + lag_coefficient, lag_coefficient, field_coefficient)
+        )
         spans = [max(np.abs(column).max(), np.abs(np.diff(column)).max()) for column in columns]
         largest = max(spans) / full_scale
         shift = max(0, int(np.ceil(np.log2(largest / MAX_WEIGHT)))) if pack.is_fixed else 0
@@ -307,10 +316,10 @@ class BlockFrame:
         unit = full_scale * 2.0**shift
         pack.put_integer("CURRENT_SHIFT", shift)
         pack.put_table("GAP_BIAS", bias / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FLUX_ARM", flux / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FIELD_ARM", field / unit, WEIGHT_UNIT, min_word=1)
-        if lag is not None:
-            pack.put_table("GAP_LAG_ARM", lag / unit, WEIGHT_UNIT, min_word=0)
+        pack.put_table("GAP_FLUX_ARM", flux_coefficient / unit, WEIGHT_UNIT)
+        pack.put_table("GAP_FIELD_ARM", field_coefficient / unit, WEIGHT_UNIT, min_word=1)
+        if lag_coefficient is not None:
+            pack.put_table("GAP_LAG_ARM", lag_coefficient / unit, WEIGHT_UNIT, min_word=0)
 
     def _explain_rejection(self, block: Block) -> InputError:
         """Return the reason why the core rejects a block."""

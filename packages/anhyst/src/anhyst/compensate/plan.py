@@ -73,9 +73,11 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
     The model runs a number of start-up cycles, and then a test sequence.
     """
     low, high = limits.current
-    corners = [low, high] * cycles + [low]
-    corners += [low + fraction * (high - low) for fraction in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
-    drive = np.concatenate([[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(corners))])
+    reversal_currents = [low, high] * cycles + [low]
+    reversal_currents += [low + fraction * (high - low) for fraction in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
+    drive = np.concatenate(
+        [[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(reversal_currents))]
+    )
     first_sample = 1 + 2 * RAMP_SAMPLES * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)
     largest = 0.0

@@ -217,10 +217,10 @@ class BlockSearch:
 
     def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
         """Return the promising sizes by increasing memory; otherwise the most accurate sizes."""
-        base_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
+        finest_table_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
         rows = []
         for choice in product(*axes.values()):
-            sizes = replace(base_sizes, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
+            sizes = replace(finest_table_sizes, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
             gap_error, *table_errors = (cost for _, cost in choice)
             words = count_words(self.kind, sizes) * (2 if self.builder.io == "f32" else 1)
             if words <= MAX_WORDS_BY_KIND[self.kind]:

@@ -261,8 +261,8 @@ def _solve_least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
         residual -= rhs[:, i, None] * unit
     solution = np.zeros_like(rhs)
     for i in reversed(range(count)):
-        solved_part = np.einsum("gj,gj->g", r[:, i, i + 1 :], solution[:, i + 1 :])
-        solution[:, i] = (rhs[:, i] - solved_part) / r[:, i, i]
+        known_terms = np.einsum("gj,gj->g", r[:, i, i + 1 :], solution[:, i + 1 :])
+        solution[:, i] = (rhs[:, i] - known_terms) / r[:, i, i]
     return solution
 
 

@@ -42,7 +42,7 @@ def explain_choices(plan: Plan) -> list[Decision]:
             _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
         ]
     else:
-        choices += _closed_form_choices(plan)
+        choices += _closed_form_table_choices(plan)
     return [*choices, _iteration_choice(plan), _root_choice(plan), _start_up_choice(plan)]
 
 
@@ -102,7 +102,7 @@ def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
     return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
 
 
-def _closed_form_choices(plan: Plan) -> list[Decision]:
+def _closed_form_table_choices(plan: Plan) -> list[Decision]:
     law, axis_errors = plan.builder.closed_form, plan.search_result.axis_errors
     sizes = plan.sizes
     choices = [

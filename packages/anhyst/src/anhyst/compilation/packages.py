@@ -73,13 +73,13 @@ def _make_archive(files: Files, values: Values) -> Files:
 
     They are not compressed, because the bytes would depend on the version of the compressor.
     """
-    packed = BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
+    archive_bytes = BytesIO()
+    with zipfile.ZipFile(archive_bytes, "w") as archive:
         for name, content in sorted(files.items()):
             entry = zipfile.ZipInfo(name)
             entry.create_system, entry.external_attr = 3, 0o644 << 16
             archive.writestr(entry, content)
-    return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
+    return {f"anhyst.{values['name']}.{values['semver']}.pack": archive_bytes.getvalue()}
 
 
 MODULE_PLACES = {
@@ -187,11 +187,11 @@ def make_package_files(
     if package is None:
         return files
     ecosystem = PACKAGES[package]
-    places = {name: _package_path(name, ecosystem, values["name"]) for name in files}
+    package_paths = {name: _package_path(name, ecosystem, values["name"]) for name in files}
     contents: Files = {
-        place: _edit_file(ecosystem, place, files[name], values)
-        for name, place in places.items()
-        if place is not None
+        package_path: _edit_file(ecosystem, package_path, files[name], values)
+        for name, package_path in package_paths.items()
+        if package_path is not None
     }
     template_values = _template_values(files, manifest, values)
     template_values |= {"title": ecosystem.title, "print": ecosystem.print}
@@ -290,12 +290,12 @@ def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
             name: str(float(f"{0.5 * (signal['low'] + signal['high']):.4g}"))
             for name, signal in given.items()
         },
-        "state_bytes": _bytes_by_pointer(manifest["memory"]["state_bytes"]),
-        "controller_bytes": _bytes_by_pointer(controller["state_bytes"]) if controller else {},
+        "state_bytes": _bytes_by_pointer_size(manifest["memory"]["state_bytes"]),
+        "controller_bytes": _bytes_by_pointer_size(controller["state_bytes"]) if controller else {},
     }
 
 
-def _bytes_by_pointer(size: int) -> dict[int, int]:
+def _bytes_by_pointer_size(size: int) -> dict[int, int]:
     """Return memory for a structure whose size is known for pointers of 32 bits.
 
     With pointers of 64 bits, a structure is at most twice as large.

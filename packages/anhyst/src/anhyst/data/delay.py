@@ -111,8 +111,8 @@ def estimate_delay(loop: Loop) -> float | None:
     if second_delay is None:
         return None
     is_near = abs(second_delay - estimate.delay) <= max(0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay))
-    excess = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
-    return estimate.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
+    delay_difference = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
+    return estimate.delay if is_near or 0.0 < delay_difference <= _MAX_EXCESS_SHARE * length else None
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:

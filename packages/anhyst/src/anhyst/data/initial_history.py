@@ -85,7 +85,7 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
     ]
 
 
-def correct_fast_histories(
+def correct_histories_of_fast_loops(
     loops: Sequence[Loop], proposals: Sequence[HistoryProposal]
 ) -> list[HistoryProposal]:
     """Return the proposals, with those of fast loops corrected by the slow loops of the same gap.
@@ -146,15 +146,15 @@ def _propose_history(
 ) -> HistoryProposal:
     if not parts:
         return _propose_from_closure(loop, even=even)
-    clearest = _select_clearest(parts)
-    if clearest.verdict == "virgin":
-        share = clearest.difference / float(np.ptp(loop.output))
+    clearest_comparison = _select_clearest(parts)
+    if clearest_comparison.verdict == "virgin":
+        share = clearest_comparison.difference / float(np.ptp(loop.output))
         return (
             DEMAGNETISED,
             f"its first rise deviates from later rises by {share:.1%} of the output's range, as an "
             "initial curve does",
         )
-    if clearest.verdict == "settled":
+    if clearest_comparison.verdict == "settled":
         return SETTLED, "its first rise agrees with later rises"
     if are_all_virgin:
         return DEMAGNETISED, "the first rises of all records are, on average, initial curves"

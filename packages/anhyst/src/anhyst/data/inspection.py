@@ -11,7 +11,7 @@ from anhyst.data import estimates
 from anhyst.data.delay import estimate_delay
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.holes import find_holes
-from anhyst.data.initial_history import HistoryProposal, correct_fast_histories, propose_histories
+from anhyst.data.initial_history import HistoryProposal, correct_histories_of_fast_loops, propose_histories
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, find_branches
@@ -177,10 +177,10 @@ def inspect(loops: Loops) -> Inspection:
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     centred, even = recentre(loops)
-    proposals = correct_fast_histories(loops.loops, propose_histories(centred.loops, even=even))
+    proposals = correct_histories_of_fast_loops(loops.loops, propose_histories(centred.loops, even=even))
     widths = [loop_width_and_height(loop, even=even) for loop in centred.loops]
     figures = tuple(
-        _loop_figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
+        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
         for loop, proposal, width in zip(loops.loops, proposals, widths, strict=True)
     )
     bias_text = describe_bias(loops)
@@ -199,7 +199,7 @@ def inspect(loops: Loops) -> Inspection:
     )
 
 
-def _loop_figures(
+def _inspect_loop(
     loop: Loop,
     deviation: FloatArray,
     proposal: HistoryProposal,

@@ -26,7 +26,7 @@ from anhyst.data.file_names import (
 from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
-from anhyst.data.initial_history import correct_fast_histories, propose_histories
+from anhyst.data.initial_history import correct_histories_of_fast_loops, propose_histories
 from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_files
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
@@ -426,7 +426,7 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
         next(proposed) if is_unknown else (loop.history, "stated")
         for loop, is_unknown in zip(loops, is_unstated, strict=True)
     ]
-    carried = zip(correct_fast_histories(loops, initial), is_unstated, strict=True)
+    carried = zip(correct_histories_of_fast_loops(loops, initial), is_unstated, strict=True)
     proposals = (proposal for proposal, is_unknown in carried if is_unknown)
     completed = []
     for part in parts:

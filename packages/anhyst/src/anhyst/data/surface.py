@@ -63,7 +63,7 @@ SMOOTHING_DEGREE = 5
 """Degree of the polynomial that is subtracted before smoothing."""
 SMOOTHING_LEVELS = 11
 """Number of levels in the smoothing window."""
-MIN_SLOPE_SHARE = 0.01
+MIN_SLOPE_RATIO = 0.01
 """Minimum slope of a surface, as a fraction of its mean slope, so that it can be inverted."""
 
 
@@ -145,7 +145,7 @@ def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
 def make_rising(table: FloatArray) -> FloatArray:
     """Return the smallest table above this one that increases everywhere along its rows."""
     mean = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
-    line = MIN_SLOPE_SHARE * mean * np.arange(table.shape[1])
+    line = MIN_SLOPE_RATIO * mean * np.arange(table.shape[1])
     return np.asarray(np.maximum.accumulate(table - line, axis=1) + line)
 
 

@@ -94,8 +94,8 @@ def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop and the deviation of its output from the best monotone curve of its gap."""
     centred, even = recentre(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
-    for loop, moved in zip(loopset.loops, centred.loops, strict=True):
-        curve = (loop, *fold_input(moved, even=even))
+    for loop, centred_loop in zip(loopset.loops, centred.loops, strict=True):
+        curve = (loop, *fold_input(centred_loop, even=even))
         groups.setdefault(loop.schedule_value, []).append(curve)
     return [pair for curves in groups.values() for pair in _curve_residuals(curves)]
 
@@ -239,8 +239,8 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
 
 
 def _curve_residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
-    size = np.concatenate([along for _, along, _ in curves])
-    answer = np.concatenate([own for _, _, own in curves])
+    size = np.concatenate([input_values for _, input_values, _ in curves])
+    answer = np.concatenate([output_values for _, _, output_values in curves])
     order = np.argsort(size, kind="stable")
     starts = np.linspace(0, size.size, min(size.size, _MAX_BINS) + 1).astype(np.intp)[:-1]
     counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
@@ -252,4 +252,7 @@ def _curve_residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[
     y = y / counts
     rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
     curve = fit_monotone(y, counts) if rising else -fit_monotone(-y, counts)
-    return [(loop, own - np.interp(along, x, curve)) for loop, along, own in curves]
+    return [
+        (loop, output_values - np.interp(input_values, x, curve))
+        for loop, input_values, output_values in curves
+    ]

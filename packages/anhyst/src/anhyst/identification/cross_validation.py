@@ -38,7 +38,7 @@ _BLOCKS_PER_LOOP = {1: 6, 2: 4}
 _CLEAR_SQUARE_RATIO = 1.0 / 9.0
 """Ratio of mean square errors below which a fit that is better everywhere needs no scatter test."""
 
-_MIN_PLACES = 4  # smallest number of places for "better everywhere"
+_MIN_WITHHELD_ITEMS = 4  # smallest number of places for "better everywhere"
 EQUAL_ERROR_RATIO = 1.02
 """Ratio of cross-validation errors within which they count as equal."""
 
@@ -239,7 +239,7 @@ def is_better(
         scatter = float(np.std(gap_means, ddof=1))
         standard_error = max(standard_error, scatter / math.sqrt(len(gap_means)))
     min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
-    is_better_everywhere = differences.size >= _MIN_PLACES and bool(np.all(differences > 0.0))
+    is_better_everywhere = differences.size >= _MIN_WITHHELD_ITEMS and bool(np.all(differences > 0.0))
     if is_better_everywhere and mean_square_error(complex_) < _CLEAR_SQUARE_RATIO * mean_square_error(
         simpler
     ):

@@ -234,8 +234,8 @@ def explain_dead_band(fit_without: FoundModel, fit_with: FoundModel) -> str:
             f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
             f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
-    change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
+    deviation_change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
     return (
         f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
-        f"the deviation from the loops changes by {100.0 * change:+.1f} %"
+        f"the deviation from the loops changes by {100.0 * deviation_change:+.1f} %"
     )

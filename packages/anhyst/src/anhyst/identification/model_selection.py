@@ -500,8 +500,8 @@ def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[Fou
         return find_compile_obstacle(make_model(fit, loopset)) is None and _passes_acceptance(fit, loopset)
 
     def work() -> FoundModel:
-        is_start_deployable = is_deployable(fit)
-        return add_dead_band(fit, lambda candidate: not is_start_deployable or is_deployable(candidate))
+        is_initial_fit_deployable = is_deployable(fit)
+        return add_dead_band(fit, lambda candidate: not is_initial_fit_deployable or is_deployable(candidate))
 
     with_dead_band = run.step("dead band", work)
     return with_dead_band, explain_dead_band(fit, with_dead_band)

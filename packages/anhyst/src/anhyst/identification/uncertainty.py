@@ -397,12 +397,14 @@ def initial_curve_distance(model: Model, loopset: Loops) -> float:
     largest = max(float(loop.input.max()) for loop in loopset.loops)
     if largest <= 0.0:
         return 0.0
-    rise = np.linspace(0.0, largest, _INITIAL_CURVE_SAMPLES)
+    ascending_input = np.linspace(0.0, largest, _INITIAL_CURVE_SAMPLES)
     largest_distance = 0.0
     for value in loopset.schedule_values if model.needs_schedule else (None,):
         try:
-            initial_curve = model.predict(rise, value, history="demagnetised").output
-            settled = model.predict(np.concatenate([rise[::-1], rise]), value, history="settled").output
+            initial_curve = model.predict(ascending_input, value, history="demagnetised").output
+            settled = model.predict(
+                np.concatenate([ascending_input[::-1], ascending_input]), value, history="settled"
+            ).output
         except (InputError, NegativeResult):
             return float("inf")
         descending, ascending = (settled[_INITIAL_CURVE_SAMPLES - 1 :: -1], settled[_INITIAL_CURVE_SAMPLES:])

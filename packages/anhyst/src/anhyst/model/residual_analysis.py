@@ -136,7 +136,7 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
     """Return the largest deviation; None if noise of this rms may reach it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    sizes = [abs(float(each.deviation[row])) for each, row in zip(records, worst_samples, strict=True)]
+    sizes = [abs(float(item.deviation[row])) for item, row in zip(records, worst_samples, strict=True)]
     index = int(np.argmax(sizes))
     size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
     if size < max(MAX_WORST_IN_RMS * rms, MIN_OUTLIER):
@@ -326,21 +326,21 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
             "or a sensor that lags; inspect the record"
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
-    main, share = residual.shapes[0]
+    main_shape, share = residual.shapes[0]
     text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
-    text += _SHAPE_TEXTS[main].what.format(
+    text += _SHAPE_TEXTS[main_shape].what.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )
     if len(residual.shapes) > 1 and residual.shapes[1][1] >= _MIN_SECOND_SHARE:
         second, share = residual.shapes[1]
         text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second].short.format(at=schedule_name)})"
-    if main == "gap":
+    if main_shape == "gap":
         remedy = f"measure another {schedule_name}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
         return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
     is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
     other_law = "; try --law auto" if is_named else ", and neither can the other laws that were compared"
-    return f"{text}: {_SHAPE_TEXTS[main].advice.format(other=other_law)}"
+    return f"{text}: {_SHAPE_TEXTS[main_shape].advice.format(other=other_law)}"
 
 
 class _ShapeText(NamedTuple):

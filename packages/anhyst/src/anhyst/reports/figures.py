@@ -54,7 +54,7 @@ SMALL_LOOP_SHARE = 0.25
 """Share of the largest input range in a panel below which a loop gets its own panel."""
 MAX_DRAWN_COST_RATIO = 3.0
 """Ratio to the highest bar above which the cost of a candidate is written instead of drawn."""
-MAX_NUMBERED_SIZE = 14
+MAX_ROWS_WITH_NUMBERS = 14
 """Largest size of a correlation matrix whose cells show their values."""
 
 
@@ -312,7 +312,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     """Draw the correlations of the fitted quantities as a heat map."""
     matrix = np.array(uncertainty.correlation)
     count = matrix.shape[0]
-    shows_numbers = count <= MAX_NUMBERED_SIZE
+    shows_numbers = count <= MAX_ROWS_WITH_NUMBERS
     height = 0.9 + (0.3 if shows_numbers else 0.19) * count
     figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()

@@ -129,7 +129,7 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
 
 
 @use_report_style
-def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None:
+def figure_between_gaps(model: Model, check: GapCheck | None = None) -> Figure | None:
     """Draw the loops at nodes and midpoints, and the output over the scheduling variable."""
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None

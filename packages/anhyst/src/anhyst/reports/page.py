@@ -14,7 +14,7 @@ from anhyst.data.verdict import GAIN_ADVICE
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
-from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
+from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
 from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
 from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_evidence
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
@@ -258,13 +258,13 @@ def write_plots(
         "loops": figure_loops(loopset, fitted),
         "residuals": figure_residuals(loopset, fitted),
         "parameters": figure_parameters(model),
-        "between_gaps": figure_between(model, model.check_over_gap()),
+        "between_gaps": figure_between_gaps(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,
     }
     target.mkdir(parents=True, exist_ok=True)
-    written = []
+    written_paths = []
     for name, figure in figures.items():
         if figure is not None:
             write_png(figure, target / f"{name}.png")
-            written.append(target / f"{name}.png")
-    return tuple(written)
+            written_paths.append(target / f"{name}.png")
+    return tuple(written_paths)

@@ -44,15 +44,15 @@ def section_loops(subject: ModelSubject) -> Section | None:
     evidence = subject.evidence
     if evidence is None:
         return None
-    panels, distance_text = _panels_text(subject, evidence), ""
+    panels, deviation_text = _panels_text(subject, evidence), ""
     if subject.fit is not None:
         worst = subject.deviation_scale.format_with_unit(subject.fit.worst)
-        distance_text = f"The lines lie within {worst} of the points."
+        deviation_text = f"The lines lie within {worst} of the points."
     blocks: list[Block] = [
         subject.picture(
             figures.figure_loops(evidence.loops, evidence.fitted),
             f"{subject.output_name} over {subject.input_name}, {panels}: measured samples as grey points, "
-            f"the modelled loops as blue lines. {distance_text}",
+            f"the modelled loops as blue lines. {deviation_text}",
             f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(evidence),
         ),
         subject.picture(
@@ -371,7 +371,7 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
         (output_scale.heading("height"), lambda one: output_scale.format(one.height)),
         (output_scale.heading("noise σ"), lambda one: output_scale.format(one.noise, 2)),
     ]
-    optional: list[Column] = [
+    optional_columns: list[Column] = [
         (output_scale.heading("drift"), lambda one: output_scale.format(one.drift, 2)),
         (output_scale.heading("closure"), lambda one: output_scale.format(one.closure, 2)),
         (input_scale.heading("offset in"), lambda one: input_scale.format(one.input_offset, 2)),
@@ -380,7 +380,7 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
         ("saturation", lambda one: Scale(1.0, "").format(one.saturation, 2)),
     ]
     unknown = format_number(float("nan"))
-    columns += [c for c in optional if any(c[1](loop) != unknown for loop in loops)]
+    columns += [c for c in optional_columns if any(c[1](loop) != unknown for loop in loops)]
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "

@@ -13,7 +13,7 @@ from anhyst.model.schema import CrossValidation, Uncertainty
 from anhyst.reports.figures import figure_correlation, figure_reduction
 from anhyst.reports.figures_over_schedule import (
     DRIVE_SHARES,
-    figure_between,
+    figure_between_gaps,
     figure_parameters,
     nodes_and_midpoints,
     parameter_unit,
@@ -122,9 +122,9 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
         bar = step.cost_after / largest_cost if largest_cost else None
         after = Cell(format_percent(step.cost_after, 3), bar=bar)
-        rise = format_percent(step.cost_after - step.cost_before, 2)
+        cost_increase = format_percent(step.cost_after - step.cost_before, 2)
         before = format_percent(step.cost_before, 3)
-        rows.append([str(order), frozen, alternatives_text or "none", before, after, rise])
+        rows.append([str(order), frozen, alternatives_text or "none", before, after, cost_increase])
     head = ["round", "fixed", "instead of", "before", "after", "rise"]
     freezing = (
         f"{format_percent(step.cost_after)} after fixing {names.get(step.frozen, step.frozen)}"
@@ -154,7 +154,7 @@ def section_between(subject: ModelSubject) -> Section | None:
     """Return the section with loops at and between nodes (paper, Figs. 2, 5) and acceptance test."""
     model = subject.model
     check = subject.acceptance.over_gap
-    figure = figure_between(model, check)
+    figure = figure_between_gaps(model, check)
     if figure is None:
         return None
     schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
@@ -320,31 +320,31 @@ def equations_markup(subject: ModelSubject) -> Markup:
     """Return the equations of input and output, without terms that are zero."""
     model = subject.model
     names = {name: symbol_markup(short_name) for name, (short_name, _) in model.file_keys.items()}
-    drive, answer = symbol_markup(model.input.symbol), symbol_markup(model.output.symbol)
+    input_symbol, output_symbol = symbol_markup(model.input.symbol), symbol_markup(model.output.symbol)
 
     def is_nonzero(name: str) -> bool:
         values = model.parameters[name]
         return any(values) if isinstance(values, tuple) else bool(values)
 
     # The field and flux density of the iron need other symbols if input or output use H or B.
-    field = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
-    flux = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
-    left_side = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
+    field_symbol = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
+    flux_symbol = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
+    left_side = Markup("{} − {}").format(input_symbol, names["in_0"]) if is_nonzero("in_0") else input_symbol
     if model.parameters["c_H"] != 1.0:
         form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
         left_side = Markup(form).format(names["c_H"], left_side)
-    right_side = field
+    right_side = field_symbol
     if is_nonzero("rho"):
-        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
+        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux_symbol)
     if is_nonzero("gamma"):
-        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
-    output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
+        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux_symbol)
+    output = Markup("{}{}").format(flux_symbol, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
     if is_nonzero("out_0"):
         output += Markup(" + {}").format(names["out_0"])
     return Markup('<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>').format(
-        left_side, right_side, answer, output
+        left_side, right_side, output_symbol, output
     )
 
 

@@ -61,8 +61,8 @@ class ModelSubject:
 
     def percent_of_largest(self, deviation: float) -> str:
         """Return a deviation in per cent of the largest output."""
-        largest = self.fit.largest_output if self.fit else 0.0
-        return format_percent(deviation / largest if largest > 0.0 else None)
+        largest_output = self.fit.largest_output if self.fit else 0.0
+        return format_percent(deviation / largest_output if largest_output > 0.0 else None)
 
     @property
     def deviation_scale(self) -> Scale:

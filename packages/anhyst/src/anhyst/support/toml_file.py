@@ -150,13 +150,13 @@ class TomlFile:
         self,
         error: ValidationError,
         advice: Callable[[KeyPath, Any], Advice],
-        relocate: Callable[[KeyPath], KeyPath] = lambda location: location,
+        relocate_key: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
         """Add the findings of a validation: the first one of each key."""
         reported = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
             path = (part for part in finding["loc"] if not str(part).startswith(BRANCH_PREFIX))
-            key = relocate(tuple(path))
+            key = relocate_key(tuple(path))
             if dotted_path(key) not in reported:
                 reported.add(dotted_path(key))
                 self.add_problem(key, *advice(key, finding))

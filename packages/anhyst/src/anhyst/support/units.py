@@ -417,19 +417,19 @@ def join_header(name: str, unit: str) -> str:
 
 def _split_brackets(text: str) -> tuple[str, str]:
     """Split a header at the brackets around its unit, or else as `_split_underscore` does."""
-    brackets, inner = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
-    if brackets and find_unit(brackets["unit"]):
-        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
+    bracket_match, inner_match = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
+    if bracket_match and find_unit(bracket_match["unit"]):
+        name, unit_text = bracket_match["name"].strip(), bracket_match["unit"].strip()
         inner_name, inner_unit = _split_brackets(name) if name else ("", "")
         return (
             (inner_name, unit_text)
             if _is_same_unit(find_unit(inner_unit), find_unit(unit_text))
             else (name, unit_text)
         )
-    if inner and find_unit(inner["unit"]):
-        return f"{inner['name']} {inner['tail']}", inner["unit"].strip()
-    if brackets:
-        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
+    if inner_match and find_unit(inner_match["unit"]):
+        return f"{inner_match['name']} {inner_match['tail']}", inner_match["unit"].strip()
+    if bracket_match:
+        name, unit_text = bracket_match["name"].strip(), bracket_match["unit"].strip()
         inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
         return (f"{inner_name} ({unit_text})", inner_unit) if find_unit(inner_unit) else (name, unit_text)
     without_in = re.sub(r"\s+in\s+", " ", text)
@@ -438,8 +438,14 @@ def _split_brackets(text: str) -> tuple[str, str]:
 
 def _split_slash(text: str) -> tuple[str, str] | None:
     """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; None if the text has none of these forms."""
-    pairs = [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer("/", text)]
-    pairs += [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer(r"\.", text)]
+    pairs = [
+        (text[: separator_match.start()], text[separator_match.end() :])
+        for separator_match in re.finditer("/", text)
+    ]
+    pairs += [
+        (text[: separator_match.start()], text[separator_match.end() :])
+        for separator_match in re.finditer(r"\.", text)
+    ]
     pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
     unknown_split = None
@@ -465,9 +471,14 @@ def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
     name, unit_text = split_header(text)
     if not stated and _BRACKET_PATTERN.match(text):
         # The volts of 'I_A [V]' come from a sensor. The A of 'I_mA [A]' are a contradiction.
-        inner, outer = find_unit(split_header(name)[1]), find_unit(unit_text)
-        if inner and outer and inner.dimension == outer.dimension and not _is_same_unit(inner, outer):
-            return inner.symbol, outer.symbol
+        inner_unit, outer_unit = find_unit(split_header(name)[1]), find_unit(unit_text)
+        if (
+            inner_unit
+            and outer_unit
+            and inner_unit.dimension == outer_unit.dimension
+            and not _is_same_unit(inner_unit, outer_unit)
+        ):
+            return inner_unit.symbol, outer_unit.symbol
     name_unit = find_unit(unit_text) if unit_text else None
     if (
         not stated
@@ -488,8 +499,8 @@ def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
 def _split_underscore(text: str) -> tuple[str, str]:
     """Split ``name_unit`` at the longest ending that is a unit, or after a known symbol."""
     parts = text.split("_")
-    for cut in range(1, len(parts)):
-        head, tail = "_".join(parts[:cut]), "_".join(parts[cut:])
+    for split_index in range(1, len(parts)):
+        head, tail = "_".join(parts[:split_index]), "_".join(parts[split_index:])
         unit = find_unit(tail)
         if unit and tail not in {"1", "-", "%"} and _can_end_with(head, unit):
             return head.rstrip("_:,-") or head, tail

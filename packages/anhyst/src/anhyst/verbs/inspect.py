@@ -21,7 +21,7 @@ PROGRESS = "reading"
 
 
 def inspect(
-    loops: LoopSource, *, plot: PathLike | None = None, progress: Progress | None = None, **reading: Any
+    loops: LoopSource, *, plot: PathLike | None = None, progress: Progress | None = None, **reading_notes: Any
 ) -> Inspection:
     """Show how measured loops were read, and whether a hysteresis model is worth the effort.
 
@@ -65,7 +65,7 @@ def inspect(
 
     if plot is not None:
         check_picture(plot)
-    read, _ = load_loops(loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress)
+    read, _ = load_loops(loops, "inspect: loops", reading_notes, skipped_steps=("thin",), progress=progress)
     inspection = work(read)
     if plot is not None:
         write_figure(plot_inspection(inspection, read), plot)
@@ -117,27 +117,26 @@ def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[Outpu
     drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
     schedule_heading, scale = schedule_scale(schedule)
     headers = ["loop", *([schedule_heading] if schedule else []), "rows"]
-    largest = max(
-        max(abs(figures_of_loop.output_low), abs(figures_of_loop.output_high))
-        for figures_of_loop in inspection.loops
+    largest_output = max(
+        max(abs(loop_figures.output_low), abs(loop_figures.output_high)) for loop_figures in inspection.loops
     )
-    unit, output_factor = choose_display_unit(answer, largest)
+    unit, output_factor = choose_display_unit(answer, largest_output)
     headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
     headers += ["history", "cycles", f"drift {unit}", f"closure {unit}", "delay", "saturation"]
     loops = count_text(len(inspection.loops), "loop")
-    figures = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
+    loop_table = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
-        figures.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
+        loop_table.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
     # The histories come last, because the table shows them, too.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
-    reading = tuple(note for note in inspection.notes if note not in histories)
+    reading_notes = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
     yield from _indent(inspection.verdict.sentences)
-    yield from _with_title("read", reading)
+    yield from _with_title("read", reading_notes)
     yield from _with_title("repaired", inspection.repairs)
     yield from _with_title("speed", (inspection.rate,) if inspection.rate else ())
-    yield figures
+    yield loop_table
     yield from _with_title("histories", histories)
     if arguments["plot"] is not None:
         yield f"{arguments['plot']} written"

@@ -59,8 +59,8 @@ class Bundle:
     @property
     def stage(self) -> Mapping[str, Any] | None:
         """Entry of the manifest about a stage; None for a compensator."""
-        described = self.manifest.get("stage")
-        return described if isinstance(described, dict) else None
+        stage_table = self.manifest.get("stage")
+        return stage_table if isinstance(stage_table, dict) else None
 
     @property
     def has_port(self) -> bool:

@@ -261,9 +261,9 @@ def _locate_difference(
         random = Request(
             RANDOM,
             last,
-            checkpoint_first=first,
+            first_checkpoint_step=first,
             checkpoint_stride=stride,
-            window_first=first,
+            first_window_step=first,
             record_words=layout.word_count,
         )
         requests = [Request(START, seed=seed, record_words=layout.word_count), random]

@@ -122,9 +122,9 @@ class Request:
     steps: int = 0  # number of steps; at most WINDOW_RECORDS for VECTORS
     seed: int = 1  # seed of the generator, for START; not 0
     # the hash is stored before this step, and then after every stride, CHECKPOINT_COUNT times
-    checkpoint_first: int = 0
+    first_checkpoint_step: int = 0
     checkpoint_stride: int = 1
-    window_first: int = 0  # first of WINDOW_RECORDS steps whose records are stored
+    first_window_step: int = 0  # first of WINDOW_RECORDS steps whose records are stored
     rows: Words | None = None  # inputs, for VECTORS; shape (steps, n)
     input_positions: Sequence[int] = ()  # positions of the inputs in a record, n of them
     record_words: int = RECORD_WORDS  # length of a record
@@ -137,7 +137,7 @@ class Request:
     def pack(self) -> bytes:
         """Return the request as the target reads it: the words at the start of the box."""
         head = [self.mode, self.seed, self.steps]
-        head += [self.checkpoint_first, self.checkpoint_stride, self.window_first]
+        head += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
         return np.array(head, dtype="<u4").tobytes()
 
     def pack_rows(self) -> bytes:

@@ -56,7 +56,7 @@ class ProcessProgram:
         if process.returncode or len(process.stdout) != len(requests) * size:
             raise protocol.target_failed_error(self.name, _failure_reason(process.stderr, process.returncode))
         boxes = range(0, len(process.stdout), size)
-        return [protocol.Reply.unpack(process.stdout[at : at + size]) for at in boxes]
+        return [protocol.Reply.unpack(process.stdout[offset : offset + size]) for offset in boxes]
 
 
 def _failure_reason(stderr: bytes, code: int) -> str:
@@ -73,7 +73,7 @@ PendingBuild = Callable[[], Variant]
 
 
 @dataclass(frozen=True, slots=True)
-class TargetOffer:
+class TargetBuilds:
     """Possible builds of a target with the installed tools, and the missing tools."""
 
     builds: tuple[PendingBuild, ...] = ()  # empty if the target cannot run
@@ -81,7 +81,7 @@ class TargetOffer:
     missing: tuple[MissingTool, ...] = ()
 
 
-OfferMaker = Callable[[BuildFolder], TargetOffer]
+FindTargetBuilds = Callable[[BuildFolder], TargetBuilds]
 
 PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{Path(PORT_HEADER).name}"'}
 PORT_SUFFIX = ", port header"
@@ -141,7 +141,7 @@ def build_reference(build_folder: BuildFolder) -> Variant:
     )
 
 
-def offer_host(build_folder: BuildFolder) -> TargetOffer:
+def find_host_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the builds for this machine: each compiler with each optimisation, and sanitizers."""
     builds: list[PendingBuild] = []
     missing = list(missing_programs("host", HOST_COMPILERS))
@@ -154,7 +154,7 @@ def offer_host(build_folder: BuildFolder) -> TargetOffer:
                 tool = f"sanitizers of {name}"
                 missing.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
         builds += [partial(_build_host, build_folder, name, command, flags) for flags in settings]
-    return TargetOffer(tuple(builds), tuple(missing))
+    return TargetBuilds(tuple(builds), tuple(missing))
 
 
 def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
@@ -177,7 +177,7 @@ def _build_host(build_folder: BuildFolder, name: str, command: list[str], flags:
     return Variant("host", title, process, "", "this machine", name, warnings)
 
 
-def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
+def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
     """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
     In fixed point these are the instructions of the port header, in floating point those of the
@@ -185,7 +185,7 @@ def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
     only with it, and only with the port header if there is one.
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
-        return TargetOffer(missing=missing)
+        return TargetBuilds(missing=missing)
     counter = build_counter(HARNESS_FOLDER, build_folder.folder, name)
     is_float = build_folder.bundle.io == "f32"
     has_port = CORTEX_PROCESSORS[name].has_port and build_folder.bundle.has_port
@@ -195,7 +195,7 @@ def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
         builds.append((f"hard float{PORT_SUFFIX if has_port else ''}", CORTEX_PROCESSORS[name].float_unit))
     elif has_port:
         builds.append(("port header", ""))
-    return TargetOffer(
+    return TargetBuilds(
         tuple(partial(_build_cortex_m, name, build_folder, counter, *build) for build in builds)
     )
 
@@ -214,7 +214,7 @@ def _build_cortex_m(
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 
-def offer_avr(build_folder: BuildFolder) -> TargetOffer:
+def find_avr_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the build for an ATmega, run by simavr."""
     missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
     missing += missing_modules("avr", ["elftools"])
@@ -224,8 +224,8 @@ def offer_avr(build_folder: BuildFolder) -> TargetOffer:
     if not (SIMAVR_HEADERS / "sim_avr.h").exists():
         missing.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
     if missing:
-        return TargetOffer(missing=tuple(missing))
-    return TargetOffer((partial(_build_avr, build_folder, compilers[0]),))
+        return TargetBuilds(missing=tuple(missing))
+    return TargetBuilds((partial(_build_avr, build_folder, compilers[0]),))
 
 
 def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
@@ -245,15 +245,15 @@ def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
-def offer_msp430(build_folder: BuildFolder) -> TargetOffer:
+def find_msp430_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
     missing = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),
     )
     if missing:
-        return TargetOffer(missing=missing)
-    return TargetOffer((partial(_build_msp430, build_folder),))
+        return TargetBuilds(missing=missing)
+    return TargetBuilds((partial(_build_msp430, build_folder),))
 
 
 def _build_msp430(build_folder: BuildFolder) -> Variant:
@@ -271,11 +271,11 @@ def _build_msp430(build_folder: BuildFolder) -> Variant:
     return Variant("msp430", "portable", program, "cycles", chip, made_by, warnings, image)
 
 
-TARGETS: Mapping[str, OfferMaker] = {
-    "host": offer_host,
-    **{name: partial(offer_cortex_m, name) for name in CORTEX_PROCESSORS},
-    "avr": offer_avr,
-    "msp430": offer_msp430,
+TARGETS: Mapping[str, FindTargetBuilds] = {
+    "host": find_host_builds,
+    **{name: partial(find_cortex_m_builds, name) for name in CORTEX_PROCESSORS},
+    "avr": find_avr_builds,
+    "msp430": find_msp430_builds,
 }
 
 

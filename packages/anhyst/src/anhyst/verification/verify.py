@@ -77,8 +77,8 @@ def verify(
             vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
             vectors = read_stage_vectors(folder / VECTORS_FILE, build_folder.stage_record, bundle.io == "f32")
-        offers, missing = _collect_offers(build_folder, names)
-        runnable = {name for name, offer in offers.items() if offer.builds}
+        builds_by_target, missing = _collect_target_builds(build_folder, names)
+        runnable = {name for name, target_builds in builds_by_target.items() if target_builds.builds}
         whole_targets = [
             name for name in names if name in targets.WHOLE_TARGETS and not _missing_for_whole_target(name)
         ]
@@ -86,14 +86,16 @@ def verify(
         if not runnable:
             texts = "; ".join(tool.text() for tool in missing)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
-        jobs = [(_VerificationJob(build_folder, vectors, *numbers), offers)]
+        jobs = [(_VerificationJob(build_folder, vectors, *numbers), builds_by_target)]
         if bundle.manifest.get("controller") is not None:
             controller_folder = BuildFolder.create(bundle, Path(scratch) / "controller", "controller")
             levitation = _VerificationJob(
                 controller_folder, read_levitation(folder / LEVITATION_FILE), *numbers
             )
-            jobs.append((levitation, _collect_offers(controller_folder, names)[0]))
-        builds = sum(len(offer.builds) for _, job_offers in jobs for offer in job_offers.values())
+            jobs.append((levitation, _collect_target_builds(controller_folder, names)[0]))
+        builds = sum(
+            len(target_builds.builds) for _, job_builds in jobs for target_builds in job_builds.values()
+        )
         counter = count(1)
 
         def report_build() -> None:
@@ -101,8 +103,8 @@ def verify(
                 progress(next(counter), builds + len(whole_targets))
 
         results: list[TargetResult] = []
-        for job, job_offers in jobs:
-            results += job.run_all(job_offers, report_build)
+        for job, job_builds in jobs:
+            results += job.run_all(job_builds, report_build)
         for name in whole_targets:
             target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
@@ -114,13 +116,15 @@ def verify(
     return Verification(*header, tuple(results), estimates, not_run, missing)
 
 
-def _collect_offers(
+def _collect_target_builds(
     build_folder: BuildFolder, names: Sequence[str]
-) -> tuple[dict[str, targets.TargetOffer], tuple[MissingTool, ...]]:
+) -> tuple[dict[str, targets.TargetBuilds], tuple[MissingTool, ...]]:
     """Return the possible builds of each target, and all missing tools."""
-    offers = {name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS}
-    missing = [tool for offer in offers.values() for tool in offer.missing]
-    return offers, (*missing, *(tool for name in names for tool in _missing_for_whole_target(name)))
+    builds_by_target = {
+        name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS
+    }
+    missing = [tool for target_builds in builds_by_target.values() for tool in target_builds.missing]
+    return builds_by_target, (*missing, *(tool for name in names for tool in _missing_for_whole_target(name)))
 
 
 def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
@@ -149,10 +153,14 @@ class _VerificationJob:
         return max(1, steps // stage["magnets"]) if stage else steps
 
     def run_all(
-        self, offers: Mapping[str, targets.TargetOffer], report_build: Callable[[], None]
+        self, builds_by_target: Mapping[str, targets.TargetBuilds], report_build: Callable[[], None]
     ) -> list[TargetResult]:
         """Build and run all targets, with as many threads as processors."""
-        builds = [(name, pending_build) for name, offer in offers.items() for pending_build in offer.builds]
+        builds = [
+            (name, pending_build)
+            for name, target_builds in builds_by_target.items()
+            for pending_build in target_builds.builds
+        ]
         for steps in {self.step_count(name) for name, _ in builds}:
             self._answers[steps] = run_program(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
@@ -242,7 +250,7 @@ def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
 def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
     """Run the Cortex-M0+ again for each list of prices."""
     try:
-        program = targets.offer_cortex_m(elf.ESTIMATE_TARGET, job.build_folder).builds[0]().program
+        program = targets.find_cortex_m_builds(elf.ESTIMATE_TARGET, job.build_folder).builds[0]().program
         assert isinstance(program, CortexProgram)
         priced = [
             (name, replace(program, costs=partial(elf.instruction_prices, elf.PRICES[name])))

@@ -302,7 +302,7 @@ class _ColumnReader:
         if not chunk.endswith(b"\n"):
             chunk += b"\n"
         if layout.table.delimiter is None:
-            return self._convert_fast_blanks(chunk)
+            return self._convert_blank_separated(chunk)
         sign = layout.table.delimiter.encode()
         data = np.frombuffer(chunk, np.uint8)
         fields = _find_fields(data, ord(sign), layout.table.width)
@@ -328,7 +328,7 @@ class _ColumnReader:
         table = table[:, [order.index(index) for index in self.numbers]]
         return table, labels, starts.shape[0]
 
-    def _convert_fast_blanks(self, chunk: bytes) -> Piece | None:
+    def _convert_blank_separated(self, chunk: bytes) -> Piece | None:
         """Convert a chunk of numbers separated by blanks; ``None`` if it needs the slow path."""
         if self.texts:
             return None
