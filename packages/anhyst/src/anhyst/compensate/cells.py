@@ -1,7 +1,9 @@
 """Make the tables of a parameter block for a law with play cells (block kind "cells").
 
-A play cell is a play operator with its own magnetisation curve. Each table row contains the
-magnetisation of the first 1, 2, ... cells while they move, over the effective field.
+A play cell is a play operator with its own magnetisation curve. Along a monotonic path, the cells
+start to move one after the other, in the order of their thresholds. Each row of the tables contains
+the summed magnetisation of the first cells, 1, 2, ... of them, that move together with the
+effective field, as a function of this field.
 """
 
 from __future__ import annotations

@@ -162,8 +162,8 @@ _MAX_ENTRY_SHARE = 1.0 - 2.0**-15
 def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     """Return a constant force-current ratio, fitted to the steady-state loops of a model.
 
-    This is the method ``ratio`` around half of the largest force at the middle gap. Simulated loops
-    replace measured ones.
+    This is the method ``ratio``: one ratio, fitted around half of the largest force at the middle
+    gap. Simulated loops replace measured ones.
     """
     current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
     gap_range = scales.gap_low, scales.gap_high

@@ -141,7 +141,7 @@ def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes
     max_field = FIELD_MARGIN * find_max_field(law, limits.current)
     if max_field > MAX_RELATIVE_FIELD:
         raise InputError(
-            f"current: its limits drive the iron to {max_field:.0f} times its shape field a, but above "
+            f"current: at its limits, the field is {max_field:.0f} times the shape field a, but above "
             f"{MAX_RELATIVE_FIELD:.0f} the tables are too steep for 16 bits; narrow the current, or "
             "identify with --law play-cells",
             code="tables-too-steep",

@@ -197,8 +197,8 @@ class FluxLoop:
         """Return table and gains as fixed-point words."""
         flux_per_current = self.full_scale / self.scales.current
         rows = [
-            to_factor("proportional of the flux loop", self.gains.proportional * flux_per_current),
-            to_factor("integral of the flux loop", self.gains.integral * flux_per_current),
+            to_factor("proportional gain of the flux loop", self.gains.proportional * flux_per_current),
+            to_factor("integral gain of the flux loop", self.gains.integral * flux_per_current),
             to_factor("anti-windup of the flux loop", self.gains.anti_windup),
             to_smoothing_factor("delay of the flux loop", self.gains.smoothing),
         ]

@@ -1,7 +1,7 @@
 """Fit the simplified law to a model, and make its parameter block.
 
 The simplified law is the paper's straight anhysteretic curve. With eqs. 19 and 20 its inverse has a
-closed form with one bounded state ``u`` that follows the flux (derivation in
+closed form with one state ``u`` between limits, which follows the flux (derivation in
 ``packages/anhyst/tests/oracles/linear_anhysteretic.py``)::
 
     current = bias(gap) + flux_coefficient(gap)*flux + lag_coefficient(gap)*u
@@ -49,8 +49,8 @@ noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0
 """
 
 MAX_DEAD_BAND_STATE = 2.0**-6
-"""Largest change of the bounded state within the dead band. This is the error of a reversal of that
-size."""
+"""Largest change of the state ``u`` within the dead band. A reversal of that size causes an error
+of this size."""
 
 OFFSET_PENALTY = 0.01
 """Relative penalty on the cost for the lowest possible offset. It keeps the offset from jumping
@@ -81,7 +81,7 @@ class ClosedForm:
     # square root of the demand, which the straight anhysteretic curve cannot follow near
     # saturation; shape (g,)
     offset: FloatArray | None = None
-    # flux reversals up to this size do not change the bounded state
+    # flux reversals up to this size do not change the state ``u``
     dead_band: float = 0.0
 
 
@@ -176,7 +176,7 @@ def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Pac
 
 
 def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
-    """Return the bounded state along each row of fluxes, calculated by the C core."""
+    """Return the state ``u`` along each row of fluxes, calculated by the C core."""
     pack = Packer("simplified")
     pack.put_integer("POWER", 1)
     pack.put_integer("ROOT_KNEE", sizes.root_knee)
@@ -372,7 +372,7 @@ def _search_rate_and_nu(groups: list[list[_FitTask]], sizes: TableSizes) -> tupl
 
 
 def make_simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
-    """Return the tables of the closed form; the bounded state takes the place of the field."""
+    """Return the tables of the closed form, in which the state ``u`` replaces the field."""
     offset = None if law.offset is None else np.interp(frame.gaps, law.gaps, law.offset)
     coefficients = (
         np.interp(frame.gaps, law.gaps, coefficient)

@@ -134,7 +134,7 @@ def _controller_entry(controller: ControllerPlan) -> dict[str, Any]:
 
 
 def _word_entries(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
-    """Yield an entry for each word after the head, as in the comments of the C."""
+    """Yield an entry for each word after the head, as in the comments of the generated C file."""
     names = SignalUnits(plan.model.output.unit, plan.model.input.unit)
     for word in BODY_WORDS[block.kind]:
         unit = block.word_unit(word, names)

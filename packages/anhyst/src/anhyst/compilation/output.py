@@ -102,9 +102,9 @@ class Compiled(CompiledFolder):
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(
-                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output "
-                f"that is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
-                "how much"
+                "the error due to formats and tables exceeds the default limit, "
+                f"{DEFAULT_ACCURACY_PERCENT:g} % of the largest output: "
+                f"{ADVICE[largest_part(self.budget).name]}; {self.out / page} shows each part"
             )
         if not is_drift_allowed(self.plan, self.budget):
             notes.append(explain_drift(self.plan, self.budget))

@@ -1,8 +1,8 @@
-"""Lay a compiled folder out as a package of an ecosystem: CMSIS-Pack, Zephyr, PlatformIO, Arduino, Cargo.
+"""Lay a compiled folder out as a package for CMSIS-Pack, Zephyr, PlatformIO, Arduino or Cargo.
 
-A package consists of the files of the folder in other places, and of files made from templates: a
-manifest, an example that plays the golden vectors, a README. One record of PACKAGES describes an
-ecosystem.
+A package contains the files of the folder at other paths. It also contains files made from
+templates: a manifest, an example that runs the golden vectors, and a README. Each entry of PACKAGES
+describes the layout for one build system.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Ecosystem:
-    """The layout that an ecosystem expects."""
+    """Layout of a package that one build system expects."""
 
     title: str  # headline of the README
     # place of each part of the folder: core headers, core sources, port, own headers, own sources,
@@ -55,7 +55,7 @@ FP_CONTRACT_OFF = """\
 
 
 def _forbid_fused_products(path: str, text: str, values: Values) -> str:
-    """Add the pragma to a source in single precision."""
+    """Add the pragma against fused products to a C source in single precision."""
     return FP_CONTRACT_OFF + text if values["real"] and path.endswith(".c") else text
 
 
@@ -86,7 +86,8 @@ MODULE_PLACES = {
     "include": "include", "src": "src", "port": "port", "headers": "actuator",
     "sources": "actuator", "docs": "docs", "example": "docs",
 }  # fmt: skip
-"""Places of a package whose build lists its files; core and actuator are in different folders."""
+"""Folders of a package whose build lists its files. The core and the actuator are in different
+folders."""
 
 VECTORS_TEMPLATE = "golden_vectors.h.j2"
 MAIN_TEMPLATE = "golden_main.c.j2"
@@ -180,9 +181,10 @@ def check_package(package: str | None) -> None:
 def make_package_files(
     package: str | None, files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
 ) -> Mapping[str, str | bytes]:
-    """Return the files of a package, by their paths, or those of the folder if there is no package.
+    """Return the content of each file of a package by its path.
 
-    files and manifest describe the folder, values are those of its example.
+    If no package is requested, these are the files of the compiled folder. ``files`` and
+    ``manifest`` describe the compiled folder; ``values`` are the template values of its example.
     """
     if package is None:
         return files
@@ -205,7 +207,7 @@ def make_package_files(
 
 
 def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
-    """Return the text of a file of the package; an ecosystem changes only C."""
+    """Return the text of a file of the package. Only C files and the guide can be changed."""
     if path.endswith("/DROP_IN.md"):
         return _edit_guide(text)
     if ecosystem.edit is None or not path.endswith((".c", ".h")):

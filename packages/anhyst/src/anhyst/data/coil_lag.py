@@ -55,7 +55,10 @@ def describe_coil_lag(loopset: Loops) -> str:
 
 
 def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
-    """Return the lag, s (samples without a clock), and its share of the loop; ``None`` without one."""
+    """Return the lag and the fraction of the loop that it explains; ``None`` without a lag.
+
+    The lag is in s, or in samples if the loop has no time.
+    """
     record = resample_evenly(loop)
     if record is None:
         return None

@@ -112,7 +112,7 @@ def denoise(loopset: Loops) -> Loops:
 
 
 def _find_ripple(loop: Loop) -> _Ripple | None:
-    """Find the strongest steady line of the input; ``None`` if it is not a ripple."""
+    """Return the strongest spectral line of the input; ``None`` if it is not a ripple."""
     drive, span = loop.input, float(np.ptp(loop.input))
     _, step_deviation = measure_sampling(loop)
     if loop.n < 4 * _MIN_PERIODS or (step_deviation is not None and step_deviation > _MAX_STEP_DEVIATION):

@@ -88,7 +88,7 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
 def correct_histories_of_fast_loops(
     loops: Sequence[Loop], proposals: Sequence[HistoryProposal]
 ) -> list[HistoryProposal]:
-    """Return the proposals, with those of fast loops corrected by the slow loops of the same gap.
+    """Return the proposals. Those of fast loops are corrected by the slow loops of the same gap.
 
     Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
     would. Slow loops show without this effect whether the recording began demagnetised. If it did

@@ -62,7 +62,7 @@ class Verdict:
     gain: float
     averaged: int  # largest number of samples in such an average
     band_noise_relative: float  # mean deviation that noise alone causes in them
-    dynamics: str  # reason why the loops are dynamics; empty if there is none
+    dynamics: str  # dynamic effect that causes the loops, such as resonance; empty if none
     sentences: tuple[str, ...]  # the same in words
 
     @property

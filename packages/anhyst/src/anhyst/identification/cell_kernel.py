@@ -140,7 +140,11 @@ _REVERSIBLE_PARAMETERS = (
 
 
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
-    """Return the fit parameters of a population; share and width of the first are the units."""
+    """Return the fit parameters of a population.
+
+    The first population has no share and no width, because its saturation and its width are the
+    units.
+    """
     parameters = (
         FitParameter(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", prior_mean=1.0),
         FitParameter(f"width_{index}", f"a_{index}/a_1", 3e-2, 3e1, "log", prior_mean=1.0),

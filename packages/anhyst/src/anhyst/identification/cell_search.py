@@ -1,6 +1,7 @@
 """Search the parameters of play cells from many starts, with one, two and three populations.
 
-The starts cover the range of normalised parameters that loops can show (:mod:`.screening`). The
+A population is a group of cells with one curve width and a distribution of thresholds. The starts
+cover the range of normalised parameters in which loops are typical (:mod:`.screening`). The
 Jiles-Atherton fit adds a few starts. All starts are compared on few samples. The better ones
 descend for a few steps, the best of these for more steps, and the last two to convergence. If the
 two final fits disagree and exceed the noise, more starts are tried. A further population starts
@@ -268,8 +269,9 @@ class CellSearch:
         """Search from random and given starts until the final fits agree or are within the noise.
 
         With few loops, agreement is not evidence, because flat valleys are long. If the residual
-        exceeds the noise, all starts then descend with the patient schedule. A slightly better
-        result of it is ignored: it differs by chance and does not predict other runs better.
+        exceeds the noise, all starts then descend with the patient schedule. A result of this
+        schedule that is only slightly better is ignored. Such a difference is due to chance and
+        does not improve predictions.
         """
         kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
@@ -409,7 +411,8 @@ def _rate_added_population(
     except NoResponseError:
         return -np.inf, theta
     share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
-    # With the map ``free``, each gap has its own share. All of them change together.
+    # With the map ``free``, each gap has its own share of the population. All shares change
+    # together.
     is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
     is_other = ~is_share
     other_normal = normal[np.ix_(is_other, is_other)]

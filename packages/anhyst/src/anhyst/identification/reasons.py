@@ -55,7 +55,10 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
     own_error = comparison.finite_withheld_error(best)
     if own_error is None:
-        return f"law {names[best]}: the simplest, because no candidate has a solution at all withheld samples"
+        return (
+            f"law {names[best]}: the simplest, because for each candidate the error at some withheld "
+            "samples cannot be computed"
+        )
     text = (
         f"law {names[best]} predicts withheld {withheld[comparison.withheld_kind]} with a mean error of "
         f"{_percent(own_error)} of the largest output"

@@ -1,8 +1,9 @@
 """Convert between the coordinates of a search and the parameters at each gap.
 
-A coordinate vector has one entry for each parameter common to all gaps, and one entry per gap for
-each gap-dependent parameter, in the order of the names of its form. Positive parameters are
-exponentials of their coordinates; ``omega``, with either sign and any size, is the hyperbolic sine.
+A coordinate vector has one entry for each parameter that is common to all gaps, and one entry per
+gap for each gap-dependent parameter. The entries are in the order of the names in its
+:class:`ResponseForm`. Positive parameters are exponentials of their coordinates; ``omega``, with
+either sign and any size, is the hyperbolic sine.
 """
 
 from __future__ import annotations

@@ -109,7 +109,10 @@ class Dynamics:
 
 
 def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> FloatArray:
-    """Return one slow part for a known input; Python floats are faster than arrays here."""
+    """Return the state ``s_j`` of one creep time constant for a known flux density.
+
+    Python floats are faster than arrays here.
+    """
     slow_part, flux_before = float(start), 0.0
     slow_values: list[float] = []
     for factor, value in zip(decay.tolist(), inputs.tolist(), strict=True):

@@ -25,7 +25,8 @@ NOT_CONVERGED = -5
 NOT_SETTLED = -6  # the computation ended without a solution
 
 MIN_RUN_SAMPLES = 8
-"""Number of samples below which a constant scheduling value counts as moving."""
+"""Minimum number of samples at each scheduling value of a run. A shorter run at one value is
+treated as a moving schedule."""
 
 _Step = Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray, int, int]
@@ -36,7 +37,8 @@ PIECE_SAMPLES = 1 << 16
 
 MAX_CYCLES = 10_000
 CYCLE_TOLERANCE = 1e-12
-"""A cycle is closed if its state returns within this tolerance, relative to a and M_s."""
+"""A cycle is closed if its state returns within this tolerance: fields relative to the parameter
+``a``, the magnetisation relative to ``M_s``."""
 
 
 class SampleError(InputError):

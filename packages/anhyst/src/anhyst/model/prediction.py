@@ -132,7 +132,7 @@ def warn_if_far(model: ModelData, quantity: Quantity, values: FloatArray, schedu
         warnings.warn(text, ImplausibleWarning, stacklevel=4)  # the caller of the model's method
 
 
-_UNREACHABLE = "demand an output below that of any drive"
+_UNREACHABLE = "demand an output that is too low for every drive"
 
 
 def _describe_samples(is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str) -> str:

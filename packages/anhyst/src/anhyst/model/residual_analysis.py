@@ -86,8 +86,8 @@ class ResidualAnalysis:
     # empty if no known shape was found
     shapes: tuple[tuple[Shape, float], ...] = ()
     start_samples: int = 0  # samples at the start of a record with the effect of a wrong history
-    # largest deviation, if noise of this rms cannot reach it; the other fields except rms then
-    # exclude such samples
+    # largest deviation; None if noise of this rms could cause it. With an outlier, all other fields
+    # except rms were computed without the samples above this limit
     outlier: Outlier | None = None
 
     @property
@@ -296,7 +296,7 @@ def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
 
 
 def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
-    """Describe in one line: the share of noise, the shape, the remedy and outliers."""
+    """Describe the noise fraction, the shape, the remedy and outliers in one line."""
     text, outlier = _residual_text(residual, loopset, model), residual.outlier
     if outlier is None:
         return text

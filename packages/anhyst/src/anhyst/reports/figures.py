@@ -55,7 +55,7 @@ SMALL_LOOP_SHARE = 0.25
 MAX_DRAWN_COST_RATIO = 3.0
 """Ratio to the highest bar above which the cost of a candidate is written instead of drawn."""
 MAX_ROWS_WITH_NUMBERS = 14
-"""Largest size of a correlation matrix whose cells show their values."""
+"""Largest number of rows of a correlation matrix whose cells show their values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,7 +285,10 @@ def figure_reduction(
 def _draw_candidates(
     ax: Axes, x: float, costs: list[tuple[float, str]], highest: float, names: Mapping[str, str]
 ) -> None:
-    """Draw a ring and a name for each candidate; those above the figure at its upper edge."""
+    """Draw a ring and a name for each candidate.
+
+    If a cost exceeds the axis limit, only its name and value are drawn, at the upper edge.
+    """
     label_y = -np.inf
     for cost, name in costs:
         text = names.get(name, name)

@@ -78,7 +78,8 @@ def section_loops(subject: ModelSubject) -> Section | None:
 
 
 VISIBLE_HEIGHT_SHARE = 0.01
-"""Increase of the loop height, as a share of the output range, above which the speed is visible."""
+"""Increase of the loop height, as a fraction of the output range, above which the effect of the
+rate is reported."""
 
 _CYCLE_SAMPLES = 200
 _SPEED_RATIOS = np.geomspace(1e-3, 1.5, 40)
@@ -128,17 +129,17 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
 
 
 def _corner_text(model: Model) -> str:
-    """Return a sentence about the speed above which the modelled loops are higher."""
+    """Return a sentence about the frequency above which eddy currents widen the modelled loops."""
     layers_text = f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
     corner, uncertainty, share = (rate_corner(model), model.uncertainty, format_percent(VISIBLE_HEIGHT_SHARE))
     if corner is None:
         return (
-            f"The iron is {layers_text}; up to the speed of the fastest loops, the height of the modelled "
-            f"loops changes by less than {share}."
+            f"The iron is {layers_text}. Up to the frequency of the fastest loops, the opening of the modelled "
+            f"loops increases by less than {share} of the output range."
         )
     text = (
-        f"The iron is {layers_text}. From {corner:.3g}{NBSP}Hz on, the loops of the model are higher than slow "
-        f"loops by {share} of their largest {display_name(model.output)}"
+        f"The iron is {layers_text}. Above {corner:.3g}{NBSP}Hz, eddy currents increase the opening of the "
+        f"modelled loops by more than {share} of the range of the {display_name(model.output)}"
     )
     if uncertainty is None or GAMMA_NAME not in uncertainty.names:
         return f"{text}."
@@ -149,7 +150,9 @@ def _corner_text(model: Model) -> str:
 
 
 def rate_corner(model: Model) -> float | None:
-    """Return the frequency (Hz) above which loops are higher by :data:`VISIBLE_HEIGHT_SHARE`.
+    """Return the cycle frequency at which eddy currents visibly widen the loops, Hz.
+
+    The opening of the loops is then larger than that of slow loops by :data:`VISIBLE_HEIGHT_SHARE`.
 
     The cycles are full cycles at the first node. Time enters a model only as gamma times a rate.
     Therefore, the corner frequency is inversely proportional to gamma.
@@ -291,7 +294,7 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         (scale.heading("worst"), lambda one: Cell(scale.format(one.worst), strong=one.worst == worst)),
     ]
     caption = (
-        f"“Of largest”: mean in parts of {subject.full_scale_text} of all loops; “of own”: of "
+        f"“Of largest”: mean relative to {subject.full_scale_text} of all loops; “of own”: relative to "
         "the largest of that loop."
     )
     if subject.evidence:

@@ -133,7 +133,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     bars = "; ".join([f"{format_percent(first)} with all parameters free", *freezing])
     alt = f"Bar chart of the mean deviation: {bars}."
     caption = (
-        "Mean deviation in parts of the largest output after each round (bars); rings: "
+        "Mean deviation, relative to the largest output, after each round (bars); rings: "
         "cost of fixing another parameter instead."
     )
     blocks = (
@@ -210,7 +210,7 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
         ]
         caption = (
             f"Mean deviation at a withheld {subject.schedule_name}, predicted from "
-            f"the others, in parts of {subject.full_scale_text}; mean over all inner ones."
+            f"the others, relative to {subject.full_scale_text}. Mean of all inner values that were withheld in turn."
         )
         head = ["map", "", "mean deviation"]
         blocks.append(make_table("Cross-validation error of each map", head, rows, caption, texts=2))
@@ -286,7 +286,7 @@ def section_parameters(subject: ModelSubject) -> Section:
             text = f"{scale.format(min(all_values), 5)} to {scale.format(max(all_values), 5)}"
         meaning = spec.meaning
         if name == "rho" and subject.schedule_name != "gap":
-            meaning = "reluctance in series with the iron, over that of an air-filled iron path"
+            meaning = "reluctance in series with the iron, relative to an air-filled iron path"
         short_name, key = names[name]
         text = f"{text}{NBSP}{scale.unit}".strip()
         rows.append([symbol_markup(short_name), Cell(key, code=True), meaning, text])
@@ -313,7 +313,11 @@ def _cell_table(model: Model) -> Block:
     centre_texts = [f" around {b:.4g}" * (b > 0.0) for b in cells.curve_centres.tolist()]
     heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, centre_texts, strict=True)]
     heads.insert(0, "threshold (A/m)")
-    return make_table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
+    return make_table(
+        f"Cells: {cells}; weights in % of the saturation magnetisation, {cells.saturation:.5g} A/m",
+        heads,
+        rows,
+    )
 
 
 def equations_markup(subject: ModelSubject) -> Markup:

@@ -116,7 +116,10 @@ def to_factor(name: str, value: float) -> tuple[int, int]:
 
 
 def to_smoothing_factor(name: str, share: float) -> tuple[int, int]:
-    """Return the ``anhyst_factor`` of a low-pass: minus the share of a step passed per tick."""
+    """Return the ``anhyst_factor`` of a first-order low-pass; it represents ``-share``.
+
+    In each tick, the output changes by ``share`` times the difference of input and output.
+    """
     shift = 1 if share > 0.5 else 0
     mantissa = -round(share * 65536.0 / 2.0**shift)
     if -mantissa < _MIN_MANTISSA:

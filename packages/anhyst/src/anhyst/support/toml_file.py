@@ -128,7 +128,7 @@ class TomlFile:
             self.content: dict[str, Any] = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(_describe_damage(path, text, str(error)), code="damaged-toml") from error
-        except (ValueError, RecursionError) as error:  # too long numbers, too deep nesting
+        except (ValueError, RecursionError) as error:  # number too long, or nesting too deep
             text = f"{path}: damaged TOML: {error}; correct it"
             raise InputError(text, code="damaged-toml") from error
         self.lines = key_lines(text)

@@ -44,7 +44,8 @@ def compile(  # noqa: A001
     budget measured against the model. DROP_IN.md explains how to add the folder to a project. With
     `controller`, the position controller is included. For a stage, the folder contains the complete
     controller, from sensor heads and gaps to currents. Its golden vectors are a simulated motion.
-    With `package`, the folder has the layout that the tools of an ecosystem expect.
+    With `package`, the folder has the layout that a build system such as Zephyr or PlatformIO
+    expects.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
     largest = manifest["accuracy"]["largest_output"]
     rows = TerminalTable(
         f"force of the model minus demand, in % of {largest:.4g} N",
-        ("", "whole loop, rms", "worst", "cycles of 10 %, rms", "worst"),
+        ("", "whole loop, rms", "worst", "10 % cycles, rms", "worst"),
     )
     for title, key in (("map with one play", "play"), ("single-valued curve", "single-valued")):
         figures = manifest["accuracy"][key]
@@ -162,7 +163,7 @@ def _show_stage(compiled: CompiledStage) -> Iterator[str]:
     manifest, stage = compiled.manifest, compiled.manifest["stage"]
     kind, io, rate = (manifest[name] for name in ("kind", "io", "rate_Hz"))
     yield f"{compiled.out}: controller of a stage, {kind}, {io}, {rate:g} Hz"
-    yield f"force to current in {stage['force_to_current']}, as control.format in the rig file"
+    yield f"number format of the compensators: {stage['force_to_current']} (control.format of the rig file)"
     yield (
         f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} "
         f"magnets; {manifest['memory']['parameters_bytes']} bytes of parameters"

@@ -21,7 +21,8 @@ PROGRESS = "searching"
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 """Gap maps, or ``auto``: the map with the smallest error at withheld gaps."""
 Weights = Literal["loops", "points", "relative"]
-"""Items of equal weight in the cost: loops, samples, or loops relative to their output."""
+"""Weights of the cost: equal for all loops, equal for all samples, or each loop relative to its
+largest output."""
 Search = Literal["default", "paper"]
 """Methods of the search."""
 
@@ -213,7 +214,7 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
         yield f"rate: {rate_text}"
     for step in model.reduction:
         yield (
-            f"reduction: {step.frozen} fixed at all nodes, mean deviation "
+            f"reduction: {step.frozen} made equal at all nodes, mean deviation "
             f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
         )
     if model.uncertainty is not None:

@@ -21,7 +21,7 @@ PROGRESS = "reading"
 
 
 def inspect(
-    loops: LoopSource, *, plot: PathLike | None = None, progress: Progress | None = None, **reading_notes: Any
+    loops: LoopSource, *, plot: PathLike | None = None, progress: Progress | None = None, **reading: Any
 ) -> Inspection:
     """Show how measured loops were read, and whether a hysteresis model is worth the effort.
 
@@ -65,7 +65,7 @@ def inspect(
 
     if plot is not None:
         check_picture(plot)
-    read, _ = load_loops(loops, "inspect: loops", reading_notes, skipped_steps=("thin",), progress=progress)
+    read, _ = load_loops(loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress)
     inspection = work(read)
     if plot is not None:
         write_figure(plot_inspection(inspection, read), plot)

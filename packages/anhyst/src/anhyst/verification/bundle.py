@@ -41,7 +41,7 @@ class Bundle:
     name: str  # name of the actuator in the C
     kind: str  # ``full``, ``simplified``, ``cells``, ``euler``, ``play``; and ``q15``, ``q31``, ``f32``
     io: str
-    rate: float | None  # sample rate of the compilation, Hz
+    rate: float | None  # sample rate for which the folder was compiled, Hz
     manifest: Mapping[str, Any]  # content of ``manifest.json``
 
     @property

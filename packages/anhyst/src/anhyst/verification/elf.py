@@ -238,7 +238,7 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
             pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
-            # A jump to the start of the own function is a loop, not a call.
+            # A jump to the start of the same function is a loop, not a call.
             if target in functions and (target != begin or name == "bl"):
                 callees.add(target)
     calls = frozenset(callees), frozenset(referenced & functions.keys()), frozenset(pointer_offsets)

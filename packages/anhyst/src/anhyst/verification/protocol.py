@@ -1,7 +1,8 @@
 """Exchange requests and replies with the test program of a target.
 
-Host and target share a block of memory, the box. The host writes a request into it, lets the target
-run, and reads the reply. The numbers of this module are the same as in ``harness/harness.h``.
+Host and target share a block of memory, called the box. The host writes a request into it, lets the
+target run, and reads the reply. The numbers of this module are the same as in
+``harness/harness.h``.
 """
 
 from __future__ import annotations

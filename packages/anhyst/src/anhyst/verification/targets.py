@@ -1,7 +1,7 @@
 """List the targets by name, and build the C for each of them.
 
-Each target offers its possible builds and lists its missing tools. Other packages can add targets
-that run a whole firmware, with the entry point ``anhyst.targets``.
+Each target lists the builds that the installed tools allow, and the missing tools. Other packages
+can add targets that run a whole firmware, with the entry point ``anhyst.targets``.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def host_compilers() -> dict[str, list[str]]:
 
 
 def build_reference(build_folder: BuildFolder) -> Variant:
-    """Build the reference: the C on this machine."""
+    """Build the reference: the C files, compiled for this machine."""
     for name, command in host_compilers().items():
         return _build_host(build_folder, name, command, ("-O2",))
     raise InputError(
@@ -142,7 +142,7 @@ def build_reference(build_folder: BuildFolder) -> Variant:
 
 
 def find_host_builds(build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the builds for this machine: each compiler with each optimisation, and sanitizers."""
+    """Find the builds for this machine: each compiler with each optimisation, and sanitizers."""
     builds: list[PendingBuild] = []
     missing = list(missing_programs("host", HOST_COMPILERS))
     for name, command in host_compilers().items():

@@ -57,7 +57,10 @@ class _Section:
 
 
 def _merge_sections(sections: list[_Section], count: int, notes: list[str]) -> tuple[list[str], TextColumns]:
-    """Put the rows of all tables into their lines; a column ``loop`` separates several tables."""
+    """Return one text with the rows of all tables at their line numbers.
+
+    If there are several tables, a column ``loop`` distinguishes them.
+    """
     text = [""] * count
     columns = sections[0].columns
     width = len(columns)
