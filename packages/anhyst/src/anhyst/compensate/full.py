@@ -73,7 +73,7 @@ def find_max_field(law: NormalisedLaw, current: tuple[float, float]) -> float:
     """Return the largest ``|x|`` for currents within their limits, over all gaps."""
     drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
     flux_coefficient, field_coefficient = (
-        np.tile(arms, len(current)) for arms in (law.flux_coefficient, law.field_coefficient)
+        np.tile(coefficient, len(current)) for coefficient in (law.flux_coefficient, law.field_coefficient)
     )
     is_negative = flux_coefficient < 0.0
     positive, negative = (

@@ -50,9 +50,11 @@ def restrict_model(
     if not is_actuator(model):
         text = "model: a bearing needs a model from current to force"
         raise InputError(text, code="not-current-to-force", key="model")
-    covered = model.valid_range.schedule
-    if covered is None or gaps[0] < covered[0] - 1e-9 or gaps[1] > covered[1] + 1e-9:
-        covered_text = "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
+    covered_gaps = model.valid_range.schedule
+    if covered_gaps is None or gaps[0] < covered_gaps[0] - 1e-9 or gaps[1] > covered_gaps[1] + 1e-9:
+        covered_text = (
+            "no gap" if covered_gaps is None else f"gaps of {covered_gaps[0]:g} to {covered_gaps[1]:g} m"
+        )
         raise InputError(
             f"model: is valid for {covered_text}, but needs {gaps[0]:g} to {gaps[1]:g} m; identify it "
             "from loops at more gaps, or narrow the range",
@@ -105,13 +107,13 @@ def compile_inverse(
     model, operating = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
-    restricted = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
-    has_layers = kind == "full" and restricted.has_layers
-    restricted = restricted if has_layers else restricted.at_rest
+    restricted_model = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
+    has_layers = kind == "full" and restricted_model.has_layers
+    restricted_model = restricted_model if has_layers else restricted_model.at_rest
     needs_float_tables = number_format != "fixed" and (has_layers or operating.is_bipolar)
     io: Io = "f32" if needs_float_tables else "q31"
     request = CompileRequest(kind, io, operating.rate)
-    plan = cached_result("plans", lambda: make_plan(restricted, request, 0), restricted, request)
+    plan = cached_result("plans", lambda: make_plan(restricted_model, request, 0), restricted_model, request)
     block = plan.builder.dynamic_block(plan.sizes, number_format)
     return HysteresisInverse(block, plan.sizes.iterations)
 

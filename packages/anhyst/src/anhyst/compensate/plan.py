@@ -58,13 +58,13 @@ def plan_start_up(
 ) -> StartUp:
     """Select the number of cycles of the start-up sequence."""
     ticks = int(np.clip(round(rate * RAMP_TIME_S), 2, 32767))
-    cycles, remaining = 1, difference_after_start_up(model, scales, limits, 1)
-    while remaining > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
+    cycles, remaining_difference = 1, difference_after_start_up(model, scales, limits, 1)
+    while remaining_difference > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
         with_one_more = difference_after_start_up(model, scales, limits, cycles + 1)
-        if with_one_more > MAX_CYCLE_RATIO * remaining:
+        if with_one_more > MAX_CYCLE_RATIO * remaining_difference:
             break
-        cycles, remaining = cycles + 1, with_one_more
-    return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
+        cycles, remaining_difference = cycles + 1, with_one_more
+    return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining_difference)
 
 
 def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits, cycles: int) -> float:
@@ -80,7 +80,7 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
     )
     first_sample = 1 + 2 * RAMP_SAMPLES * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)
-    largest = 0.0
+    largest_difference = 0.0
     for gap in gaps:
         outputs = np.array(
             [
@@ -88,8 +88,8 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
                 for history in _start_histories(high)
             ]
         )
-        largest = max(largest, float(np.ptp(outputs, axis=0).max()))
-    return largest
+        largest_difference = max(largest_difference, float(np.ptp(outputs, axis=0).max()))
+    return largest_difference
 
 
 def _start_histories(high: float) -> list[History]:
@@ -271,11 +271,14 @@ def find_limits(model: Model) -> DemandLimits:
 
 def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
     """Return the largest magnitude of a demand or of its distance from the output at zero flux."""
-    largest = largest_demand(limits)
+    largest_demand_value = largest_demand(limits)
     if output_map(model.output).has_natural_zero:
-        return largest
+        return largest_demand_value
     offsets = np.atleast_1d(model.parameters["out_0"])
-    return max(largest, *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand)))
+    return max(
+        largest_demand_value,
+        *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand)),
+    )
 
 
 def find_scales(model: Model, limits: DemandLimits) -> Scales:

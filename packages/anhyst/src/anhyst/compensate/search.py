@@ -199,19 +199,21 @@ class BlockSearch:
         """Return the error of the law's tables alone, at gaps that are knots of the gap tables."""
         b, block = self.builder, self.builder.exact_block(sizes)
         if b.kind == "full":
-            snapped = snap_gaps(self.paths, b.model, b.scales, sizes)
-            return compare_with_demand(b.model, block, "f64", snapped)[0].worst
-        snapped, fine = self._fine_outputs(sizes.gap_segments)
-        return compare_outputs(snapped, predict_outputs(b.model, block, "f64", snapped), fine).worst
+            snapped_paths = snap_gaps(self.paths, b.model, b.scales, sizes)
+            return compare_with_demand(b.model, block, "f64", snapped_paths)[0].worst
+        snapped_paths, fine = self._fine_outputs(sizes.gap_segments)
+        return compare_outputs(
+            snapped_paths, predict_outputs(b.model, block, "f64", snapped_paths), fine
+        ).worst
 
     def _fine_outputs(self, gap_segments: int) -> tuple[list[DemandPath], list[FloatArray]]:
         """Return paths at knots of the gap tables, and the outputs of fine tables on them."""
         if gap_segments not in self._fine_cache:
             b, sizes = self.builder, replace(FINE_SIZES, gap_segments=gap_segments)
-            snapped = snap_gaps(self.paths, b.model, b.scales, sizes)
+            snapped_paths = snap_gaps(self.paths, b.model, b.scales, sizes)
             self._fine_cache[gap_segments] = (
-                snapped,
-                predict_outputs(b.model, b.exact_block(sizes), "f64", snapped),
+                snapped_paths,
+                predict_outputs(b.model, b.exact_block(sizes), "f64", snapped_paths),
             )
         return self._fine_cache[gap_segments]
 
@@ -225,9 +227,9 @@ class BlockSearch:
             words = count_words(self.kind, sizes) * (2 if self.builder.io == "f32" else 1)
             if words <= MAX_WORDS_BY_KIND[self.kind]:
                 rows.append((words, gap_error + max(table_errors), sizes))
-        promising = [row for row in rows if row[1] <= self.allowance]
-        if promising:
-            return [sizes for *_, sizes in sorted(promising, key=lambda row: row[:2])]
+        promising_rows = [row for row in rows if row[1] <= self.allowance]
+        if promising_rows:
+            return [sizes for *_, sizes in sorted(promising_rows, key=lambda row: row[:2])]
         return [min(rows, key=lambda row: row[1])[2]]
 
 

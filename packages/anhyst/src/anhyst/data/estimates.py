@@ -133,11 +133,11 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
         return None
     shift_in = shift_out = 0.0
     for _ in range(4):
-        drive, answer = loop.input - shift_in, loop.output - shift_out
+        drive, output = loop.input - shift_in, loop.output - shift_out
         size = min(-float(drive.min()), float(drive.max()))
         if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * size:
             return None
-        tips = [_tip_output(drive, answer, sign * 0.98 * size) for sign in (1.0, -1.0)]
+        tips = [_tip_output(drive, output, sign * 0.98 * size) for sign in (1.0, -1.0)]
         shift_out += 0.5 * (tips[0] + tips[1])
         zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
         if not zero_inputs[0].size or not zero_inputs[1].size:
@@ -174,14 +174,14 @@ def _branch_distance(loop: Loop, first: Branch, second: Branch) -> tuple[float, 
     return middle, 1.25 * spread / min(grid.size, first.size, second.size) ** 0.5
 
 
-def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
+def _tip_output(drive: FloatArray, output: FloatArray, level: float) -> float:
     """Return the mean output where the input crosses a level near its tip, in both directions."""
-    up = find_crossings(drive, answer, level, rising=True)
-    down = find_crossings(drive, answer, level, rising=False)
+    up = find_crossings(drive, output, level, rising=True)
+    down = find_crossings(drive, output, level, rising=False)
     medians = [float(np.median(values)) for values in (up, down) if values.size]
     if medians:
         return float(np.mean(medians))
-    return float(answer[int(np.argmax(drive * np.sign(level)))])
+    return float(output[int(np.argmax(drive * np.sign(level)))])
 
 
 def measure_sampling(loop: Loop) -> tuple[float | None, float | None]:

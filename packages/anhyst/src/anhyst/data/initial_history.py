@@ -163,12 +163,12 @@ def _propose_history(
 
 def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
     """Propose a history for a record without a second rise."""
-    drive, answer = loop.input, loop.output
-    height = float(np.ptp(answer)) or 1.0
-    end_output = _output_at_return(drive, answer)
-    closing_error = None if end_output is None else float(end_output - answer[0])
+    drive, output = loop.input, loop.output
+    height = float(np.ptp(output)) or 1.0
+    end_output = _output_at_return(drive, output)
+    closing_error = None if end_output is None else float(end_output - output[0])
     # Noise alone explains this difference of two samples.
-    noise_limit = 5.0 * estimate_noise(answer)
+    noise_limit = 5.0 * estimate_noise(output)
     is_at_rest = _starts_at_rest(loop, even=even)
     if is_at_rest and even and closing_error is not None:
         is_virgin = closing_error > max(_MIN_REMANENCE_SHARE * height, noise_limit) and _has_remanence(
@@ -216,28 +216,28 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
 
 
 def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
-    drive, answer = loop.input, loop.output
+    drive, output = loop.input, loop.output
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
     # The minimum of an even output is at rest, even with a sensor offset.
-    zero = float(answer.min()) if even else 0.0
-    distance = abs(answer[0] - zero)
+    zero = float(output.min()) if even else 0.0
+    distance = abs(output[0] - zero)
     return bool(
         distance
-        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(answer - zero))) + 5.0 * estimate_noise(answer)
+        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(output - zero))) + 5.0 * estimate_noise(output)
     )
 
 
 def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     """Compare the first rise with a later one, part by part; empty without a later rise."""
-    size, answer = fold_input(loop, even=even)
+    size, output = fold_input(loop, even=even)
     rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(size)))
     parts = find_branches(size)
     if abs(size[0]) > rest_limit or len(parts) < 3:
         return []
     first_rise = parts[0]
     if not first_rise.is_rising:
-        size, answer = -size, answer if even else -answer
+        size, output = -size, output if even else -output
     start_input, end_input = float(size[0]), float(size[first_rise.stop - 1])
     for index in range(2, len(parts), 2):
         later_branch = parts[index]
@@ -247,7 +247,7 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
             break
     else:
         return []
-    curves = [(size[part.rows], answer[part.rows]) for part in parts]
+    curves = [(size[part.rows], output[part.rows]) for part in parts]
     sigma = (
         estimate_noise(loop.input),
         max(estimate_noise(loop.output), _MIN_NOISE_SHARE * float(np.ptp(loop.output))),
@@ -280,11 +280,11 @@ def _estimate_drift(
     else:
         first_curve, second_curve, low_input = (rise, later_rise, top - (1.0 - _RISES_MEET_SHARE) * span)
     is_in_range = (first_curve[0] >= low_input) & (first_curve[0] <= min(top, float(second_curve[0].max())))
-    size, answer = first_curve[0][is_in_range], first_curve[1][is_in_range]
+    size, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if size.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
-    difference = _interpolate(second_curve, size) - answer
-    error = _output_scatter(answer, span, sigma) * (2.0 / size.size) ** 0.5
+    difference = _interpolate(second_curve, size) - output
+    error = _output_scatter(output, span, sigma) * (2.0 / size.size) ** 0.5
     # A difference that varies along the curve is not drift.
     unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
     return float(difference.mean()), max(error, unevenness)
@@ -294,10 +294,10 @@ def _compare_parts(
     rise: _Curve, later_rise: _Curve, fall: _Curve, span: float, drift: tuple[float, float], sigma: _Sigma
 ) -> list[_RiseComparison]:
     """Compare two rises over several parts of the first one, all of which begin at rest."""
-    size, answer = rise
+    size, output = rise
     share = (size - size[0]) / span
     difference, height = (
-        _interpolate(later_rise, size) - answer,
+        _interpolate(later_rise, size) - output,
         _interpolate(fall, size) - _interpolate(later_rise, size),
     )
     rises = []
@@ -306,7 +306,7 @@ def _compare_parts(
         count = min(np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span))
         if count < _MIN_SAMPLES:
             continue
-        error = _output_scatter(answer[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
+        error = _output_scatter(output[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
         mean = float(difference[is_in_part].mean()) - drift[0]
         rises.append(
             _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean()))
@@ -314,9 +314,9 @@ def _compare_parts(
     return rises
 
 
-def _output_scatter(answer: FloatArray, span: float, sigma: _Sigma) -> float:
+def _output_scatter(output: FloatArray, span: float, sigma: _Sigma) -> float:
     """Return the standard deviation of the output at equal input, from the noise of both."""
-    return float(np.hypot(sigma[1], float(np.ptp(answer)) / span * sigma[0]))
+    return float(np.hypot(sigma[1], float(np.ptp(output)) / span * sigma[0]))
 
 
 def _interpolate(curve: _Curve, size: FloatArray) -> FloatArray:
@@ -324,13 +324,13 @@ def _interpolate(curve: _Curve, size: FloatArray) -> FloatArray:
     return np.interp(size, curve[0][order], curve[1][order])
 
 
-def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
+def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
     """Return the output where the input last passes its first value in its first direction."""
     parts = find_branches(drive)
     if len(parts) < 2:
         return None
     later = slice(parts[0].stop - 1, None)
-    outputs_again = find_crossings(drive[later], answer[later], float(drive[0]), rising=parts[0].is_rising)
+    outputs_again = find_crossings(drive[later], output[later], float(drive[0]), rising=parts[0].is_rising)
     if outputs_again.size:
         return float(outputs_again[-1])
     remaining_input, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
@@ -339,4 +339,4 @@ def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
     # A cycle without its last sample ends one step before its start, so it is extrapolated.
     steps_ahead = remaining_input / step if step != 0.0 else 0.0
     steps_ahead = steps_ahead if 0.0 < steps_ahead <= 1.5 else 0.0
-    return float(answer[-1] + steps_ahead * (answer[-1] - answer[-2]))
+    return float(output[-1] + steps_ahead * (output[-1] - output[-2]))

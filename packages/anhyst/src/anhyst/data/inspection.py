@@ -125,14 +125,14 @@ class Inspection(Result):
 
     def facts(self) -> dict[str, str]:
         """Return the verdict and its main figures."""
-        verdict, drive, answer = self.verdict, self.input, self.output
+        verdict, drive, output = self.verdict, self.input, self.output
         return {
             "worth a hysteresis model": verdict.level,
             "loops": str(len(self.loops)),
             "width": f"{verdict.width:.3g} {drive.unit} ({100 * verdict.width_relative:.2g} %)",
-            "best single-valued curve": f"{verdict.single_mean:.3g} {answer.unit} mean, "
-            f"{verdict.single_worst:.3g} {answer.unit} worst",
-            "noise": f"{verdict.noise_mean:.2g} {answer.unit} mean",
+            "best single-valued curve": f"{verdict.single_mean:.3g} {output.unit} mean, "
+            f"{verdict.single_worst:.3g} {output.unit} worst",
+            "noise": f"{verdict.noise_mean:.2g} {output.unit} mean",
             **({"rate": self.rate} if self.rate else {}),
         }
 
@@ -158,11 +158,11 @@ class Inspection(Result):
 
     def _units(self) -> dict[str, str]:
         """Return the unit suffix of each figure that has a unit."""
-        drive, answer = _unit_suffix(self.input), _unit_suffix(self.output)
+        drive, output = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
         names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",
                  "height", "single_mean", "single_worst", "noise_mean")  # fmt: skip
-        units |= dict.fromkeys(names, answer)
+        units |= dict.fromkeys(names, output)
         units |= {"step": "s", "skew": "samples"}
         if self.schedule is not None:
             units["schedule"] = _unit_suffix(self.schedule)

@@ -274,6 +274,6 @@ def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
     if not parts:
         return None
     longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
-    size, answer = loop.input[longest.rows], loop.output[longest.rows]
+    size, output = loop.input[longest.rows], loop.output[longest.rows]
     order = np.argsort(size, kind="stable")
-    return size[order], answer[order]
+    return size[order], output[order]

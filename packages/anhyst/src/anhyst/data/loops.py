@@ -348,12 +348,12 @@ class Loops(Result):
     def facts(self) -> dict[str, str]:
         """Return the numbers of loops and samples, the ranges, and the scheduling values."""
         drive = [end for loop in self.loops for end in (loop.input.min(), loop.input.max())]
-        answer = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
+        output = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
         facts = {
             "loops": str(len(self)),
             "samples": str(sum(loop.n for loop in self.loops)),
             self.input.name: range_text(min(drive), max(drive), self.input.unit),
-            self.output.name: range_text(min(answer), max(answer), self.output.unit),
+            self.output.name: range_text(min(output), max(output), self.output.unit),
         }
         if self.schedule is not None:
             values = self.schedule_values

@@ -263,7 +263,7 @@ def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, B
     ]
 
 
-def average_in_bins(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
+def average_in_bins(drive: FloatArray, output: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
     """Return the means of input and output in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
@@ -271,13 +271,13 @@ def average_in_bins(drive: FloatArray, answer: FloatArray, bins: int = 100) -> t
     number = np.bincount(bin_of, minlength=count)
     filled = number > 0
     x = np.bincount(bin_of, weights=drive, minlength=count)[filled] / number[filled]
-    y = np.bincount(bin_of, weights=answer, minlength=count)[filled] / number[filled]
+    y = np.bincount(bin_of, weights=output, minlength=count)[filled] / number[filled]
     return x, y
 
 
-def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
+def smooth_curve(drive: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a binned curve through samples, extrapolated linearly to both ends."""
-    x, y = average_in_bins(drive, answer, 60)
+    x, y = average_in_bins(drive, output, 60)
     if x.size < 2:
         return x, y
     slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
@@ -289,7 +289,7 @@ def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, Flo
 
 
 def branch_separation(
-    drive: FloatArray, answer: FloatArray, first: Branch, second: Branch
+    drive: FloatArray, output: FloatArray, first: Branch, second: Branch
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return an input grid and the output of the falling branch minus that of the rising branch.
 
@@ -297,8 +297,8 @@ def branch_separation(
     input.
     """
     up, down = (first, second) if first.is_rising else (second, first)
-    x1, y1 = average_in_bins(drive[up.rows], answer[up.rows])
-    x2, y2 = average_in_bins(drive[down.rows], answer[down.rows])
+    x1, y1 = average_in_bins(drive[up.rows], output[up.rows])
+    x2, y2 = average_in_bins(drive[down.rows], output[down.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     if high <= low:
         return None

@@ -57,19 +57,19 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
     loopset, is_even_output = recentre(loopset)
-    answer = output_map(loopset.output)
+    output = output_map(loopset.output)
     largest: dict[float | None, Loop] = {}  # key: gap; None if it changes or there is none
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
         largest.setdefault(loop.schedule_value, loop)
     for loop in loopset.loops:
         name = loopset.describe(loop)
         is_largest = loop is largest[loop.schedule_value]
-        if answer.is_even and is_largest:
+        if output.is_even and is_largest:
             _check_force_sign(loopset, loop, name)
             # A biased force starts with a slope.
             if loopset.input.name == "current" and (is_even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
-        if answer.is_flux_based and not answer.is_even and correlation(loop.input, loop.output) < -0.5:
+        if output.is_flux_based and not output.is_even and correlation(loop.input, loop.output) < -0.5:
             what = loopset.output.name.replace("_", " ")
             raise InputError(
                 f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
@@ -197,11 +197,11 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
 
 
 def _check_swap(loop: Loop, name: str) -> list[str]:
-    drive, answer = loop.input, loop.output
-    if not is_bipolar(drive) and is_bipolar(answer):
-        square_correlation = correlation(drive, answer**2)
+    drive, output = loop.input, loop.output
+    if not is_bipolar(drive) and is_bipolar(output):
+        square_correlation = correlation(drive, output**2)
         if (
-            abs(correlation(drive, answer)) < _MAX_SWAPPED_CORRELATION
+            abs(correlation(drive, output)) < _MAX_SWAPPED_CORRELATION
             and square_correlation > _MIN_SQUARE_CORRELATION
         ):
             raise InputError(
@@ -230,8 +230,8 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
     The input is folded to one sign, and the noise is subtracted. ``None`` if the record cannot show
     it.
     """
-    inputs, answer = fold_input(loop, even=True)
-    if is_bipolar(loop.input) and is_bipolar(answer):
+    inputs, output = fold_input(loop, even=True)
+    if is_bipolar(loop.input) and is_bipolar(output):
         return None
     span = float(np.ptp(inputs))
     if float(inputs.min()) > 0.05 * float(inputs.max()):
@@ -241,29 +241,29 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
         is_near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
         if np.count_nonzero(is_near) < 2:
             return None
-        heights.append(float(np.mean(answer[is_near])))
-        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(is_near))
+        heights.append(float(np.mean(output[is_near])))
+        variances.append(estimate_noise(output) ** 2 / np.count_nonzero(is_near))
     next_slope = (heights[2] - heights[1]) / 0.2
     uncertainty = _MIN_SIGMAS * float(np.sqrt(variances[0] + variances[1]))
     first_slope = (heights[1] - heights[0] - uncertainty) / 0.1
-    return None if next_slope <= 0.02 * float(np.ptp(answer)) else first_slope / next_slope
+    return None if next_slope <= 0.02 * float(np.ptp(output)) else first_slope / next_slope
 
 
 def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
     """Warn of a loop in the wrong direction: it would gain energy."""
     if not output_map(loopset.output).is_flux_based or not loop.reverses:
         return []
-    inputs, answer = fold_input(loop, even=even)
-    height = float(np.ptp(answer))
+    inputs, output = fold_input(loop, even=even)
+    height = float(np.ptp(output))
     total = weight = variance = 0.0
     for branch, next_branch in itertools.pairwise(find_branches(inputs)):
-        width = branch_separation(inputs, answer, branch, next_branch)
+        width = branch_separation(inputs, output, branch, next_branch)
         if width is not None:
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
             samples = min(part.size for part in (branch, next_branch))
-            variance += 2.0 * (share * estimate_noise(answer)) ** 2 / samples
+            variance += 2.0 * (share * estimate_noise(output)) ** 2 / samples
     # Noise of the sensor can explain the sign of a narrow loop.
     if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):
         return [

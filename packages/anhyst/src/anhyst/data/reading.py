@@ -232,9 +232,9 @@ def _read_table(
     )
     _ask_about_hidden_gap(used, roles, text_columns)
     used, schedule, schedule_notes = _read_schedule(used, roles)
-    drive, answer = used.si_values(roles.input), used.si_values(roles.output)
+    drive, output = used.si_values(roles.input), used.si_values(roles.output)
     candidates = {index: used.texts(index) for index in label_candidates}
-    label = find_label(source_name, headers, candidates, drive, answer, schedule)
+    label = find_label(source_name, headers, candidates, drive, output, schedule)
     if label is not None:
         unused_columns = tuple(index for index in roles.unused if index != label)
         roles = replace(roles, label=label, unused=unused_columns, is_label_inferred=True)
@@ -250,7 +250,7 @@ def _read_table(
     labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
     time = None if roles.time is None else used.si_values(roles.time)
-    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.locate_row)
+    columns = _Columns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     part = _cut_into_loops(
         columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
@@ -287,12 +287,12 @@ def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
 
 def _can_use_stated_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
     """Whether a gap in comments can be the scheduling variable."""
-    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     return (
         roles.schedule_quantity is None
         and description.schedule in (None, "gap")
-        and answer is not None
-        and answer.name in _GAP_DEPENDENT_OUTPUTS
+        and output is not None
+        and output.name in _GAP_DEPENDENT_OUTPUTS
         and drive != QUANTITIES["field"]
     )
 
@@ -379,10 +379,10 @@ def _cut_into_loops(
     notes: Sequence[str],
 ) -> SourceLoops:
     """Split the columns of one source into loops, by label and scheduling value."""
-    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
-    assert answer is not None
-    answer = measured_quantity(drive, answer)
+    assert output is not None
+    output = measured_quantity(drive, output)
     quantity, remarks = roles.schedule_quantity, [*roles.notes(headers), *notes]
     blocks = _group_rows(columns)
     is_moving = columns.schedule is not None and any(np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks)
@@ -407,7 +407,7 @@ def _cut_into_loops(
         columns.source_name,
         tuple(loops),
         drive,
-        answer,
+        output,
         quantity,
         source,
         tuple(f"{columns.source_name}: {text}" for text in remarks),
@@ -520,8 +520,8 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
             code="time-backwards",
         )
     time = time if columns.has_times else None
-    drive, answer = select(columns.input), select(columns.output)
+    drive, output = select(columns.input), select(columns.output)
     try:
-        return Loop(label, drive, answer, schedule, time, source=columns.source_name)
+        return Loop(label, drive, output, schedule, time, source=columns.source_name)
     except InputError as error:
         raise error.with_location(columns.source_name) from None

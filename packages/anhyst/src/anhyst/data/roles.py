@@ -87,7 +87,7 @@ def find_roles(
     ``texts`` are the columns whose first field is not a number. ``clocks`` returns the columns with
     equal steps; it is only called to make a proposal.
     """
-    drive, answer = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
+    drive, output = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     time = _find_time(source, headers, texts)
     label = _find_label_column(source, headers, description)
     constants = description.constants
@@ -97,7 +97,7 @@ def find_roles(
             f"{source}: the loop label is both a column and a constant; keep one", code="column-and-constant"
         )
     schedule, schedule_constant, quantity = _find_schedule(source, headers, description)
-    used = {drive, answer, time, label, schedule}
+    used = {drive, output, time, label, schedule}
     unused = tuple(
         index
         for index, header in enumerate(headers)
@@ -106,7 +106,7 @@ def find_roles(
     is_schedule_requested = description.schedule is not None
     return Roles(
         drive,
-        answer,
+        output,
         time,
         label,
         constant_label,
@@ -165,10 +165,10 @@ def _find_input_and_output(
 ) -> tuple[int, int]:
     """Return the indices of input and output; ask for all missing roles together."""
     pair = [_find_first(source, headers, names) for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS))]
-    drive, answer = pair
-    if drive is not None and answer is not None:
-        _ask_which_drives(source, headers, drive, answer)
-        return drive, answer
+    drive, output = pair
+    if drive is not None and output is not None:
+        _ask_which_drives(source, headers, drive, output)
+        return drive, output
     has_field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
     missing_quantities = [
@@ -191,9 +191,9 @@ def _find_input_and_output(
     )
 
 
-def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer: int) -> None:
+def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_values: int) -> None:
     """Ask whether a voltage or a current drives a displacement or strain (piezo or coil)."""
-    output, chosen = headers[answer].quantity, headers[drive]
+    output, chosen = headers[output_values].quantity, headers[drive]
     volts = [header for header in headers
              if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
     is_moved = output is not None and output.name in _MOTION_OUTPUTS
@@ -204,7 +204,7 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer
     mapped = current_mapping(headers)
     choices = [format_option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)]
     raise InputError(
-        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[answer].text}'; leave "
+        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[output_values].text}'; leave "
         f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
         code="column-twice",
         key="current",
@@ -366,7 +366,7 @@ def find_label(
     headers: Sequence[Header],
     candidates: Mapping[int, Texts],
     drive: FloatArray,
-    answer: FloatArray,
+    output: FloatArray,
     schedule: FloatArray | None,
 ) -> int | None:
     """Return the index of the column that is constant during each loop and changes between loops.
@@ -377,7 +377,7 @@ def find_label(
     rows_of_label: dict[int, list[Rows]] = {}
     for index, column in candidates.items():
         loops = _label_runs(column, schedule)
-        if loops is not None and _are_loops(loops, drive, answer):
+        if loops is not None and _are_loops(loops, drive, output):
             rows_of_label[index] = loops
     for header in (headers[index] for index in rows_of_label if schedule is None):
         # As a label, a gap or a temperature would have no effect.
@@ -425,8 +425,8 @@ def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None
     return runs if len(keys) == len(runs) else None
 
 
-def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool:
-    spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
+def _are_loops(loops: list[Rows], drive: FloatArray, output: FloatArray) -> bool:
+    spans = np.array([[np.ptp(drive[rows]), np.ptp(output[rows])] for rows in loops])
     if (spans[:, 0] == 0.0).any() or not (
         np.ptp(spans, axis=0) > _MAX_RANGE_DIFFERENCE * spans.max(axis=0)
     ).any():

@@ -131,9 +131,9 @@ def _has_turn_back(loop: Loop) -> bool:
         drive, output = loop.input[part.rows], loop.output[part.rows]
         if drive.size < _MIN_SAMPLES or np.ptp(drive) < MIN_TURN_BACK_SPAN * np.ptp(loop.input):
             continue
-        _, answer = average_in_bins(drive, output, _BIN_COUNT)
-        falls = float(np.max(np.maximum.accumulate(answer) - answer))
-        rises = float(np.max(answer - np.minimum.accumulate(answer)))
+        _, output_values = average_in_bins(drive, output, _BIN_COUNT)
+        falls = float(np.max(np.maximum.accumulate(output_values) - output_values))
+        rises = float(np.max(output_values - np.minimum.accumulate(output_values)))
         if min(falls, rises) > MIN_TURN_BACK_SHARE * float(np.ptp(loop.output)):
             return True
     return False

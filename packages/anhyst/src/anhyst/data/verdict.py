@@ -105,28 +105,28 @@ def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
 
     The distance in input is at equal output and vice versa. Noise is averaged.
     """
-    size, answer = fold_input(loop, even=even)
-    span, height = float(np.ptp(size)), float(np.ptp(answer))
+    size, output = fold_input(loop, even=even)
+    span, height = float(np.ptp(size)), float(np.ptp(output))
     parts = find_branches(size)
     if len(parts) > _MAX_BRANCHES_WITH_FIRST:
         parts = parts[1:]  # the first branch can be an initial curve
     widest = highest = 0.0
     for before, after in itertools.pairwise(parts):
-        width = branch_separation(size, answer, before, after)
+        width = branch_separation(size, output, before, after)
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
         highest = max(highest, float(np.max(np.abs(width[1]))))
-        widest = max(widest, _input_separation(size, answer, before.rows, after.rows, height))
+        widest = max(widest, _input_separation(size, output, before.rows, after.rows, height))
     return widest, highest
 
 
 def _input_separation(
-    size: FloatArray, answer: FloatArray, first: slice, second: slice, height: float
+    size: FloatArray, output: FloatArray, first: slice, second: slice, height: float
 ) -> float:
     """Return the largest input distance of two branches at equal output, without outer tenths."""
     curves = []
     for rows in (first, second):
-        x, y = average_in_bins(size[rows], answer[rows], bins=200)
+        x, y = average_in_bins(size[rows], output[rows], bins=200)
         if y[-1] < y[0]:
             y = -y
         curves.append((x, np.maximum.accumulate(y)))
@@ -204,9 +204,9 @@ def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int
 
 
 def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
-    drive, answer = loopset.input, loopset.output
-    reference = name_full_scale(answer, largest_output(loopset))
-    unit, scale = choose_display_unit(answer, largest_output(loopset))
+    drive, output = loopset.input, loopset.output
+    reference = name_full_scale(output, largest_output(loopset))
+    unit, scale = choose_display_unit(output, largest_output(loopset))
     conclusion = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",
@@ -240,12 +240,12 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
 
 def _curve_residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
     size = np.concatenate([input_values for _, input_values, _ in curves])
-    answer = np.concatenate([output_values for _, _, output_values in curves])
+    output = np.concatenate([output_values for _, _, output_values in curves])
     order = np.argsort(size, kind="stable")
     starts = np.linspace(0, size.size, min(size.size, _MAX_BINS) + 1).astype(np.intp)[:-1]
     counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
     x = np.add.reduceat(size[order], starts) / counts
-    y = np.add.reduceat(answer[order], starts) / counts
+    y = np.add.reduceat(output[order], starts) / counts
     x, first = np.unique(x, return_index=True)
     y = np.add.reduceat(y * counts, first)
     counts = np.add.reduceat(counts, first)

@@ -99,7 +99,7 @@ def _to_coordinate(name: str, value: float, spans: Mapping[str, float]) -> float
 
 
 def make_variables(
-    records: FitRecords, drive: Quantity, answer: Quantity, fixed: frozenset[str]
+    records: FitRecords, drive: Quantity, output_quantity: Quantity, fixed: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Return the search variables with their bounds, and the parameters with known values."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
@@ -108,10 +108,10 @@ def make_variables(
     if drive.name == "field":
         fixed_values["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
-    if output_map(answer).is_flux_density:
+    if output_map(output_quantity).is_flux_density:
         fixed_values["c_out"] = 1.0
         saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
-    power = output_map(answer).power
+    power = output_map(output_quantity).power
     bounds = {
         "M_s": saturation,
         "a": shape,

@@ -157,21 +157,21 @@ def run_file(
     table = read_columns(source, columns, progress, scale, flip)
     past = history_text(model.history if history is None else history)
     answers, valid, runs, warnings = _compute_runs(model, direction, table, past)
-    answer = model.output if direction == "predict" else model.input
-    name, computed = _add_computed_columns(table, answer, answers, valid)
+    computed_quantity = model.output if direction == "predict" else model.input
+    name, computed = _add_computed_columns(table, computed_quantity, answers, valid)
     if out is not None:
         write_csv(out, computed)
     return RunSummary(
         out=None if out is None else str(out),
         column=name,
-        unit=answer.unit,
+        unit=computed_quantity.unit,
         rows=len(table),
         runs=len(runs),
         history=past,
         low=float(answers.min()),
         high=float(answers.max()),
         outside=int((~valid).sum()),
-        deviation=_deviation(table, answer, answers, runs),
+        deviation=_deviation(table, computed_quantity, answers, runs),
         warnings=tuple(map(word_for_reader, warnings)),
         columns=computed,
     )
@@ -291,7 +291,7 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _add_computed_columns(
-    table: DataTable, quantity: Quantity, answer: FloatArray, valid: NDArray[np.bool_]
+    table: DataTable, quantity: Quantity, computed_quantity: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and all columns with the computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
@@ -304,7 +304,7 @@ def _add_computed_columns(
         duplicate = name if name in columns else flag
         text = f"{table.path}: already has a column '{duplicate}'; rename it in the file"
         raise InputError(text, code="exists-already", key=duplicate)
-    return name, columns | {name: answer, flag: valid}
+    return name, columns | {name: computed_quantity, flag: valid}
 
 
 def _deviation(

@@ -195,21 +195,21 @@ class Prediction(Result):
 
     def facts(self) -> dict[str, str]:
         """Return ranges, assumed history, and the number of samples outside the valid range."""
-        drive, answer = self.quantities
+        drive, output_quantity = self.quantities
         return {
             "samples": str(self.drive.size),
             drive.name: range_text(self.drive.min(), self.drive.max(), drive.unit),
-            answer.name: range_text(self.output.min(), self.output.max(), answer.unit),
+            output_quantity.name: range_text(self.output.min(), self.output.max(), output_quantity.unit),
             "history": str(self.history),
             "outside the valid range": count_text(int((~self.valid).sum()), "sample"),
         }
 
     def to_columns(self) -> dict[str, Any]:
         """Return the samples, SI."""
-        drive, answer = self.quantities
+        drive, output_quantity = self.quantities
         return {
             drive.column: self.drive,
-            answer.column: self.output,
+            output_quantity.column: self.output,
             "iron_B_T": self.flux_density,
             "iron_H_A_per_m": self.field,
             "valid": self.valid,
@@ -218,8 +218,8 @@ class Prediction(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw output over drive."""
-        drive, answer = self.quantities
-        scale, label = length_scale(answer)
+        drive, output_quantity = self.quantities
+        scale, label = length_scale(output_quantity)
         plotted = thinning_slice(self.drive.size)
         ax.plot(self.drive[plotted], scale * self.output[plotted], lw=1.1)
         ax.set_xlabel(drive.label)

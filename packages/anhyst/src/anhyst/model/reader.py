@@ -50,19 +50,21 @@ class _Reader:
                 text = f"is missing; a file of this anhyst says version = {schema.VERSION}"
             self.file.add_problem(("version",), text, code="wrong-version")
         self._stop_if_wrong()
-        drive, answer, schedule = (self._quantity(content, key) for key in ("input", "output", "schedule"))
+        drive, output_quantity, schedule = (
+            self._quantity(content, key) for key in ("input", "output", "schedule")
+        )
         self._stop_if_wrong()
         assert drive is not None
-        assert answer is not None
+        assert output_quantity is not None
         name = content.get("law")
         law = LAWS.get(name) if isinstance(name, str) else None
-        self.names = schema.section_names(None, drive, answer, schedule)
+        self.names = schema.section_names(None, drive, output_quantity, schedule)
         cells = self._cells(content)
         if law is not None and cells is not None:
             with self._collecting("cells"):
                 law = get_law(law.name, cells)
             self._stop_if_wrong()
-        self.names = schema.section_names(law, drive, answer, schedule)
+        self.names = schema.section_names(law, drive, output_quantity, schedule)
         self._strip_units(content, ())
         try:
             table = schema.model_table(law).model_validate(content)
@@ -72,7 +74,7 @@ class _Reader:
         self._check_ranges(content, law)
         self._stop_if_wrong()
         assert table is not None
-        return self._build(kind, table, drive, answer, schedule, cells)
+        return self._build(kind, table, drive, output_quantity, schedule, cells)
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
         """Read the table of cells first, because it determines the remaining parameters."""

@@ -340,11 +340,13 @@ def column(name: str, unit: str) -> str:
     return Quantity("", name, unit).column
 
 
-def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names:
+def parameter_names(law: Law | None, drive: Quantity, output_quantity: Quantity) -> Names:
     """Return the keys of ``[parameters]`` for a law (if known), an input and an output."""
-    power = output_map(answer).power
+    power = output_map(output_quantity).power
     c_h_key = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
-    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
+    ratio = (
+        column(f"c_{output_quantity.symbol}", output_quantity.unit) + f"_per_T{power if power > 1 else ''}"
+    )
     return {
         **{
             spec.name: (spec.name, column(spec.name, spec.unit) if spec.unit != "1" else spec.name)
@@ -353,18 +355,21 @@ def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names
         "rho": ("rho", "rho"),
         "c_H": ("c_H", c_h_key),
         "gamma": ("gamma", "gamma_A_s_per_m_T"),
-        "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
+        "c_out": (f"c_{output_quantity.symbol}", "c_B" if output_quantity.unit == "T" else ratio),
         "in_0": (f"{drive.symbol}_0", column(f"{drive.symbol}_0", drive.unit)),
-        "out_0": (f"{answer.symbol}_0", column(f"{answer.symbol}_0", answer.unit)),
+        "out_0": (f"{output_quantity.symbol}_0", column(f"{output_quantity.symbol}_0", output_quantity.unit)),
     }
 
 
 def section_names(
-    law: Law | None, drive: Quantity, answer: Quantity, schedule: Quantity | None
+    law: Law | None, drive: Quantity, output_quantity: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys with units of each table (``[[fit.loop]]`` as ``fit, loop``)."""
-    deviations = {name: (name, column(name, answer.unit)) for name in output_fields(FitFigures)}
-    ranges = {"input": (drive.symbol, drive.column), "output": (answer.symbol, answer.column)}
+    deviations = {name: (name, column(name, output_quantity.unit)) for name in output_fields(FitFigures)}
+    ranges = {
+        "input": (drive.symbol, drive.column),
+        "output": (output_quantity.symbol, output_quantity.column),
+    }
     nodes: Names = {}
     if schedule is not None:
         ranges["schedule"] = (schedule.symbol, schedule.column)
@@ -372,7 +377,7 @@ def section_names(
     schedule_name = {"schedule": ranges["schedule"]} if schedule is not None else {}
     return {
         ("schedule",): nodes,
-        ("parameters",): parameter_names(law, drive, answer),
+        ("parameters",): parameter_names(law, drive, output_quantity),
         ("cells",): {
             name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights", "centres")
         },

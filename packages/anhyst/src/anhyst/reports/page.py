@@ -63,11 +63,11 @@ def make_headline(subject: ModelSubject) -> Headline:
     basis, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
-        plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
-        place = f" at {len(schedule_values)} {plural}" if len(schedule_values) > 1 else ""
+        schedule_plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
+        schedule_text = f" at {len(schedule_values)} {schedule_plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
         samples = sum(loop.samples for loop in loops)
-        basis = f"Identified from {count}{place}, {samples} samples."
+        basis = f"Identified from {count}{schedule_text}, {samples} samples."
     return Headline(
         title=model.name,
         description=description,
@@ -157,7 +157,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
         row(Cell("Noise alone (no model can be better)"), noise, _RMS_PER_MEAN_ABS * noise, None),
     ]
-    largest = subject.output_scale.format_with_unit(fit.largest_output, 4)
+    largest_output_text = subject.output_scale.format_with_unit(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
     curve = (
         f"one monotone curve for each {subject.schedule_name}"
@@ -165,7 +165,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         else "one monotone curve"
     )
     caption = (
-        f"Percentages of {subject.full_scale_text}, {largest}. The best single-valued curve "
+        f"Percentages of {subject.full_scale_text}, {largest_output_text}. The best single-valued curve "
         f"({curve}, fitted to the same loops) is the best that a look-up table without memory can reach."
     )
     return make_table("Deviation from the measurement", head, cells, caption)

@@ -46,8 +46,8 @@ def section_loops(subject: ModelSubject) -> Section | None:
         return None
     panels, deviation_text = _panels_text(subject, evidence), ""
     if subject.fit is not None:
-        worst = subject.deviation_scale.format_with_unit(subject.fit.worst)
-        deviation_text = f"The lines lie within {worst} of the points."
+        worst_text = subject.deviation_scale.format_with_unit(subject.fit.worst)
+        deviation_text = f"The lines lie within {worst_text} of the points."
     blocks: list[Block] = [
         subject.picture(
             figures.figure_loops(evidence.loops, evidence.fitted),
@@ -63,12 +63,12 @@ def section_loops(subject: ModelSubject) -> Section | None:
             "remains. A curve without hysteresis would be the zero line.",
         ),
     ]
-    small = figures.figure_small_loops(evidence.loops, evidence.fitted)
-    if small is not None:
+    small_loops_figure = figures.figure_small_loops(evidence.loops, evidence.fitted)
+    if small_loops_figure is not None:
         count = len(figures.find_small_loops(evidence.loops))
         blocks.append(
             subject.picture(
-                small,
+                small_loops_figure,
                 f"The {count} smallest loops, each in a panel of its own scale: measured samples "
                 "as grey points, the model as blue lines.",
                 "Small loops, which are not visible in the panels above, each in its own scale.",
@@ -166,14 +166,19 @@ def rate_corner(model: Model) -> float | None:
     for rate in rates.tolist():
         time = np.arange(_CYCLE_SAMPLES) / (_CYCLE_SAMPLES * rate)
         output = model.predict(drive, node, time, "settled").output
-        falling = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
-        heights.append(float(np.max(falling - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output)))
+        descending_output = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
+        heights.append(
+            float(np.max(descending_output - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output))
+        )
     increase = np.array(heights) - heights[0]
-    visible = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
-    if not visible.size:
+    visible_indices = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
+    if not visible_indices.size:
         return None
-    first = int(visible[0])
-    increases, logs = increase[first - 1 : first + 1], np.log(rates[first - 1 : first + 1])
+    first_visible = int(visible_indices[0])
+    increases, logs = (
+        increase[first_visible - 1 : first_visible + 1],
+        np.log(rates[first_visible - 1 : first_visible + 1]),
+    )
     return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, increases, logs)))
 
 
@@ -217,14 +222,14 @@ def section_residuals(subject: ModelSubject) -> Section | None:
 
 def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
     """Return a sentence about the largest deviation of the model."""
-    worst: tuple[float, int, int] = (-1.0, 0, 0)
+    worst_point: tuple[float, int, int] = (-1.0, 0, 0)
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
     for index, (loop, output) in enumerate(pairs):
         if output is None:
             continue
         residual = np.abs(output - loop.output)
-        worst = max(worst, (float(residual.max()), index, int(np.argmax(residual))))
-    size, index, sample = worst
+        worst_point = max(worst_point, (float(residual.max()), index, int(np.argmax(residual))))
+    size, index, sample = worst_point
     loop = evidence.loops.loops[index]
     branch = "rising" if figures.rising_samples(loop)[sample] else "falling"
     schedule_value = loop.schedule_value
@@ -245,19 +250,21 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
         return []
     rows = []
     for group in groups:
-        residuals, rising = [], []
+        residuals, rising_masks = [], []
         for index in group.indices:
             loop, output = evidence.loops.loops[index], evidence.fitted[index]
             if output is not None:
                 residuals.append(output - loop.output)
-                rising.append(figures.rising_samples(loop))
+                rising_masks.append(figures.rising_samples(loop))
         if not residuals:
             continue
-        pooled, is_rising = np.concatenate(residuals), np.concatenate(rising)
-        mean = float(np.mean(np.abs(pooled)))
-        row = [group.title, str(pooled.size), scale.format(mean), subject.percent_of_largest(mean)]
-        row += map(scale.format, (rms(pooled), float(np.max(np.abs(pooled)))))
-        row += [scale.format(_mean_or_none(pooled[branch]), 2) for branch in (is_rising, ~is_rising)]
+        pooled_residuals, is_rising = np.concatenate(residuals), np.concatenate(rising_masks)
+        mean = float(np.mean(np.abs(pooled_residuals)))
+        row = [group.title, str(pooled_residuals.size), scale.format(mean), subject.percent_of_largest(mean)]
+        row += map(scale.format, (rms(pooled_residuals), float(np.max(np.abs(pooled_residuals)))))
+        row += [
+            scale.format(_mean_or_none(pooled_residuals[branch]), 2) for branch in (is_rising, ~is_rising)
+        ]
         rows.append(row)
     head = [subject.schedule_name, "samples", scale.heading("mean"), "of largest", scale.heading("rms"),
             scale.heading("worst"), scale.heading("bias rising"), scale.heading("bias falling")]  # fmt: skip
@@ -276,22 +283,32 @@ def _mean_or_none(values: FloatArray) -> float | None:
 def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     scale = subject.deviation_scale
     size = quantity_scale(subject.model.output, [loop.largest_output for loop in loops])
-    worst, largest_mean = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
+    worst_deviation, largest_mean = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
     columns: list[Column] = [
         (size.heading("largest"), lambda fit: size.format(fit.largest_output)),
         (
             scale.heading("mean"),
-            lambda one: Cell(
-                scale.format(one.mean_abs), bar=one.mean_abs / largest_mean if largest_mean else None
+            lambda figures_of_loop: Cell(
+                scale.format(figures_of_loop.mean_abs),
+                bar=figures_of_loop.mean_abs / largest_mean if largest_mean else None,
             ),
         ),
-        ("of largest", lambda one: subject.percent_of_largest(one.mean_abs)),
+        ("of largest", lambda figures_of_loop: subject.percent_of_largest(figures_of_loop.mean_abs)),
         (
             "of own",
-            lambda one: format_percent(one.mean_abs / one.largest_output if one.largest_output else None),
+            lambda figures_of_loop: format_percent(
+                figures_of_loop.mean_abs / figures_of_loop.largest_output
+                if figures_of_loop.largest_output
+                else None
+            ),
         ),
-        (scale.heading("rms"), lambda one: scale.format(one.rms)),
-        (scale.heading("worst"), lambda one: Cell(scale.format(one.worst), strong=one.worst == worst)),
+        (scale.heading("rms"), lambda figures_of_loop: scale.format(figures_of_loop.rms)),
+        (
+            scale.heading("worst"),
+            lambda figures_of_loop: Cell(
+                scale.format(figures_of_loop.worst), strong=figures_of_loop.worst == worst_deviation
+            ),
+        ),
     ]
     caption = (
         f"“Of largest”: mean relative to {subject.full_scale_text} of all loops; “of own”: relative to "
@@ -299,8 +316,15 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     )
     if subject.evidence:
         curves = zip(loops, subject.evidence.baseline, strict=False)
-        single = {id(one): float(np.mean(np.abs(curve))) for one, curve in curves}
-        columns.append((scale.heading("single-valued"), lambda one: scale.format(single[id(one)])))
+        single_valued_means = {
+            id(figures_of_loop): float(np.mean(np.abs(curve))) for figures_of_loop, curve in curves
+        }
+        columns.append(
+            (
+                scale.heading("single-valued"),
+                lambda figures_of_loop: scale.format(single_valued_means[id(figures_of_loop)]),
+            )
+        )
         caption += " “Single-valued”: mean deviation of the best single-valued curve."
     return _table_by_loop(subject, loops, columns, "Errors by loop", caption)
 
@@ -348,20 +372,29 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
         inspection.output, [v for o in loops for v in (o.output_low, o.output_high)]
     )
     columns: list[Column] = [
-        ("samples", lambda one: str(one.samples)),
-        ("cycles", lambda one: format_number(one.cycles, 2, short=True)),
+        ("samples", lambda figures_of_loop: str(figures_of_loop.samples)),
+        ("cycles", lambda figures_of_loop: format_number(figures_of_loop.cycles, 2, short=True)),
         (
             input_scale.heading(subject.input_name),
-            lambda one: _format_range(input_scale, one.input_low, one.input_high),
+            lambda figures_of_loop: _format_range(
+                input_scale, figures_of_loop.input_low, figures_of_loop.input_high
+            ),
         ),
         (
             output_scale.heading(subject.output_name),
-            lambda one: _format_range(output_scale, one.output_low, one.output_high),
+            lambda figures_of_loop: _format_range(
+                output_scale, figures_of_loop.output_low, figures_of_loop.output_high
+            ),
         ),
     ]
     if any(loop.step is not None for loop in loops):
-        columns.append(("step [ms]", lambda one: format_number(1e3 * (one.step or 0.0), short=True)))
-    columns.append(("history", lambda one: str(one.history)))
+        columns.append(
+            (
+                "step [ms]",
+                lambda figures_of_loop: format_number(1e3 * (figures_of_loop.step or 0.0), short=True),
+            )
+        )
+    columns.append(("history", lambda figures_of_loop: str(figures_of_loop.history)))
     return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
 
 
@@ -370,20 +403,40 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     input_scale = quantity_scale(inspection.input, [loop.width for loop in loops])
     output_scale = quantity_scale(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
-        (input_scale.heading("width"), lambda one: input_scale.format(one.width)),
-        (output_scale.heading("height"), lambda one: output_scale.format(one.height)),
-        (output_scale.heading("noise σ"), lambda one: output_scale.format(one.noise, 2)),
+        (input_scale.heading("width"), lambda figures_of_loop: input_scale.format(figures_of_loop.width)),
+        (output_scale.heading("height"), lambda figures_of_loop: output_scale.format(figures_of_loop.height)),
+        (
+            output_scale.heading("noise σ"),
+            lambda figures_of_loop: output_scale.format(figures_of_loop.noise, 2),
+        ),
     ]
     optional_columns: list[Column] = [
-        (output_scale.heading("drift"), lambda one: output_scale.format(one.drift, 2)),
-        (output_scale.heading("closure"), lambda one: output_scale.format(one.closure, 2)),
-        (input_scale.heading("offset in"), lambda one: input_scale.format(one.input_offset, 2)),
-        (output_scale.heading("offset out"), lambda one: output_scale.format(one.output_offset, 2)),
-        ("skew", lambda one: format_number(float("nan") if one.skew is None else one.skew, 2)),
-        ("saturation", lambda one: Scale(1.0, "").format(one.saturation, 2)),
+        (
+            output_scale.heading("drift"),
+            lambda figures_of_loop: output_scale.format(figures_of_loop.drift, 2),
+        ),
+        (
+            output_scale.heading("closure"),
+            lambda figures_of_loop: output_scale.format(figures_of_loop.closure, 2),
+        ),
+        (
+            input_scale.heading("offset in"),
+            lambda figures_of_loop: input_scale.format(figures_of_loop.input_offset, 2),
+        ),
+        (
+            output_scale.heading("offset out"),
+            lambda figures_of_loop: output_scale.format(figures_of_loop.output_offset, 2),
+        ),
+        (
+            "skew",
+            lambda figures_of_loop: format_number(
+                float("nan") if figures_of_loop.skew is None else figures_of_loop.skew, 2
+            ),
+        ),
+        ("saturation", lambda figures_of_loop: Scale(1.0, "").format(figures_of_loop.saturation, 2)),
     ]
-    unknown = format_number(float("nan"))
-    columns += [c for c in optional_columns if any(c[1](loop) != unknown for loop in loops)]
+    unknown_text = format_number(float("nan"))
+    columns += [c for c in optional_columns if any(c[1](loop) != unknown_text for loop in loops)]
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "

@@ -108,8 +108,8 @@ def compile(  # noqa: A001
     rig = MODEL_FILE if isinstance(model, Model) else file_kind(model)
     if not isinstance(model, Model) and rig is not MODEL_FILE and "compile" in rig.verbs:
         model_options = {"--accuracy": accuracy, "--controller": controller, "--package": package}
-        for option, given in model_options.items():
-            if given is not None:
+        for option, given_value in model_options.items():
+            if given_value is not None:
                 text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
                 raise wrong_key(option, text, code="option-not-for-this")
         request = StageRequest(kind, io or "f32", rate, name)
@@ -142,9 +142,9 @@ def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
 
     manifest = compiled.manifest
-    largest = manifest["accuracy"]["largest_output"]
+    largest_force = manifest["accuracy"]["largest_output"]
     rows = TerminalTable(
-        f"force of the model minus demand, in % of {largest:.4g} N",
+        f"force of the model minus demand, in % of {largest_force:.4g} N",
         ("", "whole loop, rms", "worst", "10 % cycles, rms", "worst"),
     )
     for title, key in (("map with one play", "play"), ("single-valued curve", "single-valued")):

@@ -65,10 +65,10 @@ def inspect(
 
     if plot is not None:
         check_picture(plot)
-    read, _ = load_loops(loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress)
-    inspection = work(read)
+    loaded_loops, _ = load_loops(loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress)
+    inspection = work(loaded_loops)
     if plot is not None:
-        write_figure(plot_inspection(inspection, read), plot)
+        write_figure(plot_inspection(inspection, loaded_loops), plot)
     return inspection
 
 
@@ -114,18 +114,18 @@ def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[Outpu
     from anhyst.support.units import choose_display_unit, schedule_scale
     from anhyst.support.wording import count_text
 
-    drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
+    drive, output_quantity, schedule = inspection.input, inspection.output, inspection.schedule
     schedule_heading, scale = schedule_scale(schedule)
     headers = ["loop", *([schedule_heading] if schedule else []), "rows"]
     largest_output = max(
         max(abs(loop_figures.output_low), abs(loop_figures.output_high)) for loop_figures in inspection.loops
     )
-    unit, output_factor = choose_display_unit(answer, largest_output)
-    headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
+    unit, output_factor = choose_display_unit(output_quantity, largest_output)
+    headers += [f"{drive.symbol} {drive.unit}", f"{output_quantity.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
     headers += ["history", "cycles", f"drift {unit}", f"closure {unit}", "delay", "saturation"]
     loops = count_text(len(inspection.loops), "loop")
-    loop_table = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
+    loop_table = TerminalTable(f"{loops}, {drive.name} to {output_quantity.name}", headers)
     for loop in inspection.loops:
         loop_table.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
     # The histories come last, because the table shows them, too.

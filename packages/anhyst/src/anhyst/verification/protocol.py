@@ -188,14 +188,14 @@ class Reply:
         _, status, *numbers = (int(word) for word in words[_REQUEST_WORDS:_SECTIONS_AT])
         table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTION_COUNT, _SECTION_WORDS)
         sections = tuple(
-            CycleSection(count, least, most, most_at, low + (high << 32))
-            for count, least, most, most_at, low, high in table.tolist()
+            CycleSection(count, least_cost, most_cost, most_at, low + (high << 32))
+            for count, least_cost, most_cost, most_at, low, high in table.tolist()
         )
         window = words[_WINDOW_AT:].reshape(WINDOW_RECORDS, -1)
         status = status - (1 << 32) if status >> 31 else status
-        state, control, block, stack, step, folded = numbers
+        state, control, block, stack, step, hash_value = numbers
         hashes = words[_CHECKPOINTS_AT:_WINDOW_AT]
-        return cls(status, state, control, block, stack, step, folded, sections, hashes, window)
+        return cls(status, state, control, block, stack, step, hash_value, sections, hashes, window)
 
 
 def target_failed_error(target: str, reason: str) -> NegativeResult:

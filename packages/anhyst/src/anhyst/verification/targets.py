@@ -144,7 +144,7 @@ def build_reference(build_folder: BuildFolder) -> Variant:
 def find_host_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Find the builds for this machine: each compiler with each optimisation, and sanitizers."""
     builds: list[PendingBuild] = []
-    missing = list(missing_programs("host", HOST_COMPILERS))
+    missing_tools = list(missing_programs("host", HOST_COMPILERS))
     for name, command in host_compilers().items():
         settings: list[tuple[str, ...]] = [(level,) for level in OPTIMISATIONS]
         if name in SANITIZER_PACKAGES:
@@ -152,9 +152,9 @@ def find_host_builds(build_folder: BuildFolder) -> TargetBuilds:
                 settings.append(SANITIZE_FLAGS)
             else:
                 tool = f"sanitizers of {name}"
-                missing.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
+                missing_tools.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
         builds += [partial(_build_host, build_folder, name, command, flags) for flags in settings]
-    return TargetBuilds(tuple(builds), tuple(missing))
+    return TargetBuilds(tuple(builds), tuple(missing_tools))
 
 
 def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
@@ -184,8 +184,8 @@ def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
     floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
     only with it, and only with the port header if there is one.
     """
-    if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
-        return TargetBuilds(missing=missing)
+    if missing_tools := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
+        return TargetBuilds(missing=missing_tools)
     counter = build_counter(HARNESS_FOLDER, build_folder.folder, name)
     is_float = build_folder.bundle.io == "f32"
     has_port = CORTEX_PROCESSORS[name].has_port and build_folder.bundle.has_port
@@ -216,15 +216,15 @@ def _build_cortex_m(
 
 def find_avr_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the build for an ATmega, run by simavr."""
-    missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
-    missing += missing_modules("avr", ["elftools"])
+    missing_tools = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
+    missing_tools += missing_modules("avr", ["elftools"])
     compilers = list(host_compilers().values())
     if not compilers:
-        missing += missing_programs("avr", HOST_COMPILERS)
+        missing_tools += missing_programs("avr", HOST_COMPILERS)
     if not (SIMAVR_HEADERS / "sim_avr.h").exists():
-        missing.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
-    if missing:
-        return TargetBuilds(missing=tuple(missing))
+        missing_tools.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
+    if missing_tools:
+        return TargetBuilds(missing=tuple(missing_tools))
     return TargetBuilds((partial(_build_avr, build_folder, compilers[0]),))
 
 
@@ -239,20 +239,20 @@ def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
     flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
     source = Build((HARNESS_FOLDER / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
     compile_c(host_compiler, source, runner, "avr")
-    places = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
-    numbers = (*places, protocol.REQUEST_BYTES, protocol.WINDOW_OFFSET, protocol.BOX_BYTES)
+    box_addresses = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
+    numbers = (*box_addresses, protocol.REQUEST_BYTES, protocol.WINDOW_OFFSET, protocol.BOX_BYTES)
     program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
 def find_msp430_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
-    missing = (
+    missing_tools = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),
     )
-    if missing:
-        return TargetBuilds(missing=missing)
+    if missing_tools:
+        return TargetBuilds(missing=missing_tools)
     return TargetBuilds((partial(_build_msp430, build_folder),))
 
 
@@ -291,8 +291,8 @@ class WholeTarget(Protocol):
 
 def _find_target_fault(target: object, _: str) -> str:
     """Return the reason why a target of another package cannot be used; empty if it can."""
-    work = (getattr(target, name, None) for name in ("missing_tools", "verify"))
-    return "" if all(map(callable, work)) else "and it is not a target"
+    target_functions = (getattr(target, name, None) for name in ("missing_tools", "verify"))
+    return "" if all(map(callable, target_functions)) else "and it is not a target"
 
 
 WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _find_target_fault, reserved=TARGETS)

@@ -77,14 +77,14 @@ def verify(
             vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
             vectors = read_stage_vectors(folder / VECTORS_FILE, build_folder.stage_record, bundle.io == "f32")
-        builds_by_target, missing = _collect_target_builds(build_folder, names)
-        runnable = {name for name, target_builds in builds_by_target.items() if target_builds.builds}
+        builds_by_target, missing_tools = _collect_target_builds(build_folder, names)
+        runnable_targets = {name for name, target_builds in builds_by_target.items() if target_builds.builds}
         whole_targets = [
             name for name in names if name in targets.WHOLE_TARGETS and not _missing_for_whole_target(name)
         ]
-        runnable.update(whole_targets)
-        if not runnable:
-            texts = "; ".join(tool.text() for tool in missing)
+        runnable_targets.update(whole_targets)
+        if not runnable_targets:
+            texts = "; ".join(tool.text() for tool in missing_tools)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_VerificationJob(build_folder, vectors, *numbers), builds_by_target)]
         if bundle.manifest.get("controller") is not None:
@@ -109,11 +109,11 @@ def verify(
             target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
             report_build()
-        estimated_jobs = jobs if elf.ESTIMATE_TARGET in runnable else []
+        estimated_jobs = jobs if elf.ESTIMATE_TARGET in runnable_targets else []
         estimates = tuple(estimate for job, _ in estimated_jobs for estimate in _estimate_dsc(job))
     header = (str(folder), bundle.kind, bundle.io, bundle.rate, seed)
-    not_run = tuple(name for name in names if name not in runnable)
-    return Verification(*header, tuple(results), estimates, not_run, missing)
+    not_run = tuple(name for name in names if name not in runnable_targets)
+    return Verification(*header, tuple(results), estimates, not_run, missing_tools)
 
 
 def _collect_target_builds(
@@ -123,8 +123,11 @@ def _collect_target_builds(
     builds_by_target = {
         name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS
     }
-    missing = [tool for target_builds in builds_by_target.values() for tool in target_builds.missing]
-    return builds_by_target, (*missing, *(tool for name in names for tool in _missing_for_whole_target(name)))
+    missing_tools = [tool for target_builds in builds_by_target.values() for tool in target_builds.missing]
+    return builds_by_target, (
+        *missing_tools,
+        *(tool for name in names for tool in _missing_for_whole_target(name)),
+    )
 
 
 def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
@@ -210,11 +213,11 @@ class _VerificationJob:
 
     def _list_costs(self, outcome: Answers) -> tuple[Cost, ...]:
         """Return the costs of the random steps; for a stage also those of its golden vectors."""
-        counted = net_costs(outcome.random, self.vectors.layout)
+        net_sections = net_costs(outcome.random, self.vectors.layout)
         if self.build_folder.stage_record is not None:
             flown = net_costs(outcome.golden, self.vectors.layout)[-1]
-            counted = (*counted, replace(flown, part="tick, in flight"))
-        return counted
+            net_sections = (*net_sections, replace(flown, part="tick, in flight"))
+        return net_sections
 
 
 def _static_stack(variant: Variant, build_folder: BuildFolder) -> int | None:
@@ -230,12 +233,12 @@ def _static_stack(variant: Variant, build_folder: BuildFolder) -> int | None:
 
 def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
     """Subtract the cost of the clock itself from the counted costs."""
-    found = []
+    net_sections = []
     for name, section in zip(layout.sections[1:], reply.sections[1:], strict=True):
         if section.count:
             clock_cost = layout.clock_calls.get(name, 1) * reply.sections[0].minimum
             mean = section.total / section.count - clock_cost
-            found.append(
+            net_sections.append(
                 Cost(
                     name,
                     section.minimum - clock_cost,
@@ -244,7 +247,7 @@ def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
                     section.maximum_step,
                 )
             )
-    return tuple(found)
+    return tuple(net_sections)
 
 
 def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
@@ -252,12 +255,13 @@ def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
     try:
         program = targets.find_cortex_m_builds(elf.ESTIMATE_TARGET, job.build_folder).builds[0]().program
         assert isinstance(program, CortexProgram)
-        priced = [
+        priced_sections = [
             (name, replace(program, costs=partial(elf.instruction_prices, elf.PRICES[name])))
             for name in elf.PRICES
         ]
         replies = [
-            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
+            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random)
+            for name, each in priced_sections
         ]
     except NegativeResult:
         return ()  # the failure is reported with the target, if it was requested
