@@ -42,11 +42,11 @@ def describe_coil_lag(loopset: Loops) -> str:
     loops = sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output)))[:_MAX_LOOPS]
     scale = full_scale(loopset.output, (loop.output for loop in loops))
     for loop in loops:
-        if (found := _estimate_lag(loop, scale)) is not None:
-            lag, share = found
+        if (lag_estimate := _estimate_lag(loop, scale)) is not None:
+            lag, explained_fraction = lag_estimate
             size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
             return (
-                f"{'most' if share > 0.5 else 'a part'} of the loop looks like a lag of about "
+                f"{'most' if explained_fraction > 0.5 else 'a part'} of the loop looks like a lag of about "
                 f"{size} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
                 "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
                 "a tenth of the speed"
@@ -103,5 +103,5 @@ def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
     drive = record.drive - start
     source = (1.0 - mean) * drive
     source[1:] += (mean - decay) * drive[:-1]
-    lagging: FloatArray = start + recursive_sum(source, decay)
-    return lagging
+    lagged_input: FloatArray = start + recursive_sum(source, decay)
+    return lagged_input

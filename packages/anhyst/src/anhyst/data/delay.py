@@ -177,28 +177,28 @@ def _find_tips(drive: FloatArray, output: FloatArray, parts: int) -> list[_Tip]:
         length = min(branch.size, next_branch.size)
         row, width = branch.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
         offset = length // 3
-        turn = float(np.sign(2.0 * output[row] - output[row - offset] - output[row + offset]))
-        if width >= _MIN_WINDOW_SAMPLES and turn != 0.0:
-            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, turn))
+        curvature_sign = float(np.sign(2.0 * output[row] - output[row - offset] - output[row + offset]))
+        if width >= _MIN_WINDOW_SAMPLES and curvature_sign != 0.0:
+            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, curvature_sign))
     return tips
 
 
-def _candidate_delays(drive: FloatArray, output: FloatArray, reach: int) -> NDArray[np.intp]:
+def _candidate_delays(drive: FloatArray, output: FloatArray, max_delay: int) -> NDArray[np.intp]:
     """Return the delays at which the mean output around the reversals is close to its maximum."""
-    reach = max(4, reach)
+    max_delay = max(4, max_delay)
     stack = [
-        tip.output_sign * output[tip.row - reach : tip.row + reach + 1]
+        tip.output_sign * output[tip.row - max_delay : tip.row + max_delay + 1]
         for tip in _find_tips(drive, output, _WINDOW_DIVISORS[0])
-        if tip.row >= reach and tip.row + reach < output.size
+        if tip.row >= max_delay and tip.row + max_delay < output.size
     ]
     if not stack:
         return np.arange(-4, 5)
     mean = np.mean(stack, axis=0)
     peak, is_low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
-    before, after = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
-    first_index = before[-1] if before.size else 0
-    last_index = peak + after[0] if after.size else mean.size - 1
-    return np.arange(first_index - 3, last_index + 4) - reach
+    rows_before_peak, rows_after_peak = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
+    first_index = rows_before_peak[-1] if rows_before_peak.size else 0
+    last_index = peak + rows_after_peak[0] if rows_after_peak.size else mean.size - 1
+    return np.arange(first_index - 3, last_index + 4) - max_delay
 
 
 def _estimate_in_windows(
@@ -235,14 +235,18 @@ def _misfit_by_delay(
     rows = np.arange(tip.row - tip.width, tip.row + tip.width + 1)
     depth = tip.input_sign * (drive[tip.row] - drive[rows])
     is_after = rows > tip.row
-    before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
-    after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
-    smooth, _ = np.linalg.qr(np.stack([before**power for power in range(_POLYNOMIAL_DEGREE + 1)], axis=1))
-    pieces = itertools.pairwise(_RAMP_KNOTS)
-    ramps = np.stack([np.clip(after, low, high) - low for low, high in pieces], axis=1)
-    falls = np.stack([-tip.output_sign * output[rows + delay] for delay in delays], axis=1)
-    ramps, falls = (part - smooth @ (smooth.T @ part) for part in (ramps, falls))
-    return np.array([nnls(ramps, fall)[1] ** 2 for fall in falls.T])
+    depth_before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
+    depth_after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
+    polynomial_basis, _ = np.linalg.qr(
+        np.stack([depth_before**exponent for exponent in range(_POLYNOMIAL_DEGREE + 1)], axis=1)
+    )
+    knot_pairs = itertools.pairwise(_RAMP_KNOTS)
+    ramps = np.stack([np.clip(depth_after, low, high) - low for low, high in knot_pairs], axis=1)
+    output_falls = np.stack([-tip.output_sign * output[rows + delay] for delay in delays], axis=1)
+    ramps, output_falls = (
+        part - polynomial_basis @ (polynomial_basis.T @ part) for part in (ramps, output_falls)
+    )
+    return np.array([nnls(ramps, fall)[1] ** 2 for fall in output_falls.T])
 
 
 def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
@@ -272,12 +276,12 @@ def _search_along_path(
     """Return the delay for which curves over play operators fit the output best, in samples."""
     parts = parts[:_MAX_TIPS]
     stride = max(1, round(length / _COARSE_BRANCH_SAMPLES))
-    reach = max(3, int(_MAX_DELAY_SHARE * length / stride)) * stride
-    stop = min(drive.size, parts[-1].stop + reach)
-    start = max(parts[0].stop if len(parts) > 3 else 0, reach)  # the first branch may be initial
+    max_delay = max(3, int(_MAX_DELAY_SHARE * length / stride)) * stride
+    stop = min(drive.size, parts[-1].stop + max_delay)
+    start = max(parts[0].stop if len(parts) > 3 else 0, max_delay)  # the first branch may be initial
     rows = np.arange(stop // stride) * stride
     basis = _play_basis(np.add.reduceat(drive[:stop], rows)[: rows.size] / stride)
-    is_used = (rows >= start) & (rows < stop - reach - stride)
+    is_used = (rows >= start) & (rows < stop - max_delay - stride)
     rows, basis = rows[is_used], basis[is_used]
     if rows.size < 2 * basis.shape[1]:
         return None
@@ -291,11 +295,13 @@ def _search_along_path(
         residual = outputs - orthonormal @ (orthonormal.T @ outputs)
         return int(delays[np.argmin(np.sum(residual**2, axis=0))])
 
-    coarse_delay = best_delay(np.arange(-reach, reach + 1, stride))
+    coarse_delay = best_delay(np.arange(-max_delay, max_delay + 1, stride))
     step = max(1, stride // 8)
-    if stride == 1 or abs(coarse_delay) == reach:
+    if stride == 1 or abs(coarse_delay) == max_delay:
         return float(coarse_delay)
-    return float(best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -reach, reach)))
+    return float(
+        best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -max_delay, max_delay))
+    )
 
 
 def _play_basis(drive: FloatArray) -> FloatArray:

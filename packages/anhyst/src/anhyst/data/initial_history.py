@@ -96,7 +96,11 @@ def correct_histories_of_fast_loops(
     """
     carried = list(proposals)
     for index, slower_indices in enumerate(find_slower_loops(loops)):
-        not_demagnetised = [place for place in slower_indices if proposals[place][0].kind != "demagnetised"]
+        not_demagnetised = [
+            slower_index
+            for slower_index in slower_indices
+            if proposals[slower_index][0].kind != "demagnetised"
+        ]
         if (
             proposals[index][0].kind != "demagnetised"
             or not slower_indices
@@ -104,7 +108,8 @@ def correct_histories_of_fast_loops(
         ):
             continue
         largest_slow = max(
-            (loops[place] for place in slower_indices), key=lambda loop: float(np.ptp(loop.input))
+            (loops[slower_index] for slower_index in slower_indices),
+            key=lambda loop: float(np.ptp(loop.input)),
         )
         reason = (
             "it is faster than other loops of its gap, whose first rise is not the initial curve; "
@@ -117,28 +122,30 @@ def correct_histories_of_fast_loops(
 def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
     """Return the history of a loop that starts at rest after a slow loop."""
     span, start = float(np.ptp(slow_loop.input)), float(fast_loop.input[0])
-    last = [slow_loop.n - 1 - int(pick(slow_loop.input[::-1])) for pick in (np.argmin, np.argmax)]
-    ends = [float(f"{slow_loop.input[place]:.4g}") for place in sorted(last)]
+    last_rows = [
+        slow_loop.n - 1 - int(find_extreme(slow_loop.input[::-1])) for find_extreme in (np.argmin, np.argmax)
+    ]
+    ends = [float(f"{slow_loop.input[row]:.4g}") for row in sorted(last_rows)]
     return_point = [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
     return History("conditioned", (*ends, *return_point))
 
 
-def _are_all_virgin(seen: Sequence[list[_RiseComparison]]) -> bool:
+def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
     """Whether records that are unsure individually are initial curves on average."""
     # The full part is used, because the clearest of several parts is biased.
-    full_parts = [parts[-1] for parts in seen]
-    if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in seen):
+    full_parts = [parts[-1] for parts in comparisons]
+    if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in comparisons):
         return False
-    mean_sigmas = sum(rises.difference_sigmas for rises in full_parts) / len(full_parts) ** 0.5
-    heights = sum(abs(rises.height) for rises in full_parts)
+    mean_sigmas = sum(comparison.difference_sigmas for comparison in full_parts) / len(full_parts) ** 0.5
+    heights = sum(abs(comparison.height) for comparison in full_parts)
     return (
         mean_sigmas > _MIN_RISE_SIGMAS
-        and sum(rises.difference for rises in full_parts) > _MAX_RISE_DISTANCE * heights
+        and sum(comparison.difference for comparison in full_parts) > _MAX_RISE_DISTANCE * heights
     )
 
 
 def _select_clearest(parts: list[_RiseComparison]) -> _RiseComparison:
-    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.difference_sigmas))
+    return max(parts, key=lambda comparison: (comparison.verdict == "virgin", comparison.difference_sigmas))
 
 
 def _propose_history(
@@ -220,11 +227,11 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
     # The minimum of an even output is at rest, even with a sensor offset.
-    zero = float(output.min()) if even else 0.0
-    distance = abs(output[0] - zero)
+    zero_output = float(output.min()) if even else 0.0
+    distance = abs(output[0] - zero_output)
     return bool(
         distance
-        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(output - zero))) + 5.0 * estimate_noise(output)
+        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(output - zero_output))) + 5.0 * estimate_noise(output)
     )
 
 
@@ -241,9 +248,9 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     start_input, end_input = float(size[0]), float(size[first_rise.stop - 1])
     for index in range(2, len(parts), 2):
         later_branch = parts[index]
-        top = min(end_input, float(size[later_branch.stop - 1]))
+        top_input = min(end_input, float(size[later_branch.stop - 1]))
         starts_at_rest = float(size[later_branch.start]) <= start_input + rest_limit
-        if starts_at_rest and top - start_input >= 0.5 * (end_input - start_input):
+        if starts_at_rest and top_input - start_input >= 0.5 * (end_input - start_input):
             break
     else:
         return []
@@ -253,8 +260,8 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
         max(estimate_noise(loop.output), _MIN_NOISE_SHARE * float(np.ptp(loop.output))),
     )
     falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
-    drift = _estimate_drift(curves[0], curves[index], falls, top, sigma)
-    comparisons = _compare_parts(curves[0], curves[index], curves[1], top - start_input, drift, sigma)
+    drift = _estimate_drift(curves[0], curves[index], falls, top_input, sigma)
+    comparisons = _compare_parts(curves[0], curves[index], curves[1], top_input - start_input, drift, sigma)
     inputs_between = loop.input[first_rise.stop - 1 : later_branch.stop]
     inputs_between = inputs_between * np.sign(inputs_between[0])
     if not (float(inputs_between.min()) < -0.1 * float(inputs_between.max())):
@@ -271,15 +278,21 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
 
 
 def _estimate_drift(
-    rise: _Curve, later_rise: _Curve, falls: tuple[_Curve, _Curve] | None, top: float, sigma: _Sigma
+    rise: _Curve, later_rise: _Curve, falls: tuple[_Curve, _Curve] | None, top_input: float, sigma: _Sigma
 ) -> tuple[float, float]:
     """Return the mean distance of curves that coincide without drift, and its standard error."""
-    span = top - float(rise[0][0])
+    span = top_input - float(rise[0][0])
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _MAX_REST_SHARE * span:
         (first_curve, second_curve), low_input = falls, float(falls[1][0].min())
     else:
-        first_curve, second_curve, low_input = (rise, later_rise, top - (1.0 - _RISES_MEET_SHARE) * span)
-    is_in_range = (first_curve[0] >= low_input) & (first_curve[0] <= min(top, float(second_curve[0].max())))
+        first_curve, second_curve, low_input = (
+            rise,
+            later_rise,
+            top_input - (1.0 - _RISES_MEET_SHARE) * span,
+        )
+    is_in_range = (first_curve[0] >= low_input) & (
+        first_curve[0] <= min(top_input, float(second_curve[0].max()))
+    )
     size, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if size.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
@@ -300,7 +313,7 @@ def _compare_parts(
         _interpolate(later_rise, size) - output,
         _interpolate(fall, size) - _interpolate(later_rise, size),
     )
-    rises = []
+    comparisons = []
     for part in _FIRST_RISE_PARTS:
         is_in_part = share < part
         count = min(np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span))
@@ -308,10 +321,10 @@ def _compare_parts(
             continue
         error = _output_scatter(output[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
         mean = float(difference[is_in_part].mean()) - drift[0]
-        rises.append(
+        comparisons.append(
             _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean()))
         )
-    return rises
+    return comparisons
 
 
 def _output_scatter(output: FloatArray, span: float, sigma: _Sigma) -> float:
@@ -329,8 +342,10 @@ def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
     parts = find_branches(drive)
     if len(parts) < 2:
         return None
-    later = slice(parts[0].stop - 1, None)
-    outputs_again = find_crossings(drive[later], output[later], float(drive[0]), rising=parts[0].is_rising)
+    later_rows = slice(parts[0].stop - 1, None)
+    outputs_again = find_crossings(
+        drive[later_rows], output[later_rows], float(drive[0]), rising=parts[0].is_rising
+    )
     if outputs_again.size:
         return float(outputs_again[-1])
     remaining_input, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])

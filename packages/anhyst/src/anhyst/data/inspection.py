@@ -207,9 +207,9 @@ def _inspect_loop(
     *,
     even: bool,
 ) -> LoopFigures:
-    proposed, reason = proposal
+    proposed_history, reason = proposal
     centre = None if even else estimates.estimate_offsets(loop)
-    (step, uneven), delay = estimates.measure_sampling(loop), estimate_delay(loop)
+    (step, step_deviation), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -220,7 +220,7 @@ def _inspect_loop(
         output_low=float(loop.output.min()),
         output_high=float(loop.output.max()),
         step=step,
-        uneven=uneven,
+        uneven=step_deviation,
         input_offset=centre[0] if centre else None,
         output_offset=centre[1] if centre else None,
         drift=estimates.estimate_drift(loop),
@@ -234,7 +234,7 @@ def _inspect_loop(
         single_mean=float(deviation.mean()),
         single_worst=float(deviation.max()),
         history=loop.history,
-        proposed=proposed,
+        proposed=proposed_history,
         reason=reason,
     )
 

@@ -274,16 +274,16 @@ class Loops(Result):
         InputError
             If there is no loop at a value.
         """
-        requested = [values] if isinstance(values, int | float) else list(values)
+        requested_values = [values] if isinstance(values, int | float) else list(values)
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
-        selected: set[float] = set()
-        for value in requested:
+        selected_values: set[float] = set()
+        for value in requested_values:
             matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not matching_values:
                 value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
                 raise InputError(f"no loop at {value:g}; there are: {value_list}", code="no-such-loop")
-            selected |= matching_values
-        loops = tuple(loop for loop in self.loops if loop.schedule_value in selected)
+            selected_values |= matching_values
+        loops = tuple(loop for loop in self.loops if loop.schedule_value in selected_values)
         return replace(self, loops=loops)
 
     def without(self, value: float) -> Loops:

@@ -215,8 +215,8 @@ def _read_table(
     )
     role_columns = (roles.input, roles.output, roles.time, roles.schedule)
     selection_columns = {name: find_column(source_name, headers, name) for name in description.select}
-    unlabelled = roles.unused if roles.label is None and roles.constant_label is None else ()
-    first_fields = {index: [row[index] for row in first_rows] for index in unlabelled}
+    possible_label_columns = roles.unused if roles.label is None and roles.constant_label is None else ()
+    first_fields = {index: [row[index] for row in first_rows] for index in possible_label_columns}
     label_candidates = [index for index, first in first_fields.items() if can_be_label(headers[index], first)]
     text_indices = {
         *selection_columns.values(),
@@ -268,8 +268,8 @@ def _row_labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
     """
     if roles.label is not None:
         return used.texts(roles.label)
-    own = _DEFAULT_LABEL if roles.schedule_quantity is not None else name
-    return Texts((roles.constant_label or own,), np.zeros(count, np.int32))
+    default_label = _DEFAULT_LABEL if roles.schedule_quantity is not None else name
+    return Texts((roles.constant_label or default_label,), np.zeros(count, np.int32))
 
 
 def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
@@ -400,9 +400,9 @@ def _cut_into_loops(
         if loop.schedule_value is not None and label_counts[loop.label, loop.schedule_value] > 1:
             count = label_counts[loop.label, loop.schedule_value]
             loop = replace(loop, label=f"{loop.label}-{count}")  # repeated gap
-        stated: History | None = description.histories.get(loop.label, description.history)
-        loops.append(loop if stated is None else replace(loop, history=stated))
-        without_history += [index] if stated is None else []
+        stated_history: History | None = description.histories.get(loop.label, description.history)
+        loops.append(loop if stated_history is None else replace(loop, history=stated_history))
+        without_history += [index] if stated_history is None else []
     return SourceLoops(
         columns.source_name,
         tuple(loops),
@@ -420,15 +420,17 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     """Propose histories from the data where none was stated, and add notes."""
     loops = [loop for part in parts for loop in part.loops]
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
-    unknown = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
-    proposed = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
+    loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
+    proposed = iter(
+        propose_histories(loops_without_history, even=are_even(loops_without_history, parts[0].output))
+    )
     initial = [
         next(proposed) if is_unknown else (loop.history, "stated")
         for loop, is_unknown in zip(loops, is_unstated, strict=True)
     ]
-    carried = zip(correct_histories_of_fast_loops(loops, initial), is_unstated, strict=True)
-    proposals = (proposal for proposal, is_unknown in carried if is_unknown)
-    completed = []
+    corrected_proposals = zip(correct_histories_of_fast_loops(loops, initial), is_unstated, strict=True)
+    proposals = (proposal for proposal, is_unknown in corrected_proposals if is_unknown)
+    completed_loops = []
     for part in parts:
         part_loops, notes = list(part.loops), list(part.notes)
         for index in sorted(part.without_history):
@@ -444,8 +446,8 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
         ordered = add_earlier_loops(part_loops, across_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
             notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
-        completed.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
-    return completed
+        completed_loops.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
+    return completed_loops
 
 
 def _group_rows(columns: _Columns) -> list[Rows]:

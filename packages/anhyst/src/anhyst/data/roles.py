@@ -57,8 +57,8 @@ class Roles:
     def notes(self, headers: Sequence[Header]) -> list[str]:
         """Return notes about the interpretation of the columns and about unused columns."""
         remarks = []
-        used = (self.input, self.output, self.time, self.schedule)
-        used_headers = [headers[index] for index in used if index is not None]
+        used_indices = (self.input, self.output, self.time, self.schedule)
+        used_headers = [headers[index] for index in used_indices if index is not None]
         word_texts = [
             f"'{one.text}' as {one.quantity.name}"
             for one in used_headers
@@ -97,11 +97,11 @@ def find_roles(
             f"{source}: the loop label is both a column and a constant; keep one", code="column-and-constant"
         )
     schedule, schedule_constant, quantity = _find_schedule(source, headers, description)
-    used = {drive, output, time, label, schedule}
-    unused = tuple(
+    used_indices = {drive, output, time, label, schedule}
+    unused_indices = tuple(
         index
         for index, header in enumerate(headers)
-        if index not in used and header.text and header.text not in description.select
+        if index not in used_indices and header.text and header.text not in description.select
     )
     is_schedule_requested = description.schedule is not None
     return Roles(
@@ -114,7 +114,7 @@ def find_roles(
         schedule_constant,
         quantity,
         is_schedule_requested,
-        unused,
+        unused_indices,
     )
 
 
@@ -201,8 +201,10 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output
         return
     if chosen.target is not None:
         return
-    mapped = current_mapping(headers)
-    choices = [format_option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)]
+    current_columns = current_mapping(headers)
+    choices = [
+        format_option("columns", current_columns | {text: ""}) for text in (chosen.text, volts[0].text)
+    ]
     raise InputError(
         f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[output_values].text}'; leave "
         f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
@@ -231,21 +233,21 @@ def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) ->
 def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     """Return the index of the only usable column of a quantity; ``None`` if the table has none."""
     indices = [i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name]
-    usable = [index for index in indices if headers[index].problem is None]
+    usable_indices = [index for index in indices if headers[index].problem is None]
     # Order of precedence: the user's mapping, the quantity's name, our symbols, words.
-    mapped = [index for index in usable if headers[index].target is not None]
-    by_full_name = [index for index in usable if headers[index].text.lower() == name]
-    symbols = [index for index in usable if headers[index].is_certain]
-    usable = mapped or by_full_name or symbols or usable
-    if len(usable) > 1:
-        texts = " and ".join(f"'{headers[index].text}'" for index in usable)
-        choices = " or ".join(selection_option(headers[index], headers) for index in usable)
+    mapped_indices = [index for index in usable_indices if headers[index].target is not None]
+    by_full_name = [index for index in usable_indices if headers[index].text.lower() == name]
+    symbols = [index for index in usable_indices if headers[index].is_certain]
+    usable_indices = mapped_indices or by_full_name or symbols or usable_indices
+    if len(usable_indices) > 1:
+        texts = " and ".join(f"'{headers[index].text}'" for index in usable_indices)
+        choices = " or ".join(selection_option(headers[index], headers) for index in usable_indices)
         raise InputError(
             f"{source}: columns {texts} are both {name}; state which one to use: {choices}",
             code="column-twice",
             key=name,
         )
-    if indices and not usable:
+    if indices and not usable_indices:
         header = headers[indices[0]]
         unit_faults = columns_without_unit(headers) if has_missing_unit(header) else []
         texts = ", ".join(f"'{other.text}'" for other in unit_faults if other is not header)
@@ -255,7 +257,7 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
             code="bad-header",
             key=header.text,
         )
-    return usable[0] if usable else None
+    return usable_indices[0] if usable_indices else None
 
 
 def _find_label_column(source: str, headers: Sequence[Header], description: FileDescription) -> int | None:
@@ -313,8 +315,8 @@ def _find_schedule(
         if name in constants:
             quantity, value = constants[name]
             return None, value, quantity
-        matching = [header for header in headers if header.quantity == QUANTITIES.get(name)]
-        are_words = len(matching) > 1 and all(header.is_from_words for header in matching)
+        matching_headers = [header for header in headers if header.quantity == QUANTITIES.get(name)]
+        are_words = len(matching_headers) > 1 and all(header.is_from_words for header in matching_headers)
         if description.schedule is None and name == "temperature" and are_words:
             continue  # several words name a temperature, and none is requested, so none is used
         index = _find_only(source, headers, name)
@@ -454,8 +456,8 @@ def ask_for_gap(
     source: str, header: Header, headers: Sequence[Header], name: str = "gap", alternative: str = ""
 ) -> NoReturn:
     """Ask whether a column that is constant during each loop is the gap or another quantity."""
-    without = format_option("columns", current_mapping(headers) | {header.text: ""})
-    alternative = alternative or f"if it is not a gap: {without}"
+    option_without_header = format_option("columns", current_mapping(headers) | {header.text: ""})
+    alternative = alternative or f"if it is not a gap: {option_without_header}"
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
         f"{source}: column '{header.text}' is constant in each loop; if it is the {name}, map it"

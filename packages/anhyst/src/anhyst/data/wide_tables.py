@@ -58,8 +58,8 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
 
 
 def _have_input_and_output(headers: Sequence[Header]) -> bool:
-    known = {one.quantity.name for one in headers if one.is_known and one.quantity}
-    return not known.isdisjoint(DRIVE_QUANTITIES) and not known.isdisjoint(OUTPUT_MAPS)
+    known_quantities = {one.quantity.name for one in headers if one.is_known and one.quantity}
+    return not known_quantities.isdisjoint(DRIVE_QUANTITIES) and not known_quantities.isdisjoint(OUTPUT_MAPS)
 
 
 def _mask_length(match: re.Match[str]) -> str:

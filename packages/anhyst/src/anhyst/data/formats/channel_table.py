@@ -82,9 +82,9 @@ def find_shared_clock(
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
     steps = [_clock_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
-    finest = int(np.argmin(steps))
+    finest_index = int(np.argmin(steps))
     begin, end = max(ticks[0] for ticks in times), min(ticks[-1] for ticks in times)
-    start, stop = np.searchsorted(times[finest], [begin, np.nextafter(end, np.inf)])
+    start, stop = np.searchsorted(times[finest_index], [begin, np.nextafter(end, np.inf)])
     clock_names = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
     if stop - start < 2:
         late_channel = clock_names[[ticks[0] for ticks in times].index(begin)]
@@ -95,12 +95,12 @@ def find_shared_clock(
             code="no-common-time",
             key=late_channel,
         )
-    clock = Clock(clocks[finest], int(stop - start), times[finest][start:stop], int(start), False)
+    clock = Clock(clocks[finest_index], int(stop - start), times[finest_index][start:stop], int(start), False)
     names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
-    note = f"{names}: interpolated linearly onto the times of {clock_names[finest]}"
-    dropped = times[finest].size - clock.length
-    dropped_text = f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"
-    return clock, (note + (dropped_text if dropped else ""),)
+    note = f"{names}: interpolated linearly onto the times of {clock_names[finest_index]}"
+    dropped_count = times[finest_index].size - clock.length
+    dropped_text = f", {dropped_count} of whose samples lie outside {begin:g} to {end:g} s and are left out"
+    return clock, (note + (dropped_text if dropped_count else ""),)
 
 
 def _clock_step(source: str, clock: Channel, times: FloatArray) -> float:
@@ -199,8 +199,8 @@ class ChannelTable:
         """Return the index of a column by its header, or by its group and name."""
         if name in self.header:
             return self.header.index(name)
-        full = [channel.full_name for channel in self.file.channels]
-        return len(self._time_header[:1]) + full.index(name) if full.count(name) == 1 else None
+        full_names = [channel.full_name for channel in self.file.channels]
+        return len(self._time_header[:1]) + full_names.index(name) if full_names.count(name) == 1 else None
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first samples of each channel as text, each on its own clock."""
@@ -365,9 +365,9 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
     """
     if _ThisProcess.is_trial or not path.is_file():
         return
-    about = path.stat()
+    file_status = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _subprocess_refusal(path, name, about.st_mtime_ns, about.st_size)) is not None:
+    if (refusal := _subprocess_refusal(path, name, file_status.st_mtime_ns, file_status.st_size)) is not None:
         text, code, key = refusal
         raise InputError(text, code=code, key=key)
 

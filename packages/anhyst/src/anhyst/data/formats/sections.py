@@ -67,9 +67,9 @@ def _merge_sections(sections: list[_Section], count: int, notes: list[str]) -> t
     if len(sections) > 1:
         columns = [*columns, Column("loop", "", width)]
     for section in sections:
-        tail = [section.label] if len(sections) > 1 else []
+        label_field = [section.label] if len(sections) > 1 else []
         for line, fields in section.rows.items():
-            text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
+            text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *label_field])
     first_line = min(min(section.rows) for section in sections)
     table = TextColumns(first_line, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True)
     return text, table
