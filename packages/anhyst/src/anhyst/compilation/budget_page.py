@@ -71,10 +71,10 @@ def _signal_choices(plan: Plan) -> list[Decision]:
         Decision(
             f"full scale of the {name}",
             f"{scale:g} {unit}",
-            f"the next round value above {largest:.4g} {unit}; a step of {io} is "
+            f"the next round value above {largest_value:.4g} {unit}; a step of {io} is "
             f"{scale * step:.3g} {unit}, and the arithmetic uses 32 bits",
         )
-        for name, scale, largest, unit in rows
+        for name, scale, largest_value, unit in rows
     ]
     if model.needs_schedule and model.schedule is not None:
         low, high = 1e3 * scales.gap_low, 1e3 * scales.gap_high
@@ -177,8 +177,8 @@ def make_budget_page(
     plan: Plan, budget: Budget, choices: Sequence[Decision], signals: Sequence[str], version: str
 ) -> str:
     """Return the page of a budget; each line of `signals` describes the codes of a signal."""
-    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
-    text = f"Compiled, the output is within {worst:.2g} % of the output of the model"
+    worst_percent, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
+    text = f"Compiled, the output is within {worst_percent:.2g} % of the output of the model"
     if budget.required is not None:
         text += f"; {percent(budget, budget.required):.3g} % was requested"
     head = Headline(
@@ -205,18 +205,18 @@ def make_budget_page(
 def _parts_table(budget: Budget) -> PageTable:
     """Return the table of all parts, each switched on alone, and of their sums."""
     sums = budget.compiled, budget.total, budget.drift
-    largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
+    largest_error = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
     def row(part: BudgetPart) -> list[Cell]:
         def share(value: float | None) -> str:
             return UNKNOWN_TEXT if value is None else f"{percent(budget, value):#.2g}"
 
-        worst = UNKNOWN_TEXT if part.worst is None else f"{part.worst:.3g}"
+        worst_text = UNKNOWN_TEXT if part.worst is None else f"{part.worst:.3g}"
         return [
             Cell(part.title, strong=part in sums),
             Cell(part.note),
-            Cell(worst),
-            Cell(share(part.worst), bar=(part.worst or 0.0) / largest if largest else 0.0),
+            Cell(worst_text),
+            Cell(share(part.worst), bar=(part.worst or 0.0) / largest_error if largest_error else 0.0),
             Cell(share(part.rms)),
         ]
 

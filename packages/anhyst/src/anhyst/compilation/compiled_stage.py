@@ -40,14 +40,14 @@ class CompiledStage(CompiledFolder):
     def facts(self) -> dict[str, str]:
         """Return folder, kind, formats and size of the stage."""
         manifest, stage = self.manifest, self.manifest["stage"]
-        about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
+        stage_text = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
         return {
             "folder": str(self.out),
             "kind": manifest["kind"],
             "signals": manifest["io"],
             "force to current": stage["force_to_current"],
             "rate": f"{manifest['rate_Hz']:g} Hz",
-            "stage": f"{about}, {stage['heads']} heads",
+            "stage": f"{stage_text}, {stage['heads']} heads",
         }
 
     def to_columns(self) -> dict[str, Any]:

@@ -113,12 +113,12 @@ class Compiled(CompiledFolder):
     def facts(self) -> dict[str, str]:
         """Return folder, kind, signals, rate and accuracy."""
         request, budget = self.plan.request, self.budget
-        worst, drift = (
+        worst_text, drift = (
             f"{percent(budget, part.worst or 0.0):.2g} % of {budget.reference_output:.4g} {budget.unit}"
             for part in (budget.compiled, budget.drift)
         )
         facts = {"folder": str(self.out), "kind": request.kind, "signals": request.io}
-        facts |= {"rate": f"{request.rate:g} Hz", "accuracy": worst, "drift": drift}
+        facts |= {"rate": f"{request.rate:g} Hz", "accuracy": worst_text, "drift": drift}
         return facts | {f"warning {n}": text for n, text in enumerate(self.warnings, 1)}
 
     def to_columns(self) -> dict[str, Any]:
@@ -129,10 +129,10 @@ class Compiled(CompiledFolder):
         """Draw the accuracy budget: the error of each part."""
         budget = self.budget
         parts = [part for part in (*budget.parts, budget.compiled, budget.drift) if part.worst]
-        places = range(len(parts))
-        ax.barh(places, [percent(budget, part.worst or 0.0) for part in parts], color="0.8")
-        ax.barh(places, [percent(budget, part.rms or 0.0) for part in parts], height=0.5)
-        ax.set_yticks(places, [part.title for part in parts])
+        bar_positions = range(len(parts))
+        ax.barh(bar_positions, [percent(budget, part.worst or 0.0) for part in parts], color="0.8")
+        ax.barh(bar_positions, [percent(budget, part.rms or 0.0) for part in parts], height=0.5)
+        ax.set_yticks(bar_positions, [part.title for part in parts])
         ax.invert_yaxis()
         ax.set_xlabel(f"worst and rms, % of {budget.reference_output:.4g} {budget.unit}")
 
@@ -226,13 +226,15 @@ def _guide_accuracy(budget: Budget) -> dict[str, str]:
 def _find_better_options(model: Model, plan: Plan, controller: CheckedController | None) -> str:
     """Return options that reach the requested accuracy; empty if there are none."""
     compensator = plan.request
-    tries: list[tuple[str, CompileRequest]] = []
+    attempts: list[tuple[str, CompileRequest]] = []
     if compensator.kind != "full":
-        tries.append(("--kind full", replace(compensator, kind="full")))
+        attempts.append(("--kind full", replace(compensator, kind="full")))
     elif controller is None:
         finer_formats: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
-        tries += [(f"--io {io}", replace(compensator, io=io)) for io in finer_formats.get(compensator.io, ())]
-    for options, request in tries:
+        attempts += [
+            (f"--io {io}", replace(compensator, io=io)) for io in finer_formats.get(compensator.io, ())
+        ]
+    for options, request in attempts:
         try:
             budget = _plan_within_allowance(model, request, plan.builder.model_hash, controller, None)[1]
         except (InputError, NegativeResult):

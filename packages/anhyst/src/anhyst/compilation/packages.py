@@ -231,8 +231,8 @@ def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
     part, _, inner_path = path.partition("/")
     if not inner_path:
         part, inner_path = _folder_part(path, name), path
-    place = ecosystem.places.get(part)
-    return None if place is None else f"{place}/{inner_path}"
+    target_folder = ecosystem.places.get(part)
+    return None if target_folder is None else f"{target_folder}/{inner_path}"
 
 
 def _folder_part(file: str, name: str) -> str:
@@ -279,18 +279,18 @@ RUST_REALS = {"q15": "f32", "q31": "f64", "f32": "f32"}
 def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Return what only the templates of a Rust crate show."""
     io, controller = manifest["io"], manifest["controller"]
-    given = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
+    signals = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
     number = float if io == "q31" else np.float32
     return {
         "rust": RUST_TYPES[io],
         "rust_si": RUST_REALS[io],
         "literals": {
             name: {key: str(number(signal[key])) for key in ("low", "high", "scale")}
-            for name, signal in given.items()
+            for name, signal in signals.items()
         },
         "middle": {
             name: str(float(f"{0.5 * (signal['low'] + signal['high']):.4g}"))
-            for name, signal in given.items()
+            for name, signal in signals.items()
         },
         "state_bytes": _bytes_by_pointer_size(manifest["memory"]["state_bytes"]),
         "controller_bytes": _bytes_by_pointer_size(controller["state_bytes"]) if controller else {},
@@ -308,8 +308,8 @@ def _bytes_by_pointer_size(size: int) -> dict[int, int]:
 def _statuses(files: Mapping[str, str]) -> list[tuple[str, int, str]]:
     """Return name, number and meaning of every status that is an error."""
     text = files["include/anhyst/numeric/status.h"]
-    found = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
-    return [(_camel_case(name), int(number), " ".join(meaning.split())) for meaning, name, number in found]
+    matches = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
+    return [(_camel_case(name), int(number), " ".join(meaning.split())) for meaning, name, number in matches]
 
 
 def _flags(files: Mapping[str, str]) -> list[tuple[str, int]]:

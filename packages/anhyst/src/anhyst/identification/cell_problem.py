@@ -123,9 +123,12 @@ class System:
         for fold in range(self.fold_numbers.max() + 1):
             is_withheld = self.fold_numbers == fold
             withheld_matrix, target = matrix[is_withheld], self.target[is_withheld]
-            remaining = (normal - withheld_matrix.T @ withheld_matrix, rhs - withheld_matrix.T @ target)
+            remaining_system = (
+                normal - withheld_matrix.T @ withheld_matrix,
+                rhs - withheld_matrix.T @ target,
+            )
             for index, smoothness in enumerate(smoothness_values):
-                weights = self._solve_weights(*remaining, smoothness)[self.solved_columns]
+                weights = self._solve_weights(*remaining_system, smoothness)[self.solved_columns]
                 square_sums[index] += float(np.sum((withheld_matrix @ weights - target) ** 2))
         return [float(rms) for rms in np.sqrt(square_sums)]
 
@@ -203,8 +206,8 @@ class CellProblem:
 
     def remove_outliers(self) -> None:
         """Exclude a few samples that deviate strongly from the best fit without a lag."""
-        solved = [self.solve(Trial(0.0, middle)) for middle in self.middles]
-        best = min(solved, key=lambda attempt: attempt.rms)
+        solutions = [self.solve(Trial(0.0, middle)) for middle in self.middles]
+        best = min(solutions, key=lambda attempt: attempt.rms)
         assert best.weights is not None
         offset = float(best.weights[-2] - best.weights[-1])
         deviations = [
@@ -255,8 +258,8 @@ class CellProblem:
         """Time constants of the creep, s."""
         if not self.sample_time:
             return ()
-        longest = max(float(clock[-1] - clock[0]) for clock in self.clocks)
-        times = (share * longest for share in CREEP_TIME_SHARES)
+        longest_time = max(float(clock[-1] - clock[0]) for clock in self.clocks)
+        times = (share * longest_time for share in CREEP_TIME_SHARES)
         return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:

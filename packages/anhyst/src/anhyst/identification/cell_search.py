@@ -154,12 +154,12 @@ class _SampleLevels:
             fits = []
             for index, theta in enumerate(chosen):
                 earlier_starts = (
-                    earlier
-                    for earlier in range(index)
-                    if np.max(np.abs(theta - chosen[earlier])) < _EQUAL_START_DISTANCE
+                    earlier_index
+                    for earlier_index in range(index)
+                    if np.max(np.abs(theta - chosen[earlier_index])) < _EQUAL_START_DISTANCE
                 )
-                if (duplicate := next(earlier_starts, None)) is not None:
-                    fits.append(fits[duplicate])
+                if (duplicate_start := next(earlier_starts, None)) is not None:
+                    fits.append(fits[duplicate_start])
                     continue
                 goal = _HOPELESS_COST_RATIO * min((fit.cost for fit in fits), default=np.inf)
                 fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
@@ -206,12 +206,12 @@ class CellSearch:
                     fits = self._fit_candidate(self._make_levels(candidate, form), smaller_fits)
                     if smaller_fits and fits[0].cost > _ADDED_POPULATION_COST_RATIO * smaller_fits[0].cost:
                         continue
-                    reduced = self._remove_offsets(candidate, fits)
+                    reduced_fits = self._remove_offsets(candidate, fits)
                 except FAILURES as error:
                     self.drop(candidate, error)
                     continue
                 fits_by_shape[shape] = fits
-                fits_by_candidate[candidate] = Fits(fits[0], reduced)
+                fits_by_candidate[candidate] = Fits(fits[0], reduced_fits)
             lowest_cost = min((fits[0].cost for fits in fits_by_shape.values()), default=0.0)
             previous_fits = {
                 shape: fits
@@ -243,8 +243,8 @@ class CellSearch:
         if not smaller_fits and not self.is_usable(fits[0]):
             # Also descend from the Jiles-Atherton starts: their fits may be usable.
             followed = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
-            usable = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
-            fits = [*usable[:1], *fits][:_MAX_FINAL_DESCENTS]
+            usable_fits = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
+            fits = [*usable_fits[:1], *fits][:_MAX_FINAL_DESCENTS]
         return fits
 
     def _remove_offsets(self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]) -> FoundModel:
@@ -254,8 +254,8 @@ class CellSearch:
             return fit
         levels = self._make_levels(replace(candidate, fixed=fit.space.fixed), final_fits[0].space.form)
         starts = [levels.coarse.pack(final_fit.parameter_sets) for final_fit in (fit, *final_fits)]
-        searched, *_ = self._search_starts(levels, starts)
-        return min(fit, searched, key=lambda final_fit: final_fit.cost)
+        found_models, *_ = self._search_starts(levels, starts)
+        return min(fit, found_models, key=lambda final_fit: final_fit.cost)
 
     def _make_levels(self, candidate: ModelCandidate, form: ResponseForm) -> _SampleLevels:
         rough, coarse, fine = (
@@ -420,9 +420,9 @@ def _rate_added_population(
         other_normal.shape[0]
     )
     coupling = normal[np.ix_(is_share, is_other)].sum(axis=0)
-    absorbed = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
-    curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed[:, 0]
-    reduced_gradient = gradient[is_share].sum() - coupling @ absorbed[:, 1]
+    absorbed_change = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
+    curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed_change[:, 0]
+    reduced_gradient = gradient[is_share].sum() - coupling @ absorbed_change[:, 1]
     step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the share
     gain = max(step, 0.0) * -reduced_gradient
     return gain, make_start(float(np.clip(_PROBE_SHARE * (1.0 + step), *_START_SHARE_RANGE)))
@@ -438,10 +438,10 @@ def _add_population(
     scaled_others = [
         value / total_slope if index % 4 == 0 else value for index, value in enumerate(other_values)
     ]
-    added = (share, width, pinning_1 * pinning, spread_1)
+    added_cells = (share, width, pinning_1 * pinning, spread_1)
     return replace(
         parameter_set,
-        law=(share_0 * total_slope, width_0, pinning_1, spread_1, *scaled_others, *added),
+        law=(share_0 * total_slope, width_0, pinning_1, spread_1, *scaled_others, *added_cells),
         omega=parameter_set.omega / total_slope,
         gain=parameter_set.gain / total_slope**power,
     )
@@ -453,8 +453,8 @@ def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecord
         candidate.gap_map, records.thinned(FINE_SAMPLES), fit.space.form, candidate.fixed, candidate.common
     )
     smoothness = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-    full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
-    return Fits(full, remove_unneeded_offsets(full, *_FINAL_STOP))
+    full_fit = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
+    return Fits(full_fit, remove_unneeded_offsets(full_fit, *_FINAL_STOP))
 
 
 def fit_cell_weights(fit: FoundModel, records: FitRecords) -> Fits:

@@ -266,11 +266,14 @@ class Objective:
         for gap, output, derivatives in responses:
             samples = slice(start, start + output.size)
             weights = self.weights[samples]
-            value, weighted = ((output - self.measured[samples]) * weights, derivatives * weights[:, None])
-            gap_normals[gap] += weighted.T @ weighted
-            gap_gradients[gap] += value @ weighted
+            value, weighted_derivatives = (
+                (output - self.measured[samples]) * weights,
+                derivatives * weights[:, None],
+            )
+            gap_normals[gap] += weighted_derivatives.T @ weighted_derivatives
+            gap_gradients[gap] += value @ weighted_derivatives
             if self._drift.is_present:
-                gap_drifts[gap] += self._drift.direction[samples] @ weighted
+                gap_drifts[gap] += self._drift.direction[samples] @ weighted_derivatives
             start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
@@ -327,9 +330,9 @@ class Objective:
         for index in range(theta.size):
             pair = []
             for step in (-1e-5, 1e-5):
-                moved = theta.copy()
-                moved[index] = np.clip(moved[index] + step, lower[index], upper[index])
-                pair.append((moved[index], self.deviations(moved)))
+                moved_theta = theta.copy()
+                moved_theta[index] = np.clip(moved_theta[index] + step, lower[index], upper[index])
+                pair.append((moved_theta[index], self.deviations(moved_theta)))
             columns.append((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
         return np.stack(columns, axis=1)
 

@@ -52,7 +52,7 @@ def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: Mode
 def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
     """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
-    withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
+    withheld_names = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
     own_error = comparison.finite_withheld_error(best)
     if own_error is None:
         return (
@@ -60,7 +60,7 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
             "samples cannot be computed"
         )
     text = (
-        f"law {names[best]} predicts withheld {withheld[comparison.withheld_kind]} with a mean error of "
+        f"law {names[best]} predicts withheld {withheld_names[comparison.withheld_kind]} with a mean error of "
         f"{_percent(own_error)} of the largest output"
     )
     errors = {
@@ -127,11 +127,11 @@ def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, g
         f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own_error)} of the "
         "largest output"
     )
-    if others := ", ".join(
+    if other_maps := ", ".join(
         f"{map_name} {_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
         for map_name, error in errors.items()
     ):
-        reason += f" ({others})"
+        reason += f" ({other_maps})"
     if any(error < own_error for error in errors.values()):
         reason += "; a smaller error is within its scatter, or belongs to a more complex map or a worse fit"
     return reason

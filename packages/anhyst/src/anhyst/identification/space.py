@@ -147,8 +147,8 @@ class CoordinateSpace:
     def leakage(self, theta: FloatArray) -> float:
         """Return the leakage per unit of omega, as a share of the iron's flux."""
         values, _ = self.to_parameters(theta)
-        widest = self.names.index(f"omega[{self.records.gap_count - 1}]")
-        return float(values[self.names.index("leakage")] / max(values[widest], _MIN_OMEGA))
+        widest_gap_index = self.names.index(f"omega[{self.records.gap_count - 1}]")
+        return float(values[self.names.index("leakage")] / max(values[widest_gap_index], _MIN_OMEGA))
 
     @property
     def size(self) -> int:
@@ -216,7 +216,7 @@ class CoordinateSpace:
     def unpack(self, theta: FloatArray) -> list[tuple[ParameterSet, FloatArray]]:
         """Return the parameters at each gap, and their derivatives, shape (parameters, size)."""
         values, slopes = self.to_parameters(theta)
-        unpacked = []
+        parameter_sets = []
         for columns, at_gap in zip(
             self._coordinate_indices, np.append(values, 0.0)[self._coordinate_indices].tolist(), strict=True
         ):
@@ -231,8 +231,8 @@ class CoordinateSpace:
                 at_gap[row] *= ratio
                 jacobian[row] *= ratio
                 jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]
-            unpacked.append((self.form.make_set(at_gap), jacobian))
-        return unpacked
+            parameter_sets.append((self.form.make_set(at_gap), jacobian))
+        return parameter_sets
 
     @cached_property
     def _row_indices(self) -> tuple[int, int, int]:

@@ -95,9 +95,9 @@ class Dynamics:
         """Return the slow parts at the start of a cycle in its steady state."""
         step = float(np.median(np.diff(time)))
 
-        def run_cycle(slow: FloatArray) -> FloatArray:
-            _, end, last = self.apply_creep(inputs, time, slow, is_flux_known=is_flux_known)
-            return self.advance(last, end, step)
+        def run_cycle(slow_parts: FloatArray) -> FloatArray:
+            _, end, last_flux = self.apply_creep(inputs, time, slow_parts, is_flux_known=is_flux_known)
+            return self.advance(last_flux, end, step)
 
         offset = run_cycle(np.zeros(len(self.times)))
         matrix = np.stack([run_cycle(unit) - offset for unit in np.eye(len(self.times))], axis=1)

@@ -155,10 +155,10 @@ def run_file(
         check_writable(out, input_files=paths)
     model = resolve_model(model, direction)
     table = read_columns(source, columns, progress, scale, flip)
-    past = history_text(model.history if history is None else history)
-    answers, valid, runs, warnings = _compute_runs(model, direction, table, past)
+    history_option = history_text(model.history if history is None else history)
+    answers, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
     computed_quantity = model.output if direction == "predict" else model.input
-    name, computed = _add_computed_columns(table, computed_quantity, answers, valid)
+    name, computed = _add_computed_columns(table, computed_quantity, answers, is_valid)
     if out is not None:
         write_csv(out, computed)
     return RunSummary(
@@ -167,10 +167,10 @@ def run_file(
         unit=computed_quantity.unit,
         rows=len(table),
         runs=len(runs),
-        history=past,
+        history=history_option,
         low=float(answers.min()),
         high=float(answers.max()),
-        outside=int((~valid).sum()),
+        outside=int((~is_valid).sum()),
         deviation=_deviation(table, computed_quantity, answers, runs),
         warnings=tuple(map(word_for_reader, warnings)),
         columns=computed,
@@ -241,14 +241,17 @@ def _find_histories(
     earlier runs.
     """
     history_before = History.parse(history)
-    measured, time = (_read_measured(table, _column_name(table, model.output)), _read_measured(table, "time"))
-    if history_before != SETTLED or direction == "invert" or measured is None or time is None:
+    measured_output, time = (
+        _read_measured(table, _column_name(table, model.output)),
+        _read_measured(table, "time"),
+    )
+    if history_before != SETTLED or direction == "invert" or measured_output is None or time is None:
         return [history_before] * len(runs)
     loops = []
     try:
         for index, rows in enumerate(runs):
             run_schedule = None if schedule is None else schedule[rows]
-            loops.append(Loop(str(index), values[rows], measured[rows], run_schedule, time[rows]))
+            loops.append(Loop(str(index), values[rows], measured_output[rows], run_schedule, time[rows]))
     except InputError:  # a run that is not a loop
         return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
@@ -301,20 +304,20 @@ def _add_computed_columns(
     if flag in columns:
         flag = "valid_model"
     if name in columns or flag in columns:
-        duplicate = name if name in columns else flag
-        text = f"{table.path}: already has a column '{duplicate}'; rename it in the file"
-        raise InputError(text, code="exists-already", key=duplicate)
+        duplicate_name = name if name in columns else flag
+        text = f"{table.path}: already has a column '{duplicate_name}'; rename it in the file"
+        raise InputError(text, code="exists-already", key=duplicate_name)
     return name, columns | {name: computed_quantity, flag: valid}
 
 
 def _deviation(
-    table: DataTable, quantity: Quantity, predicted: FloatArray, runs: list[Rows]
+    table: DataTable, quantity: Quantity, predicted_values: FloatArray, runs: list[Rows]
 ) -> Deviation | None:
-    measured = _read_measured(table, _column_name(table, quantity))
-    if measured is None:
+    measured_values = _read_measured(table, _column_name(table, quantity))
+    if measured_values is None:
         return None
-    differences = np.abs(predicted - measured)
-    largest = full_scale(quantity, (measured[rows] for rows in runs))
+    differences = np.abs(predicted_values - measured_values)
+    largest_value = full_scale(quantity, (measured_values[rows] for rows in runs))
     mean, rms = float(differences.mean()), float(np.sqrt(np.square(differences).mean()))
-    of = name_full_scale(quantity, largest)
-    return Deviation(mean, rms, float(differences.max()), largest, of)
+    of = name_full_scale(quantity, largest_value)
+    return Deviation(mean, rms, float(differences.max()), largest_value, of)

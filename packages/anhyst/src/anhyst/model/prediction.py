@@ -85,10 +85,10 @@ def describe_far_value(
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
-    largest = max(map(abs, limits))
+    largest_limit = max(map(abs, limits))
     largest_value = float(values[np.argmax(np.abs(values))])
-    if abs(largest_value) > UNIT_ERROR_RATIO * largest > 0.0:
-        factor = abs(largest_value) / largest
+    if abs(largest_value) > UNIT_ERROR_RATIO * largest_limit > 0.0:
+        factor = abs(largest_value) / largest_limit
         text = f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} of the model"
         unit_guess = likely_unit(quantity, factor)
         return f"{text}; given in {unit_guess}?" if unit_guess else text
@@ -107,14 +107,14 @@ def likely_unit(quantity: Quantity, times: float) -> str:
     """Return the unit, a thousandth or millionth of SI, that explains a factor; else empty."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     small_units = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
-    nearest = min(
+    nearest_unit = min(
         (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )
-    if nearest is None or not 1.0 / 32.0 < nearest.scale * times < 32.0:
+    if nearest_unit is None or not 1.0 / 32.0 < nearest_unit.scale * times < 32.0:
         return ""
-    return nearest.symbol
+    return nearest_unit.symbol
 
 
 def warn_if_far(model: ModelData, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None) -> None:
@@ -137,10 +137,10 @@ _UNREACHABLE = "demand an output that is too low for every drive"
 
 def _describe_samples(is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str) -> str:
     first_bad = int(np.argmin(is_good))
-    where = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
+    location = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
     return (
         f"{int((~is_good).sum())} of {is_good.size} {'rows' if rows else 'samples'} {description} "
-        f"(first: {where}, {values[first_bad]:g} {unit})"
+        f"(first: {location}, {values[first_bad]:g} {unit})"
     )
 
 

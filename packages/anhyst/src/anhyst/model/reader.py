@@ -181,9 +181,9 @@ class _Reader:
 
     def _file_path(self, location: KeyPath) -> KeyPath:
         """Return the path in the file of a location in the validated tables."""
-        *table, last = location
+        *table, last_key = location
         names = self._names_in(tuple(table))
-        return (*table, names[last][1] if last in names else last)
+        return (*table, names[last_key][1] if last_key in names else last_key)
 
     def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
         """Check values that types cannot check, if all types are correct."""
@@ -195,10 +195,10 @@ class _Reader:
             for name, value in parameters.items()
         }
         nodes = content.get("schedule", {}).get("nodes", [])
-        places = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
+        key_paths = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
         for problem in find_problems(law, values, nodes, content["gap_map"]):
-            place = places.get(problem.key, ("parameters", problem.key))
-            self.file.add_problem(self._file_path(place), problem.text, code=problem.code)
+            key_path = key_paths.get(problem.key, ("parameters", problem.key))
+            self.file.add_problem(self._file_path(key_path), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
                 text = "the first must not exceed the second"

@@ -129,8 +129,8 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if rms * span <= max_noise and _is_white([record.deviation for record in records]):
         return ResidualAnalysis(rms, rms)
     max_samples = min(_MAX_RECORD_SAMPLES, max(_MIN_RECORD_SAMPLES, _MAX_TOTAL_SAMPLES // len(records)))
-    thinned = [record.every_nth(math.ceil(record.deviation.size / max_samples)) for record in records]
-    return _attribute_to_shapes(thinned, rms, span, (noise_rms, max_noise))
+    thinned_records = [record.every_nth(math.ceil(record.deviation.size / max_samples)) for record in records]
+    return _attribute_to_shapes(thinned_records, rms, span, (noise_rms, max_noise))
 
 
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
@@ -214,7 +214,7 @@ def _attribute_to_shapes(
     variants = [
         _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in bases
     ]
-    attributed: list[tuple[Shape, float]] = []
+    attributed_shapes: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
     while variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
@@ -228,7 +228,7 @@ def _attribute_to_shapes(
         excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
         if noise_model.can_explain(excess + variant.expected_squares, variant.expected_squares, size):
             break
-        attributed.append((variant.shape, excess / deviation.size))
+        attributed_shapes.append((variant.shape, excess / deviation.size))
         explained = variant.columns @ (variant.columns.T @ remaining)
         start_samples = (
             _count_start_samples(records, explained, noise_model.variance)
@@ -242,22 +242,22 @@ def _attribute_to_shapes(
         noise_rms = remaining_rms
     noise_rms = min(noise_rms / span, rms)
     beyond_noise = math.sqrt(rms**2 - noise_rms**2)
-    if beyond_noise < NEGLIGIBLE_DEVIATION or not (attributed or noise_rms < remaining_rms / span):
+    if beyond_noise < NEGLIGIBLE_DEVIATION or not (attributed_shapes or noise_rms < remaining_rms / span):
         return ResidualAnalysis(rms, rms)
-    shares = tuple((name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed)
+    shares = tuple((name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed_shapes)
     return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
 
 
 def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
     """Count the samples at the start of records until the effect of a wrong history has faded."""
-    longest, start = 0, 0
+    longest_start, start = 0, 0
     for record in records:
-        visible = np.flatnonzero(
+        visible_samples = np.flatnonzero(
             np.abs(explained[start : start + record.deviation.size]) > math.sqrt(variance)
         )
-        longest = max(longest, int(visible[-1]) + 1 if visible.size else 0)
+        longest_start = max(longest_start, int(visible_samples[-1]) + 1 if visible_samples.size else 0)
         start += record.deviation.size
-    return longest
+    return longest_start
 
 
 _MIN_SECOND_SHARE = 0.2
@@ -332,8 +332,8 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )
     if len(residual.shapes) > 1 and residual.shapes[1][1] >= _MIN_SECOND_SHARE:
-        second, share = residual.shapes[1]
-        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second].short.format(at=schedule_name)})"
+        second_shape, share = residual.shapes[1]
+        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second_shape].short.format(at=schedule_name)})"
     if main_shape == "gap":
         remedy = f"measure another {schedule_name}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""

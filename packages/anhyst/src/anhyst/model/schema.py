@@ -172,22 +172,25 @@ def fit_figures(
     for loop, output in zip(loopset.loops, fitted, strict=True):
         deviation = np.abs(output - loop.output)
         deviations.append(deviation)
-        full = full_scale(loopset.output, (loop.output,))
+        full_scale_output = full_scale(loopset.output, (loop.output,))
         mean, worst = float(deviation.mean()), float(deviation.max())
-        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst))
-    pooled = np.concatenate(deviations)
-    largest, pooled_rms = largest_output(loopset), rms(pooled)
+        rows.append(
+            LoopFit(loop.label, loop.schedule_value, loop.n, full_scale_output, mean, rms(deviation), worst)
+        )
+    pooled_deviations = np.concatenate(deviations)
+    largest_output_value, pooled_rms = largest_output(loopset), rms(pooled_deviations)
     return FitFigures(
-        largest_output=largest,
-        mean_abs=float(pooled.mean()),
+        largest_output=largest_output_value,
+        mean_abs=float(pooled_deviations.mean()),
         rms=pooled_rms,
-        worst=float(pooled.max()),
+        worst=float(pooled_deviations.max()),
         loops=tuple(rows),
         left_out=dict(left_out),
         monotone=monotone,
         cross_validation=cross_validation,
         candidates=tuple(
-            replace(fit, rms=pooled_rms / largest) if fit.note == CHOSEN else fit for fit in candidates
+            replace(fit, rms=pooled_rms / largest_output_value) if fit.note == CHOSEN else fit
+            for fit in candidates
         ),
     )
 
@@ -238,8 +241,8 @@ def _number(value: Any) -> Any:
 
 
 def _law(name: str) -> str:
-    if why := LAWS.explain_unusable(name):
-        raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
+    if reason := LAWS.explain_unusable(name):
+        raise PydanticCustomError("unknown_choice", reason.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
         law_names = [repr(law) for law in LAWS]
         raise PydanticCustomError(
@@ -394,11 +397,11 @@ def section_names(
 
 def find_field(key: str, names: Names) -> str | None:
     """Return the field that a key with a missing or another unit means, if any."""
-    for name, (name_without_unit, full) in names.items():
-        if key == full:
+    for name, (name_without_unit, full_name) in names.items():
+        if key == full_name:
             continue
         if key in {name, name_without_unit} or (
-            name_without_unit != full and key.startswith(f"{name_without_unit}_")
+            name_without_unit != full_name and key.startswith(f"{name_without_unit}_")
         ):
             return name
     return None

@@ -96,8 +96,8 @@ class Result(ABC):
         return pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
 
     def __repr__(self) -> str:
-        listed = ", ".join(f"{name}: {text}" for name, text in self.facts().items())
-        return f"<{type(self).__name__} {listed}>"
+        facts_text = ", ".join(f"{name}: {text}" for name, text in self.facts().items())
+        return f"<{type(self).__name__} {facts_text}>"
 
     def _repr_html_(self) -> str:
         """Return the main figures as an HTML table for a notebook."""
