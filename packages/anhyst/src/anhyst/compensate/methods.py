@@ -124,8 +124,8 @@ class FluxGains:
 
     proportional: float  # proportional gain, A/T
     integral: float  # integral gain per tick, A/T
-    anti_windup: float  # share of a limited current that the integral removes in a tick
-    # share of a step of the demanded flux density that is expected in the next tick
+    anti_windup: float  # fraction of a current's excess that the integral removes per tick
+    # fraction of a step of the demanded flux density that is expected in the next tick
     smoothing: float
     crossover: float  # crossover frequency, rad/s
 

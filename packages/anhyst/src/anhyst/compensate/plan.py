@@ -159,7 +159,7 @@ class Plan:
     static_block: Block  # block without eddy-current lag; the same block if the model has none
     start_up: StartUp  # the start-up sequence
     search_result: BlockSearchResult  # errors of all tested table sizes
-    reference_output: float  # 100 % of all relative figures; see :func:`reference_output`
+    reference_output: float  # 100 % of all relative errors; see :func:`reference_output`
     allowance: float  # largest deviation due to formats and tables, in units of the output
 
 

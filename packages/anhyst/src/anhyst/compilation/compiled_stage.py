@@ -32,7 +32,7 @@ class CompiledStage(CompiledFolder):
     files : tuple of str
         Names of the files.
     vectors : dict of str to array
-        Golden vectors of a flight: inputs and answers of the controller, one number per tick.
+        Golden vectors of a simulated motion: inputs and outputs of the controller, one number per tick.
     """
 
     vectors: dict[str, FloatArray]
@@ -51,7 +51,7 @@ class CompiledStage(CompiledFolder):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the golden vectors of the flight."""
+        """Return the golden vectors of the simulated motion."""
         return dict(self.vectors)
 
     def draw(self, ax: Axes) -> None:

@@ -216,7 +216,7 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
 
 
 def _guide_accuracy(budget: Budget) -> dict[str, str]:
-    """Return the accuracy figures of the drop-in guide, % of the reference output."""
+    """Return the errors for the drop-in guide, % of the reference output."""
     return {
         name: f"{percent(budget, part.worst or 0.0):.2g}"
         for name, part in (("travelling", budget.compiled), ("drift", budget.drift))

@@ -32,8 +32,8 @@ class Ecosystem:
     """Layout of a package that one build system expects."""
 
     title: str  # headline of the README
-    # place of each part of the folder: core headers, core sources, port, own headers, own sources,
-    # documents; a part without a place is left out
+    # folder in the package for each part of the compiled folder: core headers, core sources, port,
+    # headers and sources of the actuator, documents; a part without an entry is left out
     places: Mapping[str, str]
     # template of each further file; {name} in a path becomes the name of the actuator
     templates: Mapping[str, str]

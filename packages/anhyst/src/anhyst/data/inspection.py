@@ -1,4 +1,4 @@
-"""Inspect measured loops: figures, warnings, gain of a hysteresis model, and plots."""
+"""Inspect measured loops: characteristic values, warnings, benefit of a hysteresis model, plots."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class Inspection(Result):
         }
 
     def facts(self) -> dict[str, str]:
-        """Return the verdict and its main figures."""
+        """Return the verdict and its main values."""
         verdict, drive, output = self.verdict, self.input, self.output
         return {
             "worth a hysteresis model": verdict.level,
@@ -137,7 +137,7 @@ class Inspection(Result):
         }
 
     def to_columns(self) -> dict[str, list[Any]]:
-        """Return the figures of each loop, with units in their names."""
+        """Return the characteristic values of each loop, with units in their names."""
         return rows_to_columns(self.as_dict()["loops"])
 
     def draw(self, ax: Axes) -> None:
@@ -170,7 +170,7 @@ class Inspection(Result):
 
 
 def inspect(loops: Loops) -> Inspection:
-    """Return the figures of loops, warnings, and the gain of a hysteresis model: `anhyst.inspect`.
+    """Return values of loops, warnings, and the benefit of a hysteresis model: `anhyst.inspect`.
 
     Noise and delay are those of the given samples, so inspect a record before it is thinned.
     """
@@ -270,7 +270,7 @@ def _unit_suffix(quantity: Quantity) -> str:
 
 
 def _as_json_figures(figures: LoopFigures | Verdict, units: dict[str, str]) -> dict[str, Any]:
-    """Return figures for JSON, with units in the keys."""
+    """Return the values for JSON, with units in the keys."""
     values: dict[str, Any] = {}
     for field in fields(figures):
         value, unit = getattr(figures, field.name), units.get(field.name)

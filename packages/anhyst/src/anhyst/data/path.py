@@ -88,14 +88,14 @@ def find_crossings(values: FloatArray, other: FloatArray, level: float, *, risin
 
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
-    """Return where samples can be measured: not NaN, infinite or above `MAX_MEASURED_VALUE`."""
+    """Return a mask of samples that can be measured values: finite, at most `MAX_MEASURED_VALUE`."""
     return np.asarray(np.abs(values) <= MAX_MEASURED_VALUE)
 
 
 _MIN_MARK_DISTANCE = 10.0
 """Minimum distance of an overrange mark from the other values, in ranges of them, if it repeats."""
 _MIN_KNOWN_MARK_DISTANCE = 2.0
-"""The same for a number that instruments are known to use as a mark."""
+"""The same distance for a number that instruments are known to use as an overrange mark."""
 _MAX_MARK_SHARE = 0.2
 _MAX_PLAIN_NUMBER = 1e16
 _MIN_OTHER_SAMPLES = 8

@@ -31,7 +31,7 @@ _MAX_DISTANCE_SIGMAS = 6.0
 _MAX_LOST_SHARE = 0.1
 """Fraction of the record between the plateaus above which the input must be constant there."""
 _MIN_INPUT_SHARE = 0.3
-"""Minimum part of the input range in a plateau."""
+"""Minimum range of the input during a plateau, as a fraction of its range in the record."""
 _MIN_REVERSAL_SHARE = 0.1
 
 

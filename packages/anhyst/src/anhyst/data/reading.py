@@ -71,7 +71,7 @@ _DEFAULT_LABEL = "1"
 class _Columns:
     """Columns of one source in SI units, before they are split into loops.
 
-    ``locate_row`` returns the place of a row as text.
+    ``locate_row`` returns the location of a row in its file as text.
     """
 
     source_name: str

@@ -26,7 +26,7 @@ MAX_DAMPING = 0.25
 MIN_DAMPING = 5e-4
 """Minimum damping ratio of a mechanical resonance; mains hum has less."""
 MIN_SINE_POWER_SHARE = 0.997
-"""Minimum share of one frequency in the power of a sine; a triangle has 0.986."""
+"""Minimum fraction of the power of a sine at one frequency; the fraction of a triangle is 0.986."""
 MIN_FORCED_SHARE = 0.3
 """Minimum part of the output near a resonance that the input excites, as an amplitude ratio."""
 _LINE_WIDTH_SHARE = 0.2

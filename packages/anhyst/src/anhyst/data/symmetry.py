@@ -30,9 +30,11 @@ MIN_TURN_BACK_SPAN = 0.6
 MIN_BIAS_SHARE = 0.04
 """Minimum distance of the force minimum from zero for a bias, as a fraction of the input range."""
 _EDGE_SHARE = 0.06
-"""Minimum distance of a force minimum from the ends of the input range, over that range."""
+"""Minimum distance of a force minimum from the ends of the input range, as a fraction of this
+range."""
 _MIN_RISE_SHARE = 0.02
-"""Minimum rise from a force minimum to the lower end of the curve, over the curve's range."""
+"""Minimum increase of the force from its minimum to the lower end of the curve, as a fraction of
+the range of the force."""
 _BIN_COUNT = 60
 _MIN_SAMPLES = 12
 """Minimum number of samples in each direction for an average curve."""

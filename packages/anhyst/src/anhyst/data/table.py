@@ -121,7 +121,7 @@ class DataTable:
         return advise_mapping(self.headers, [name], skip=texts, min_score=0) if name in QUANTITIES else ""
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a data row, such as ``file.csv: line 12``."""
+        """Return the location of a data row, such as ``file.csv: line 12``."""
         return self.source_table.locate_row(row)
 
     def as_columns(self) -> dict[str, FloatArray | Texts]:

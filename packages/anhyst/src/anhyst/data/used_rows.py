@@ -32,7 +32,7 @@ class UsedRows:
     rows: Rows | None  # None: all rows
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row in use."""
+        """Return the location of a used row in its file."""
         return self.table.locate_row(row if self.rows is None else int(self.rows[row]))
 
     def values(self, index: int) -> FloatArray:

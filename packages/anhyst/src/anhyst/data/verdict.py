@@ -40,10 +40,10 @@ GAIN_ADVICE = (
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Gain of a hysteresis model over the best single-valued curve.
+    """Benefit of a hysteresis model compared with the best single-valued curve.
 
-    Figures of the output are in SI units. Relative figures of the output refer to `largest_output`,
-    and relative figures of the input to its largest range.
+    Values of the output are in SI units. Relative values of the output refer to `largest_output`,
+    and relative values of the input refer to its largest range.
     """
 
     level: Level  # ``unknown`` if dynamics cause the loop

@@ -198,7 +198,7 @@ _WORSE_FIT_RATIO = 2.5
 """Ratio of rms residuals beyond the noise, above which the law with the smaller residual is
 selected if it predicts withheld data as well."""
 
-_MIN_EXCESS_SHARE = 0.1  # smallest share of a cost that counts as model error, for any noise
+_MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to the model
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 """Exceptions that remove a candidate but do not end the search."""

@@ -37,7 +37,7 @@ FINE_SAMPLES = 100
 fits."""
 
 _SEARCH_TABLE_ERROR = 1e-8
-"""Error of the cell tables during the search, as a share of the saturation."""
+"""Error of the cell tables during the search, as a fraction of the saturation."""
 _STARTS_PER_ROUND = 48  # random starts of one round
 _MAX_ROUNDS = 2  # rounds of random starts
 _MAX_SHORT_DESCENTS = 12
@@ -84,8 +84,8 @@ _WIDTHS_WITH_LANGEVIN_SLOPE = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve with the same initial slope as a Langevin curve of width 1."""
 
 _MAX_START_INTERACTION = 0.8
-"""Largest interaction of a start, as a share of the interaction at which the magnetisation jumps.
-"""
+"""Largest interaction of a start, as a fraction of the interaction at which the magnetisation
+jumps."""
 
 _ADDED_POPULATION_COST_RATIO = 0.98
 """Cost relative to one population less, above which the added population is discarded."""
@@ -99,11 +99,13 @@ _MAX_CURVE_COST_RATIO = 4.0
 
 _ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
 _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
-"""Widths and pinnings that are tried for an added population, relative to the first population."""
+"""Widths and pinnings that are tried for an added population, relative to those of the first
+population."""
 
 _PROBE_SHARE = 0.03
 _START_SHARE_RANGE = (0.05, 1.0)
-"""Share of an added population for estimating its effect, and range of the share at its start."""
+"""Saturation of an added population, relative to the first population: the value for which its
+effect is estimated, and the range at the start of its fit."""
 
 _MAX_SUGGESTIONS = 8  # starts of an added population for each smaller fit
 

@@ -68,7 +68,7 @@ _GAP_SPACING_FACTOR = 1.5
 are twice as far apart as the gaps between which the model is used."""
 
 _MIN_ERROR_SHARE = 0.3
-"""Smallest share of a mean error that counts as model error, for any noise."""
+"""Minimum fraction of a mean error that is attributed to the model, however large the noise is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,14 +17,14 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MAX_REST_SHARE = 0.01  # share of the largest input below which the smallest input counts as zero
+MAX_REST_SHARE = 0.01  # fraction of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
 """Largest difference of readings at the same rest, relative to the largest reading. A smaller
 offset counts as zero."""
 
 _REST_BAND = 0.005
-# a drive rests if this share of its samples is within a band above the lowest
+# a drive rests if this fraction of its samples is within a band above the lowest sample
 _MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
 """A reversal is round if the residual of one curve across it is at most this multiple of that of

@@ -1,4 +1,4 @@
-"""Find a model from measured loops: check the inputs, search, and collect figures and provenance.
+"""Find a model from measured loops: check inputs, search, collect fit metrics and provenance.
 
 The slow loops determine the static model. If there are fast loops, their rate dependence is fitted
 afterwards. The result contains warnings and, if the model must not be used, the reason.

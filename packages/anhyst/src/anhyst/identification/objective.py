@@ -166,8 +166,9 @@ DRIFT_STD = 0.003
 """
 
 _MAX_PIECE_SAMPLES = 20_000
-"""Number of samples whose derivatives are stored at once, to limit memory. A Jiles-Atherton law has
-few parameters and needs its whole cycle to close it."""
+"""Maximum number of samples whose derivatives are stored at the same time, to limit memory. A
+Jiles-Atherton cycle is never split, because its steady state needs the whole cycle; it has few
+parameters."""
 
 # residual for parameters without a solution, relative to the largest output
 NO_ANSWER_DEVIATION = 10.0

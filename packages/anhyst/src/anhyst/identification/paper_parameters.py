@@ -59,7 +59,7 @@ class Variables:
     names: tuple[str, ...]  # parameters that vary
     low: FloatArray  # bounds of the coordinates, shape (n,)
     high: FloatArray
-    # unit of each coordinate that is neither a logarithm nor alpha
+    # scale of each coordinate that is neither a logarithm nor alpha
     spans: Mapping[str, float]
 
     @property

@@ -342,7 +342,7 @@ def _start_derivatives(
 
 
 def _langevin(x: float) -> tuple[float, float]:
-    """Return the Langevin function and its slope at one place."""
+    """Return the Langevin function and its slope at one field."""
     value, slope = langevin(np.array([x]))
     return value.item(), slope.item()
 

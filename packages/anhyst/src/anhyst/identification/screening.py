@@ -255,13 +255,13 @@ _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
 """Share of the drive across the iron, with a gap and without one. Without a gap, interaction may
 increase the field."""
 
-_MAX_INTERACTION = 0.8  # largest interaction, as a share of that at which the magnetisation jumps
+_MAX_INTERACTION = 0.8  # largest interaction, relative to the one at which M jumps
 
 _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Law parameters, largest effective field in their units, share of the drive across the iron."""
+    """Law parameters, largest effective field in their units, part of the drive across the iron."""
 
     law: tuple[float, ...]
     max_field: float

@@ -56,7 +56,7 @@ LEAKAGE_PARAMETER = FitParameter(
 
 _MIN_OMEGA = 1e-6
 
-MIN_GAP_FLUX_SHARE = 0.05  # smallest share of the iron's flux that passes the gap
+MIN_GAP_FLUX_SHARE = 0.05  # smallest fraction of the iron's flux that passes the gap
 
 CIRCUIT_PARAMETERS = (
     FitParameter("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
@@ -145,7 +145,7 @@ class CoordinateSpace:
         return cast("GapMap", FILE_GAP_MAPS.get(self.gap_map, self.gap_map))
 
     def leakage(self, theta: FloatArray) -> float:
-        """Return the leakage per unit of omega, as a share of the iron's flux."""
+        """Return the leakage per unit of omega, as a fraction of the iron's flux."""
         values, _ = self.to_parameters(theta)
         widest_gap_index = self.names.index(f"omega[{self.records.gap_count - 1}]")
         return float(values[self.names.index("leakage")] / max(values[widest_gap_index], _MIN_OMEGA))

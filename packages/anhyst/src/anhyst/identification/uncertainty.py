@@ -180,14 +180,14 @@ def _group_correlated(correlation: FloatArray) -> list[list[int]]:
 OFFSET_NAMES = frozenset({"in_0", "out_0"})
 
 USUAL_OFFSET_STD = 0.01
-"""Standard deviation of usual sensor offsets, as a share of the range."""
+"""Standard deviation of usual sensor offsets, as a fraction of the range."""
 
 MIN_REST_READING_STD = 5e-4
-"""Smallest standard error of a reading at rest, as a share of the range."""
+"""Minimum standard error of a reading at rest, as a fraction of the range."""
 
 _MAX_OFFSET_PENALTY = 25.0
 """Largest penalty of an unusual offset, and of a contradiction to a reading at rest, as twice the
-logarithm of the odds. Clear evidence in the loops can still exceed either."""
+logarithm of the odds. Clear evidence in the loops can still exceed this penalty."""
 
 _CONTRADICTION_SIGMAS = 4.0
 """Number of standard errors above which a fitted offset contradicts the sensor reading."""

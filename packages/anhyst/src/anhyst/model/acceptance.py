@@ -111,7 +111,7 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
 
     The test starts from the demagnetised state and from remanence after the largest drive, and uses
     100 drives up to the largest measured one, at each node and half-way between nodes. Rest is the
-    drive that the sensor reads at zero, if its offset is at most :data:`MAX_SENSOR_OFFSET`.
+    sensor reading at zero drive, but at most :data:`MAX_SENSOR_OFFSET` of the largest drive.
     """
     if not output_map(model.output).is_even or model.valid is None:
         return None
@@ -238,7 +238,7 @@ def _largest_drive(model: ModelData) -> float:
 
 
 def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
-    """Return the smallest drive that is not negative at any gap, at most a share of the largest."""
+    """Return the smallest drive that is nowhere negative, at most `max_share` of the largest drive."""
     largest_drive = _largest_drive(model)
     shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
     return largest_drive * float(np.clip(shares.max(), 0.0, max_share))

@@ -43,7 +43,7 @@ class Dynamics:
 
     lag: float = 0.0  # delay from the drive to the output, s, 0 or above
     times: tuple[float, ...] = ()  # time constants of the creep, s, above 0, ascending
-    # final contribution of each slow part, relative to the immediate output; 0 or above
+    # final contribution of each creep component, relative to the immediate output; 0 or above
     shares: tuple[float, ...] = ()
     # highest cycle rate at which the model was validated, Hz; 0: unknown
     fastest: float = 0.0

@@ -153,7 +153,7 @@ def _run_with_dynamics(
     time: FloatArray,
     initial_history: History,
 ) -> Prediction:
-    """Compute a record with lag and creep; the drive is advanced by the lag before its demand."""
+    """Compute a record with lag and creep. For a demand, the drive is advanced by the lag."""
     dynamics, at = model.dynamics, None
     assert dynamics is not None
     if schedule is not None:

@@ -114,7 +114,7 @@ class RunSummary(Result):
         ax.set_ylabel(self.column)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures, without the columns."""
+        """Return the summary values, without the columns."""
         fields_ = asdict(replace(self, columns={}))
         del fields_["columns"]
         return fields_

@@ -82,7 +82,7 @@ class ResidualAnalysis:
     rms: float  # of all samples, relative to the largest output
     noise: float  # rms of the sensor noise, relative to the largest output
     beyond_noise: float = 0.0  # rms without the noise; zero if the residual is noise
-    # shapes of the residual and the share of its variance that they explain, the largest first;
+    # shapes of the residual and the fraction of its variance that they explain, the largest first;
     # empty if no known shape was found
     shapes: tuple[tuple[Shape, float], ...] = ()
     start_samples: int = 0  # samples at the start of a record with the effect of a wrong history

@@ -32,7 +32,7 @@ _DECAY_POWERS = (1, 2, 4)
 """Powers of the remaining part of the first branch, along which the effect of a wrong history
 fades."""
 _MIN_INDEPENDENT_SHARE = 1e-6
-"""Smallest share of the strongest direction with which a direction counts as independent."""
+"""Minimum strength of an independent direction, relative to the strongest direction."""
 
 
 @dataclass(frozen=True, eq=False)

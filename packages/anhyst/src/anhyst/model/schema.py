@@ -136,7 +136,7 @@ class FitFigures(FileRecord):
     """Deviation of the model from all measured loops."""
 
     # largest absolute output of all loops (of a displacement: largest range), SI; full scale of
-    # relative figures
+    # relative values
     largest_output: Output
     mean_abs: Output  # deviations over all samples as in :class:`LoopFit`, SI
     rms: Output

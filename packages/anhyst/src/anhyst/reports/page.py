@@ -43,7 +43,7 @@ _RMS_PER_MEAN_ABS = float(np.sqrt(0.5 * np.pi))
 
 
 def make_headline(subject: ModelSubject) -> Headline:
-    """Return the head of the page: what the model is, its verdict and its main figures."""
+    """Return the head of the page: what the model is, its verdict and its main values."""
     model = subject.model
     schedule_part = f" over the {subject.schedule_name}" if model.varying else ""
     description = (

@@ -330,7 +330,7 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
 
 
 def section_measurement(subject: ModelSubject) -> Section | None:
-    """Return the section with the figures of each loop, and what was repaired and noted."""
+    """Return the section with the values of each loop, and with the repairs and notes."""
     evidence = subject.evidence
     if evidence is None:
         return None

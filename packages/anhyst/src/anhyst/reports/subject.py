@@ -28,7 +28,7 @@ class ModelSubject:
     """A model and all data about it that its report shows."""
 
     model: Model
-    fit: FitFigures | None  # fit figures of its present parameters
+    fit: FitFigures | None  # fit metrics of its present parameters
     acceptance: Acceptance  # outcome of the acceptance test
     evidence: Evidence | None  # None if the measurements could not be read
     missing_reason: str = ""  # reason for this; empty if they were read
@@ -87,7 +87,7 @@ class ModelSubject:
 
 
 STALE_RELATIVE_DIFFERENCE = 0.02
-"""Relative difference of the mean deviation above which the stored fit figures are out of date."""
+"""Relative difference of the mean deviation above which the stored fit metrics are out of date."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
 
 
 def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
-    """Return the fit figures of the parameters, and a warning if those of the file differ."""
+    """Return the fit metrics of the parameters, and a warning if those in the file differ."""
     fitted_outputs = [output for output in evidence.fitted if output is not None]
     if len(fitted_outputs) < len(evidence.fitted):
         return model.fit, ""

@@ -289,7 +289,7 @@ def _move_files(draft: Path, target: Path) -> None:
 
 
 def check_picture(path: PathLike) -> None:
-    """Raise an error if a picture cannot be written, because of its suffix or its place."""
+    """Raise an error if a picture cannot be written, because of its suffix or its folder."""
     if Path(path).suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(
             f"{path}: a plot is written as .png, .svg or .pdf; change the ending", code="wrong-ending"

@@ -26,7 +26,7 @@ Progress = Callable[[float, float], None]
 def split_progress(progress: Progress | None, weights: Sequence[float]) -> Iterator[Progress]:
     """Yield a progress function for each part of the work; each reports the overall progress.
 
-    ``weights`` are the shares of the parts in the total work, in any common unit.
+    ``weights`` are the amounts of work of the parts, in any common unit.
     """
 
     def part_progress(part: int) -> Progress:

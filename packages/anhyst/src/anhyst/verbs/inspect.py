@@ -109,7 +109,7 @@ def _list_channels(arguments: Mapping[str, Any]) -> list[ChannelFigures]:
 
 
 def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the terminal output: verdict, how the loops were read, and figures of each loop."""
+    """Return the terminal output: verdict, how the loops were read, and values of each loop."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.support.units import choose_display_unit, schedule_scale
     from anhyst.support.wording import count_text

@@ -1,6 +1,6 @@
 """Build the test program for a target, run it, and find the first difference from the host.
 
-The program runs a start, the golden vectors and random steps. It hashes all inputs and answers. If
+The program runs a start, the golden vectors and random steps. It hashes all inputs and outputs. If
 two hashes differ, both programs run again with more checkpoints, until a window of records contains
 the first difference.
 """
@@ -173,12 +173,12 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """All answers of a program."""
+    """All results of a program."""
 
     start: Reply  # replies after the start, after the golden vectors, and after the random steps
     golden: Reply
     random: Reply
-    vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
+    vectors: Words  # results for the golden vectors; shape (rows, words of a record)
     stack: int  # largest stack of a call of solve or commit, bytes; 0 if it is not measured
 
 

@@ -137,7 +137,7 @@ def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
 
 @dataclass
 class _VerificationJob:
-    """Data that all builds share: the inputs, and the host's answers to them."""
+    """Data for all builds: the inputs, and the outputs of the host for them."""
 
     build_folder: BuildFolder
     vectors: GoldenVectors

@@ -247,7 +247,7 @@ class ChannelTable:
         return RawColumns(file_sha256(self.file.path), columns, texts_by_index, all_notes, self.file.breaks)
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row as text."""
+        """Return the location of a row in its file as text."""
         return f"{self.source_name}: sample {row + 1}"
 
     def channel(self, index: int) -> Channel:

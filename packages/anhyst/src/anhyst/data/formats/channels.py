@@ -362,7 +362,7 @@ class OpenTable(Protocol):
         """Read columns by index."""
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a data row, counted from 0, such as ``file.csv: line 12``."""
+        """Return the location of a data row, counted from 0, such as ``file.csv: line 12``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,5 +401,5 @@ class MemoryTable:
         return RawColumns(self.sha256, columns, words, ())
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row as text."""
+        """Return the location of a row in its file as text."""
         return f"{self.source_name}: row {row}"

@@ -96,7 +96,7 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
 
 
 def is_link(path: Path, group: Any, name: str, shown_name: str) -> bool:
-    """Whether a member of a group is a link; its target is found in its own place."""
+    """Whether a member of a group is a link. The target of a link is read where it is stored."""
     import h5py
 
     link = group.get(name, getlink=True)
