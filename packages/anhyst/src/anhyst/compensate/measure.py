@@ -300,7 +300,7 @@ class CompensatorTrial:
                 for n in (self.sizes.gap_segments, FINE_SIZES.gap_segments)
             )
             deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
-            note = "selected gap tables compared with those of the fit, everything else fine"
+            note = "selected gap tables compared with those of the fit, with all other tables fine"
         return [BudgetPart("gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note)]
 
     def _measure_sampling(self) -> BudgetPart:
@@ -378,8 +378,8 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
     for tick in range(gap.size - 2):
         at_tick, two_ticks_later = slice(tick, tick + 1), slice(tick + 2, tick + 3)
         drive, _, state, _, _ = iron.inverse(flux[at_tick], circuit.rho[at_tick], no_rate, state)
-        # The same current at the later gap, where turns and offset of the current have other
-        # values.
+        # The same current at the later gap, at which the circuit has other values of its current
+        # factor and its offset.
         later_drive = drive * circuit.turns[two_ticks_later] / circuit.turns[at_tick]
         later_drive = later_drive + circuit.turns[two_ticks_later] * (
             circuit.in_0[at_tick] - circuit.in_0[two_ticks_later]

@@ -104,9 +104,9 @@ class BlockSearch:
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
     def _select_root_knee(self) -> int:
-        """Return the flattest start of the root whose error is small enough.
+        """Return the exponent ``k`` of the flattest start of the square root with a small error.
 
-        The error is 2^(-2k)/4 of full scale.
+        The error is 2^(-2k)/4 of full scale. A small ``k`` makes the square root flatter at zero.
         """
         full_scale = self.builder.scales.demand
         knees = range(2, 9)
@@ -148,8 +148,8 @@ class BlockSearch:
     def _total_error(self, sizes: TableSizes) -> float:
         """Return the error of some sizes.
 
-        For a simplified law this is at least the error of its tables alone, so that the error of
-        the law does not hide them.
+        For a simplified law, the result is at least the error of its tables alone, so that the
+        error of the law does not hide the error of the tables.
         """
         b = self.builder
         error = self._excess_error(compare_with_demand(b.model, b(sizes), b.io, self.paths)[1])

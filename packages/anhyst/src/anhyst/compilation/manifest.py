@@ -205,7 +205,7 @@ def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) 
 MANIFEST_FILE = "manifest.json"
 PRODUCT = "anhyst-compiled"
 REPORT_FILES = ("verify.json", "verify.md")
-"""Reports of ``anhyst verify``; they are replaced together with the C."""
+"""Reports of ``anhyst verify``; they are replaced together with the C files."""
 
 
 @dataclass(frozen=True, repr=False)

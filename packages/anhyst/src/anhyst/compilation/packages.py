@@ -168,7 +168,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         edit=_prefix_symbols,
     ),
 }  # fmt: skip
-"""The ecosystems by the name that --package accepts."""
+"""Package layouts by the name that --package accepts."""
 
 
 def check_package(package: str | None) -> None:
@@ -244,7 +244,7 @@ def _folder_part(file: str, name: str) -> str:
 
 
 def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], values: Values) -> dict[str, Any]:
-    """Return what the templates show."""
+    """Return the values for the templates."""
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
     own_files = [name for name in files if name.startswith(f"{values['name']}_")]
@@ -277,7 +277,7 @@ RUST_REALS = {"q15": "f32", "q31": "f64", "f32": "f32"}
 
 
 def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what only the templates of a Rust crate show."""
+    """Return the values that only the templates of a Rust crate need."""
     io, controller = manifest["io"], manifest["controller"]
     signals = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
     number = float if io == "q31" else np.float32

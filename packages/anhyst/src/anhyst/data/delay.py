@@ -161,7 +161,7 @@ def _search_at_reversals(drive: FloatArray, output: FloatArray, length: float) -
 def _average_blocks(
     drive: FloatArray, output: FloatArray, stride: int, shift: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Average blocks of ``stride`` samples of the input, and of the output after ``shift`` samples."""
+    """Average blocks of ``stride`` samples of the input and of the output ``shift`` samples later."""
     inputs, later_outputs = drive[max(0, -shift) :], output[max(0, shift) :]
     count = min(inputs.size, later_outputs.size) // stride * stride
     return (

@@ -31,7 +31,7 @@ _MIN_LOOP_SAMPLES = 20
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """A stretch of a record without samples."""
+    """A time interval of a record without samples."""
 
     row: int  # last sample before the hole
     time_s: float  # time of that sample, s

@@ -1,9 +1,9 @@
 """Propose the history before a record: demagnetised, or a cycle that was repeated many times.
 
-A rise is a branch on which the magnitude of the input increases. The initial magnetisation curve
-differs from later rises. Therefore, the first rise of a record is compared with a later one, in
-several parts that all begin at rest. Drift and noise determine the uncertainty. If a record has
-only one rise, the closing error of its cycle decides.
+A rise is an ascending branch of the input, or of its magnitude for an even output. The initial
+magnetisation curve differs from later rises. Therefore, the first rise of a record is compared with
+a later one, in several parts that all begin at rest. Drift and noise determine the uncertainty. If
+a record has only one rise, the closing error of its cycle decides.
 """
 
 from __future__ import annotations

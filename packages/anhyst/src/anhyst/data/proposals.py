@@ -213,7 +213,7 @@ def _is_piezo(headers: Sequence[Header]) -> bool:
 
 
 def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
-    """Return the advice how to map a column whose unit is missing or contradictory."""
+    """Return advice on mapping a column whose unit is missing or contradictory."""
     name = header.quantity.name if header.quantity else ""
     if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
         targets = [f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict]

@@ -12,7 +12,7 @@ from anhyst.support.registry import PROJECT_PACKAGES, entry_points_in, load_entr
 
 
 def _find_in_folder(folder: object) -> dict[str, str]:
-    """Return the module name of each command in a folder; raise ValueError if it is none."""
+    """Return the module name of each command in a folder; raise ValueError if it is not a folder."""
     if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
         raise ValueError("is no folder of verbs")
     names = (module.name for module in iter_modules(folder.__path__))

@@ -59,7 +59,7 @@ class HarnessProgram(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One build of the C for one target."""
+    """One build of the C code for one target."""
 
     target: str  # target, and name of the build: ``gcc -O2``, ``portable``
     name: str

@@ -53,7 +53,7 @@ class TargetResult:
     stack_measured: int | None = None
     stack_static: int | None = None  # the same, bounded from the machine code
     difference: Difference | None = None  # first difference
-    failure: str = ""  # reason without a comparison: a compiler error, a sanitizer
+    failure: str = ""  # reason why no comparison was possible, such as a compiler error
     seconds: float = 0.0  # time of build and run
 
     @property

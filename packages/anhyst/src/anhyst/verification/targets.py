@@ -1,4 +1,4 @@
-"""List the targets by name, and build the C for each of them.
+"""List the targets by name, and build the C files for each of them.
 
 Each target lists the builds that the installed tools allow, and the missing tools. Other packages
 can add targets that run a whole firmware, with the entry point ``anhyst.targets``.

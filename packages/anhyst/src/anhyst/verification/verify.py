@@ -1,7 +1,8 @@
-"""Run the C of a compiled folder on all targets, and compare every bit with the host.
+"""Run the C code of a compiled folder on all targets, and compare every bit with the host.
 
-For each target, the C is built together with a test harness. The harness runs the golden vectors
-and random steps, and returns hashes, costs and stack use. The build for the host is the reference.
+For each target, the C code is built together with a test harness. The harness runs the golden
+vectors and random steps, and returns hashes, costs and stack use. The build for the host is the
+reference.
 """
 
 from __future__ import annotations

@@ -107,9 +107,9 @@ typedef struct {
   uint32_t mode;
   uint32_t seed;
   uint32_t steps;
-  uint32_t first_checkpoint_step;  /* the hash is stored before this step, and then ... */
-  uint32_t checkpoint_stride; /* ... at every stride */
-  uint32_t first_window_step;      /* first step whose record is stored */
+  uint32_t first_checkpoint_step; /* first step before which the hash is stored */
+  uint32_t checkpoint_stride;     /* number of steps between two stored hashes */
+  uint32_t first_window_step;     /* first step whose record is stored */
   /* Filled by the target. */
   uint32_t box_words;
   uint32_t status;        /* result of the start */

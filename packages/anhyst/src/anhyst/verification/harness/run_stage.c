@@ -5,7 +5,7 @@
 #include STAGE_HEADER
 #include "steps.h"
 
-/* Sample and answer, as signals and as words. */
+/* Inputs and outputs of the controller in a tick, as signals and as words. */
 typedef union {
   struct {
     STAGE(_sample) in;
