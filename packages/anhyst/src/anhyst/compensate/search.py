@@ -28,7 +28,7 @@ from anhyst.compensate.paths import DemandPath
 from anhyst.support.block_layout import MAX_BLOCK_WORDS, MIN_BLOCK_WORDS
 from anhyst.support.numeric import FloatArray
 
-TARGET_SHARE = 0.9
+TARGET_ALLOWANCE_RATIO = 0.9
 """Fraction of the allowance that the search may use. The rest is a margin, because the budget is
 measured on other paths."""
 
@@ -119,7 +119,7 @@ class BlockSearch:
             axes[name] = [
                 (value, self._table_error(replace(FINE_SIZES, **{name: value}))) for value in values
             ]
-        target = TARGET_SHARE * self.allowance
+        target = TARGET_ALLOWANCE_RATIO * self.allowance
         best_candidate: tuple[float, TableSizes] | None = None
         for sizes in self._candidates(axes):
             error = self._total_error(sizes)

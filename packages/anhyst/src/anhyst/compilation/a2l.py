@@ -53,7 +53,7 @@ _COMMANDS = (
 _READ_ONLY_WORDS = {word.name for word in HEAD_WORDS} - {"GENERATION"}
 """Words that a tool must not change: they are checked or recalculated."""
 
-_MAX_SINGLE = 3.4028234e38
+_MAX_SINGLE_PRECISION = 3.4028234e38
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
             conversion = conversions.get(word["unit"], 1.0)
             yield (
                 row
-                | {"low": -_MAX_SINGLE, "high": _MAX_SINGLE}
+                | {"low": -_MAX_SINGLE_PRECISION, "high": _MAX_SINGLE_PRECISION}
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,

@@ -195,7 +195,7 @@ def make_budget_page(
     sections = (
         Section("parts", "Error of each step", (_parts_table(budget),)),
         Section("paths", "Deviation along the paths", _path_section(budget)),
-        Section("held", "Held demands", (_held_table(budget),)),
+        Section("held", "Held demands", (_held_demand_table(budget),)),
         Section("choices", "Choices and reasons", _choice_section(plan, choices)),
         Section("signals", "Signals", (_signal_table(signals),)),
     )
@@ -248,7 +248,7 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
     return picture, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
-def _held_table(budget: Budget) -> PageTable:
+def _held_demand_table(budget: Budget) -> PageTable:
     rows = [
         [path.title, f"{path.demand:.3g}", f"{path.seconds:g}", f"{percent(budget, path.drift):.2g}"]
         for path in budget.held_demands

@@ -82,7 +82,7 @@ def _make_archive(files: Files, values: Values) -> Files:
     return {f"anhyst.{values['name']}.{values['semver']}.pack": archive_bytes.getvalue()}
 
 
-MODULE_PLACES = {
+MODULE_FOLDERS = {
     "include": "include", "src": "src", "port": "port", "headers": "actuator",
     "sources": "actuator", "docs": "docs", "example": "docs",
 }  # fmt: skip
@@ -95,7 +95,7 @@ MAIN_TEMPLATE = "golden_main.c.j2"
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
         "CMSIS-Pack",
-        places=MODULE_PLACES,
+        places=MODULE_FOLDERS,
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
@@ -108,7 +108,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
     ),
     "zephyr": Ecosystem(
         "Zephyr module",
-        places=MODULE_PLACES,
+        places=MODULE_FOLDERS,
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
             "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",

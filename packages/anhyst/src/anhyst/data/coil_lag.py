@@ -62,7 +62,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
     record = resample_evenly(loop)
     if record is None:
         return None
-    record = record.limited_to(_MAX_SAMPLES)
+    record = record.average_to_sample_limit(_MAX_SAMPLES)
     curve_rms = static_fit_rms(record.drive, record.output, with_plays=False)
     if curve_rms < max(MIN_LOOP_SHARE * scale, MIN_LOOP_NOISE_RATIO * estimate_noise(record.output)):
         return None

@@ -217,7 +217,7 @@ def _estimate_in_windows(
         costs = np.array([_misfit_by_delay(drive, output, tip, delays) for tip in tips])
         count = sum(2 * tip.width + 1 - _POLYNOMIAL_DEGREE - _RAMP_KNOTS.size for tip in tips)
         sigma2 = float(costs.sum(axis=0).min()) / max(1, count) + 1e-14 * float(np.var(output))
-        estimate = _most_probable(costs, delays, sigma2)
+        estimate = _most_probable_delay(costs, delays, sigma2)
         if estimate is None:
             return None
         estimates.append(estimate)
@@ -249,7 +249,7 @@ def _misfit_by_delay(
     return np.array([nnls(ramps, fall)[1] ** 2 for fall in output_falls.T])
 
 
-def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
+def _most_probable_delay(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
     """Return the probability-weighted mean of the delays, and its standard error."""
     total = costs.sum(axis=0)
     weights = np.exp(-0.5 * (total - total.min()) / sigma2)

@@ -8,7 +8,7 @@ from anhyst.data.loops import Loop
 from anhyst.data.path import Branch, average_in_bins, find_branches, find_crossings, find_repeats, is_bipolar
 from anhyst.support.numeric import FloatArray
 
-TO_SIGMA = 1.4826
+MAD_TO_SIGMA = 1.4826
 """Ratio of standard deviation to median absolute deviation of a normal distribution."""
 
 
@@ -27,7 +27,7 @@ def estimate_noise(values: FloatArray) -> float:
     for order in range(2, 6):
         difference = np.diff(difference)
         gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
-        deviations.append(TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
+        deviations.append(MAD_TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
     return float(min(deviations))
 
 
@@ -175,7 +175,7 @@ def _branch_distance(loop: Loop, first_branch: Branch, second_branch: Branch) ->
     grid = np.linspace(low, high, 51)
     distances = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
     middle = float(np.median(distances))
-    spread = TO_SIGMA * float(np.median(np.abs(distances - middle)))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(distances - middle)))
     return middle, 1.25 * spread / min(grid.size, first_branch.size, second_branch.size) ** 0.5
 
 

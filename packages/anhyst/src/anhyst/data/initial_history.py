@@ -32,7 +32,7 @@ _MAX_REST_SHARE = 0.05
 """Maximum input at which a rise starts from zero, as a fraction of the largest input."""
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
 """Parts of the first rise that are compared; which one differs most depends on the iron."""
-_RISES_MEET_SHARE = 0.9
+_MEETING_RISE_FRACTION = 0.9
 """Fraction of the first rise above which all rises meet; a difference there is drift."""
 _MIN_SAMPLES = 3
 """Minimum number of samples for an estimate."""
@@ -289,7 +289,7 @@ def _estimate_drift(
         first_curve, second_curve, low_input = (
             rise,
             later_rise,
-            top_input - (1.0 - _RISES_MEET_SHARE) * span,
+            top_input - (1.0 - _MEETING_RISE_FRACTION) * span,
         )
     is_in_range = (first_curve[0] >= low_input) & (
         first_curve[0] <= min(top_input, float(second_curve[0].max()))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.estimates import TO_SIGMA
+from anhyst.data.estimates import MAD_TO_SIGMA
 from anhyst.data.path import find_runs, reversal_count
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
@@ -112,7 +112,7 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
 
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
     steps = np.abs(np.diff(values))
-    noise = TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
+    noise = MAD_TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
     noise = max(noise, float(np.mean(steps)) / 2.0)
     smooth_values = uniform_filter1d(values, width, mode="nearest")
     max_change = _MAX_DRIFT * float(np.median(np.abs(values))) + _MAX_DISTANCE_SIGMAS * noise / math.sqrt(

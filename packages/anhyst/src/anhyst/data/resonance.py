@@ -73,7 +73,7 @@ def describe_resonance(loopset: Loops) -> str:
 def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
     """Yield a loop at its sampling rate, then repeatedly at half of the previous rate."""
     record = resample_evenly(loop)
-    if record is None or _is_sine(record.limited_to(_MAX_WINDOW_SAMPLES).drive):
+    if record is None or _is_sine(record.average_to_sample_limit(_MAX_WINDOW_SAMPLES).drive):
         return
     while record.drive.size >= _MIN_SAMPLES:
         yield record.first_samples(_MAX_WINDOW_SAMPLES)

@@ -36,7 +36,7 @@ class EvenRecord:
         )
         return EvenRecord(drive, output, samples * self.step)
 
-    def limited_to(self, samples: int) -> EvenRecord:
+    def average_to_sample_limit(self, samples: int) -> EvenRecord:
         """Return the record, averaged in blocks if it has more than ``samples`` samples."""
         count = -(-self.drive.size // samples)
         return self.averaged(count) if count > 1 else self

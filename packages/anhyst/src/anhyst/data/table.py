@@ -317,12 +317,12 @@ def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
             times = table.read([index]).numbers[index]
         except InputError:
             continue
-        if _even_step(times, _MAX_CLOCK_JITTER) is not None:
+        if _median_even_step(times, _MAX_CLOCK_JITTER) is not None:
             clocks.add(index)
     return clocks
 
 
-def _even_step(times: FloatArray, max_jitter: float) -> float | None:
+def _median_even_step(times: FloatArray, max_jitter: float) -> float | None:
     """Return the median step of increasing times; ``None`` if a step deviates by more."""
     steps = np.diff(times)
     median_step = float(np.median(steps)) if steps.size else 0.0
@@ -341,7 +341,7 @@ def _channel_rate(table: OpenTable, index: int) -> tuple[int | None, float | Non
     clock = channel.clock or (channel if channel in table.clocks else None)
     if clock is None or clock.length < 2:
         return channel.length, None
-    usual_step = _even_step(table.seconds(clock), _MAX_RATE_JITTER)
+    usual_step = _median_even_step(table.seconds(clock), _MAX_RATE_JITTER)
     return channel.length, None if usual_step is None else 1.0 / usual_step
 
 

@@ -18,14 +18,14 @@ from anhyst.data.output_map import output_map
 from anhyst.identification.default_search import MAX_STARTS, SCREENED_SETS
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.model_building import is_scheduled_over_gap
-from anhyst.identification.objective import NO_ANSWER_DEVIATION
+from anhyst.identification.objective import UNSOLVED_DEVIATION
 from anhyst.identification.run import Outcome
 from anhyst.identification.screening import sample_unit_cube
 from anhyst.identification.uncertainty import correlation_length, describe_uncertainty
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
+from anhyst.model.parameters import VARYING_BY_GAP_MAP, GapMap, Parameter
 from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
@@ -82,7 +82,7 @@ class _AnyLawProblem:
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
-        varying_names: Collection[str] = MAY_VARY[self.gap_map] & {"rho", "c_H"}
+        varying_names: Collection[str] = VARYING_BY_GAP_MAP[self.gap_map] & {"rho", "c_H"}
         if self.gap_map == "free":
             varying_names = ranges
         coordinates = []
@@ -138,7 +138,7 @@ class _AnyLawProblem:
         """Return the weighted residuals."""
         outputs = self.outputs(self.model(entries, theta))
         if outputs is None:
-            return NO_ANSWER_DEVIATION * self.records.output_span * self.weights
+            return UNSOLVED_DEVIATION * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
     def fit_line(self, shape: FloatArray) -> tuple[float, float, float]:

@@ -102,8 +102,8 @@ _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
 """Widths and pinnings that are tried for an added population, relative to those of the first
 population."""
 
-_PROBE_SHARE = 0.03
-_START_SHARE_RANGE = (0.05, 1.0)
+_PROBE_SATURATION_RATIO = 0.03
+_START_SATURATION_RANGE = (0.05, 1.0)
 """Saturation of an added population, relative to the first population: the value for which its
 effect is estimated, and the range at the start of its fit."""
 
@@ -407,7 +407,7 @@ def _rate_added_population(
             ]
         )
 
-    theta = make_start(_PROBE_SHARE)
+    theta = make_start(_PROBE_SATURATION_RATIO)
     try:
         _, gradient, normal = objective.normal_equations(theta)
     except NoResponseError:
@@ -427,7 +427,7 @@ def _rate_added_population(
     reduced_gradient = gradient[is_share].sum() - coupling @ absorbed_change[:, 1]
     step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the share
     gain = max(step, 0.0) * -reduced_gradient
-    return gain, make_start(float(np.clip(_PROBE_SHARE * (1.0 + step), *_START_SHARE_RANGE)))
+    return gain, make_start(float(np.clip(_PROBE_SATURATION_RATIO * (1.0 + step), *_START_SATURATION_RANGE)))
 
 
 def _add_population(

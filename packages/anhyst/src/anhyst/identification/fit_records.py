@@ -244,7 +244,7 @@ class FitRecords:
     def at_gap(self, gap: int) -> FitRecords:
         """Return only the loops of one gap, with the same scales."""
         records = tuple(
-            replace(record, gap=0, history=record.history.only_at(gap))
+            replace(record, gap=0, history=record.history.reversals_at_gap(gap))
             for record in self.loops
             if record.gap == gap
         )
@@ -395,7 +395,7 @@ class InputHistory:
         gaps = np.full(drive.size, float(gap))
         return InputHistory(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
 
-    def only_at(self, gap: int) -> InputHistory:
+    def reversals_at_gap(self, gap: int) -> InputHistory:
         """Return only the reversals at one gap."""
         is_at_gap = self.gap_position == gap
         return InputHistory.at(self.drive[is_at_gap], 0)

@@ -171,7 +171,7 @@ Jiles-Atherton cycle is never split, because its steady state needs the whole cy
 parameters."""
 
 # residual for parameters without a solution, relative to the largest output
-NO_ANSWER_DEVIATION = 10.0
+UNSOLVED_DEVIATION = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +228,7 @@ class Objective:
     @property
     def no_answer_deviations(self) -> FloatArray:
         """Residuals that replace those of parameters without a solution."""
-        large_residual = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
+        large_residual = UNSOLVED_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
             [large_residual, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
         )

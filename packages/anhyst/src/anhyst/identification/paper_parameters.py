@@ -201,7 +201,7 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
     return moved_sets
 
 
-NO_ANSWER_COST = 10.0  # cost of parameters without a solution
+UNSOLVED_COST = 10.0  # cost of parameters without a solution
 _KAPPA_RANGE = (2e-3, 5e2)  # range of pinning over shape that the tables of the core support
 
 
@@ -219,7 +219,7 @@ class Criterion:
         self.evaluations = 0
 
     def cost_of_set(self, values: Mapping[str, float]) -> float:
-        """Return the cost of one set by the exact law, or :data:`NO_ANSWER_COST`."""
+        """Return the cost of one set by the exact law, or :data:`UNSOLVED_COST`."""
         self.evaluations += 1
         parameter_set = make_parameter_set(values, self._form.power)
         try:
@@ -236,7 +236,7 @@ class Criterion:
                 for share, record in zip(self._shares, self._loops, strict=True)
             )
         except NoResponseError:
-            return NO_ANSWER_COST
+            return UNSOLVED_COST
 
     def costs_of_sets(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return the costs of many sets, shape (count,); infinite if the batch cannot compute one.

@@ -34,7 +34,7 @@ from anhyst.identification.paper_parameters import (
 from anhyst.identification.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import MAY_VARY, Parameter
+from anhyst.model.parameters import VARYING_BY_GAP_MAP, Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
@@ -282,7 +282,7 @@ def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
     parameters: dict[str, Parameter] = dict(state.sets[0])
     for name in () if is_single_gap else state.varying:
         parameters[name] = tuple(values[name] for values in state.sets)
-    is_scaling = set(state.varying) <= MAY_VARY["scaling"]
+    is_scaling = set(state.varying) <= VARYING_BY_GAP_MAP["scaling"]
     return Model(
         name="model",
         input=loopset.input,

@@ -46,7 +46,7 @@ _MIN_SIDE_RATIO = 0.3
 _SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
 
 
-def batch_level() -> str:
+def batch_instruction_set() -> str:
     """Return the instruction set of the batch: the processor's best, or the environment's."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
@@ -121,7 +121,7 @@ def follow_sets(
     drive = np.ascontiguousarray(record.input[sample_indices])
     # The path to the first sample uses small steps, because long linear steps are not exact.
     initial_path = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])])
-    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
+    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_instruction_set())
     follow(drive=initial_path, keep=False)
     for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
         follow(drive=drive, keep=False)

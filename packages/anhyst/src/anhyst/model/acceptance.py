@@ -20,7 +20,7 @@ from anhyst.support.numeric import FloatArray
 GAPS_PER_INTERVAL = 20
 DRIVES_PER_BRANCH = 100
 
-MAX_FALL = 1e-4
+MAX_OUTPUT_FALL = 1e-4
 """Largest fall of the output, relative to the largest output, that counts as none. It is a tenth of
 the resolution of the best force sensors, and far above rounding errors."""
 
@@ -55,13 +55,13 @@ class GapCheck:
     def failing(self) -> tuple[float, ...]:
         """Gaps where the output falls or could not be computed, m."""
         relative_falls = _falls_as_gap_closes(self.sign * self.output, self.sign * self.offset)
-        has_fallen = np.fmax.reduce(relative_falls, axis=1, initial=0.0) > MAX_FALL
+        has_fallen = np.fmax.reduce(relative_falls, axis=1, initial=0.0) > MAX_OUTPUT_FALL
         return tuple(self.gaps[has_fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
     def passed(self) -> bool:
         """Whether the output rises everywhere as the gap closes."""
-        return not self.failure and self.fall <= MAX_FALL
+        return not self.failure and self.fall <= MAX_OUTPUT_FALL
 
     def text(self, unit: str) -> str:
         """Return the result as a sentence; ``unit`` is the unit of the drive."""
@@ -91,7 +91,7 @@ class DriveCheck:
     @property
     def passed(self) -> bool:
         """Whether the output never falls as the drive rises."""
-        return not self.failure and self.fall <= MAX_FALL
+        return not self.failure and self.fall <= MAX_OUTPUT_FALL
 
     def text(self, unit: str) -> str:
         """Return the result as a sentence; ``unit`` is the unit of the drive."""

@@ -41,7 +41,7 @@ CIRCUIT_SPECS = (
 
 _ALWAYS_VARYING = frozenset({"c_out", "in_0", "out_0", "gamma"})
 
-MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
+VARYING_BY_GAP_MAP: Mapping[GapMap, frozenset[str]] = MappingProxyType(
     {
         "none": frozenset(),
         "scaling": _ALWAYS_VARYING | {"c_H"},
@@ -90,7 +90,7 @@ def find_problems(
             if len(value) != len(nodes):
                 text = f"has {len(value)} values for {len(nodes)} nodes; give one for each node"
                 problems.append(Problem(name, text, code="length-differs"))
-            if gap_map != "free" and name not in MAY_VARY[gap_map]:
+            if gap_map != "free" and name not in VARYING_BY_GAP_MAP[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text, code="may-not-vary"))
         fault = next(filter(None, (spec.find_problem(number) for number in values)), None)

@@ -33,10 +33,10 @@ from anhyst.support.numeric import FloatArray
 NEGLIGIBLE_DEVIATION = 1e-4
 """Deviation below any sensor resolution, relative to the largest output."""
 
-MAX_WORST_IN_RMS = 8.0
+MAX_NOISE_PEAK_RATIO = 8.0
 """Largest deviation that noise may reach, as a multiple of its rms. Normal noise of 1e6 samples
 reaches 5."""
-MIN_OUTLIER = 0.01
+MIN_OUTLIER_DEVIATION = 0.01
 """Smallest deviation that is reported as an outlier, relative to full scale."""
 _MIN_JUMP_SHARE = 0.1
 """Step of the input between two samples, relative to its range, above which it is a jump."""
@@ -112,7 +112,7 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
         return ResidualAnalysis(rms, rms)
     outlier = _find_outlier(records, rms, span)
     if outlier is not None:
-        limit = MAX_WORST_IN_RMS * rms * span
+        limit = MAX_NOISE_PEAK_RATIO * rms * span
         without_outliers = [
             replace(record_, deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0))
             for record_ in records
@@ -129,7 +129,9 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if rms * span <= max_noise and _is_white([record.deviation for record in records]):
         return ResidualAnalysis(rms, rms)
     max_samples = min(_MAX_RECORD_SAMPLES, max(_MIN_RECORD_SAMPLES, _MAX_TOTAL_SAMPLES // len(records)))
-    thinned_records = [record.every_nth(math.ceil(record.deviation.size / max_samples)) for record in records]
+    thinned_records = [
+        record.keep_every_nth_sample(math.ceil(record.deviation.size / max_samples)) for record in records
+    ]
     return _attribute_to_shapes(thinned_records, rms, span, (noise_rms, max_noise))
 
 
@@ -139,7 +141,7 @@ def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outli
     sizes = [abs(float(item.deviation[row])) for item, row in zip(records, worst_samples, strict=True)]
     index = int(np.argmax(sizes))
     size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
-    if size < max(MAX_WORST_IN_RMS * rms, MIN_OUTLIER):
+    if size < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
         return None
     steps = np.abs(np.diff(drive[max(sample - _MAX_LAG_SAMPLES, 0) : sample + _MAX_LAG_SAMPLES]))
     is_at_jump = float(steps.max(initial=0.0)) > _MIN_JUMP_SHARE * float(np.ptp(drive))

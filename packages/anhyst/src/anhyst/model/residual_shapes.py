@@ -45,7 +45,7 @@ class Residual:
     gap: int  # index of its scheduling value
     is_cycle: bool  # whether the record is a cycle that is repeated until it closes
 
-    def every_nth(self, step: int) -> Residual:
+    def keep_every_nth_sample(self, step: int) -> Residual:
         """Return every n-th sample; `step` is n."""
         drive, measured_output, deviation = (
             values[::step] for values in (self.drive, self.measured, self.deviation)

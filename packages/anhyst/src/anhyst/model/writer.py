@@ -193,7 +193,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
     text = ""
     for field in fields(cast("Any", record)):
         value, key = getattr(record, field.name), names.get(field.name, ("", field.name))[1]
-        if value in (None, field.default, {}) or _holds_tables(value):
+        if value in (None, field.default, {}) or _contains_tables(value):
             continue
         if field.name == "schedule" and field.name not in names:
             continue
@@ -208,7 +208,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
     return text
 
 
-def _holds_tables(value: object) -> bool:
+def _contains_tables(value: object) -> bool:
     return isinstance(value, FileRecord) or (
         isinstance(value, tuple) and any(isinstance(item, FileRecord) for item in value)
     )

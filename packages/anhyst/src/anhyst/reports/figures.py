@@ -224,7 +224,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     return figure
 
 
-def rising_samples(loop: Loop) -> NDArray[np.bool_]:
+def mask_rising_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return which samples are on ascending branches of the input, shape (n,)."""
     is_rising = np.zeros(loop.n, dtype=np.bool_)
     for part in find_branches(loop.input):
@@ -241,7 +241,7 @@ def _draw_residuals(
             loop, residual = loopset.loops[index], residuals[index]
             if residual is None:
                 continue
-            rows = rising_samples(loop) == is_rising
+            rows = mask_rising_samples(loop) == is_rising
             x.append(x_scale.factor * loop.input[rows])
             y.append(y_scale.factor * residual[rows])
         drawn_points = np.concatenate(x), np.concatenate(y)

@@ -142,13 +142,13 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         return None
     assessment, scale = evidence.verdict, subject.deviation_scale
 
-    def with_percent(value: float) -> str:
+    def format_with_percent(value: float) -> str:
         return f"{scale.format_with_unit(value)} ({subject.percent_of_largest(value)})"
 
     def row(name: Cell, mean: float, rms: float, worst: float | None) -> list[str | Cell]:
         bar = mean / largest_mean if largest_mean else None
-        worst_text = format_number(float("nan")) if worst is None else with_percent(worst)
-        return [name, Cell(with_percent(mean), bar=bar), with_percent(rms), worst_text]
+        worst_text = format_number(float("nan")) if worst is None else format_with_percent(worst)
+        return [name, Cell(format_with_percent(mean), bar=bar), format_with_percent(rms), worst_text]
 
     single_rms, noise = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
     largest_mean = max(assessment.single_mean, fit.mean_abs)
@@ -233,7 +233,7 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
         section_residuals(subject),
         sections_model.section_parameters_over(subject),
         sections_model.section_reduction(subject),
-        sections_model.section_between(subject),
+        sections_model.section_between_nodes(subject),
         sections_model.section_laws(subject),
         sections_model.section_gap_map(subject),
         sections_model.section_parameters(subject),

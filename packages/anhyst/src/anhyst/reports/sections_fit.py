@@ -231,7 +231,7 @@ def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
         worst_point = max(worst_point, (float(residual.max()), index, int(np.argmax(residual))))
     size, index, sample = worst_point
     loop = evidence.loops.loops[index]
-    branch = "rising" if figures.rising_samples(loop)[sample] else "falling"
+    branch = "rising" if figures.mask_rising_samples(loop)[sample] else "falling"
     schedule_value = loop.schedule_value
     place = "" if schedule_value is None or evidence.loops.schedule is None else (
         f", {schedule_text(evidence.loops.schedule, schedule_value)}"
@@ -255,7 +255,7 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
             loop, output = evidence.loops.loops[index], evidence.fitted[index]
             if output is not None:
                 residuals.append(output - loop.output)
-                rising_masks.append(figures.rising_samples(loop))
+                rising_masks.append(figures.mask_rising_samples(loop))
         if not residuals:
             continue
         pooled_residuals, is_rising = np.concatenate(residuals), np.concatenate(rising_masks)

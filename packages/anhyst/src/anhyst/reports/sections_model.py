@@ -152,7 +152,7 @@ def _format_cost(cost: float) -> str:
     return format_percent(cost) if math.isfinite(cost) else "cannot be computed"
 
 
-def section_between(subject: ModelSubject) -> Section | None:
+def section_between_nodes(subject: ModelSubject) -> Section | None:
     """Return the section with loops at and between nodes (paper, Figs. 2, 5) and acceptance test."""
     model = subject.model
     check = subject.acceptance.over_gap

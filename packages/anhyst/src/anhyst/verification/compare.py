@@ -115,7 +115,7 @@ class BuildFolder:
         return toolchain.Build(
             tuple(target / name for name in names),
             (target, target / "include", target / "port", *free),
-            self._defines(),
+            self._macro_definitions(),
             (*SEPARATE_SECTIONS_FLAGS, NO_FUSED_PRODUCTS_FLAG, NO_MATH_ERRNO_FLAG, *flags),
             ("-lm",) if port == "host" and self.subject == "stage" else (),
         )
@@ -126,7 +126,7 @@ class BuildFolder:
         stage = self.bundle.stage
         return make_stage_record(stage["free"], stage["heads"], stage["magnets"]) if stage else None
 
-    def _defines(self) -> dict[str, str]:
+    def _macro_definitions(self) -> dict[str, str]:
         """Return the macros of the harness."""
         name = self.bundle.name
         if self.stage_record is not None:

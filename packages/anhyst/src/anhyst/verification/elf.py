@@ -233,9 +233,11 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
         if name == "ldr" and (load := _LOAD_OPERANDS.fullmatch(instruction.op_str)):
             loaded[load[1]] = int(load[2] or "0", 0)
         elif name == "movw":
-            low_halves[register] = _immediate(value)
+            low_halves[register] = _read_immediate_operand(value)
         elif name == "movt":
-            referenced_addresses.add((_immediate(value) << 16 | low_halves.get(register, 0)) & ~1)
+            referenced_addresses.add(
+                (_read_immediate_operand(value) << 16 | low_halves.get(register, 0)) & ~1
+            )
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
             pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
@@ -247,7 +249,7 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
     return _Function(frame, *calls)
 
 
-def _immediate(operands: str) -> int:
+def _read_immediate_operand(operands: str) -> int:
     number = _NUMBER.search(operands)
     return int(number[1], 0) if number else 0
 
@@ -257,9 +259,9 @@ def _pushed_bytes(name: str, operands: str) -> int:
         size = 2 * WORD_BYTES if operands.startswith("{d") else WORD_BYTES
         return size * sum(_count_registers(part) for part in operands.strip("{}").split(","))
     if name in {"sub", "subw"} and operands.startswith("sp,"):
-        return _immediate(operands)
+        return _read_immediate_operand(operands)
     if name == "str" and "[sp, #-" in operands and operands.endswith("!"):
-        return -_immediate(operands)
+        return -_read_immediate_operand(operands)
     return 0
 
 
@@ -306,11 +308,11 @@ def instruction_prices(prices: Prices, image: Image, code: bytes) -> Prefix:
     """Return the cycles before each half-word of a Thumb program, as prefix sums of prices."""
     cycles = np.zeros(len(code) // 2, dtype=np.uint32)
     for instruction in _instructions(image):
-        cycles[(instruction.address - FLASH_ADDRESS) // 2] = _price(prices, instruction)
+        cycles[(instruction.address - FLASH_ADDRESS) // 2] = _instruction_price(prices, instruction)
     return np.concatenate(([np.uint32(0)], np.cumsum(cycles, dtype=np.uint32)))
 
 
-def _price(prices: Prices, instruction: Any) -> int:
+def _instruction_price(prices: Prices, instruction: Any) -> int:
     name = str(instruction.mnemonic).split(".")[0]
     if name in {"bl", "blx", "bx"}:
         return prices["call"]

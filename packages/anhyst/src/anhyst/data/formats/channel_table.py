@@ -152,7 +152,9 @@ def resample_to_clock(
     return np.interp(clock.times, own_times, values)
 
 
-def hold_on_clock(channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock) -> Values:
+def hold_values_on_clock(
+    channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock
+) -> Values:
     """Return the last value of a channel at each time of a clock; blank without usable times."""
     if channel.clock is clock.channel or (channel.length == clock.length and clock.is_whole):
         return values[clock.start : clock.start + clock.length]
@@ -239,7 +241,7 @@ class ChannelTable:
             if index in text_columns:
                 own_times = self.seconds(channel.clock) if channel.clock else None
                 texts_by_index[index] = _as_texts(
-                    hold_on_clock(channel, own_times, self._read_channel(channel), clock)
+                    hold_values_on_clock(channel, own_times, self._read_channel(channel), clock)
                 )
         if time_columns and 0 in texts:
             texts_by_index[0] = _as_texts(self._time_values(clock, []))
