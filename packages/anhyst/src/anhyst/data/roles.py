@@ -191,9 +191,9 @@ def _find_input_and_output(
     )
 
 
-def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_values: int) -> None:
+def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_index: int) -> None:
     """Ask whether a voltage or a current drives a displacement or strain (piezo or coil)."""
-    output, chosen = headers[output_values].quantity, headers[drive]
+    output, chosen = headers[output_index].quantity, headers[drive]
     volts = [header for header in headers
              if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
     is_moved = output is not None and output.name in _MOTION_OUTPUTS
@@ -206,7 +206,7 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output
         format_option("columns", current_columns | {text: ""}) for text in (chosen.text, volts[0].text)
     ]
     raise InputError(
-        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[output_values].text}'; leave "
+        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[output_index].text}'; leave "
         f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
         code="column-twice",
         key="current",

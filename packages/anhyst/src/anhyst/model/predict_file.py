@@ -156,9 +156,9 @@ def run_file(
     model = resolve_model(model, direction)
     table = read_columns(source, columns, progress, scale, flip)
     history_option = history_text(model.history if history is None else history)
-    answers, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
+    computed_values, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
     computed_quantity = model.output if direction == "predict" else model.input
-    name, computed = _add_computed_columns(table, computed_quantity, answers, is_valid)
+    name, computed = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
     if out is not None:
         write_csv(out, computed)
     return RunSummary(
@@ -168,10 +168,10 @@ def run_file(
         rows=len(table),
         runs=len(runs),
         history=history_option,
-        low=float(answers.min()),
-        high=float(answers.max()),
+        low=float(computed_values.min()),
+        high=float(computed_values.max()),
         outside=int((~is_valid).sum()),
-        deviation=_deviation(table, computed_quantity, answers, runs),
+        deviation=_deviation(table, computed_quantity, computed_values, runs),
         warnings=tuple(map(word_for_reader, warnings)),
         columns=computed,
     )
@@ -198,7 +198,7 @@ def _compute_runs(
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
     histories = _find_histories(model, direction, table, runs, values, schedule, history)
-    answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
+    computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
         run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
@@ -213,17 +213,17 @@ def _compute_runs(
         except (InputError, NegativeResult) as error:
             location = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
             raise error.with_location(f"{table.path}{location}") from error
-        answers[rows] = result.output if forward else result.drive
+        computed_values[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
-    drive, output = (values, answers) if forward else (answers, values)
+    drive, output = (values, computed_values) if forward else (computed_values, values)
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += (
         [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
-    return answers, valid, runs, (*flags, *lines)
+    return computed_values, valid, runs, (*flags, *lines)
 
 
 def _find_histories(

@@ -226,7 +226,7 @@ class _Reader:
         kind: type[Record],
         table: schema.ModelTable,
         drive: Quantity,
-        answer: Quantity,
+        output_quantity: Quantity,
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
@@ -244,7 +244,7 @@ class _Reader:
         model = kind(
             name=table.name,
             input=drive,
-            output=answer,
+            output=output_quantity,
             parameters={
                 name: tuple(value) if isinstance(value, list) else value
                 for name, value in dict(table.parameters).items()

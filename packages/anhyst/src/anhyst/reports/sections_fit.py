@@ -288,26 +288,21 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         (size.heading("largest"), lambda fit: size.format(fit.largest_output)),
         (
             scale.heading("mean"),
-            lambda figures_of_loop: Cell(
-                scale.format(figures_of_loop.mean_abs),
-                bar=figures_of_loop.mean_abs / largest_mean if largest_mean else None,
+            lambda entry: Cell(
+                scale.format(entry.mean_abs), bar=entry.mean_abs / largest_mean if largest_mean else None
             ),
         ),
-        ("of largest", lambda figures_of_loop: subject.percent_of_largest(figures_of_loop.mean_abs)),
+        ("of largest", lambda entry: subject.percent_of_largest(entry.mean_abs)),
         (
             "of own",
-            lambda figures_of_loop: format_percent(
-                figures_of_loop.mean_abs / figures_of_loop.largest_output
-                if figures_of_loop.largest_output
-                else None
+            lambda entry: format_percent(
+                entry.mean_abs / entry.largest_output if entry.largest_output else None
             ),
         ),
-        (scale.heading("rms"), lambda figures_of_loop: scale.format(figures_of_loop.rms)),
+        (scale.heading("rms"), lambda entry: scale.format(entry.rms)),
         (
             scale.heading("worst"),
-            lambda figures_of_loop: Cell(
-                scale.format(figures_of_loop.worst), strong=figures_of_loop.worst == worst_deviation
-            ),
+            lambda entry: Cell(scale.format(entry.worst), strong=entry.worst == worst_deviation),
         ),
     ]
     caption = (
@@ -316,14 +311,9 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     )
     if subject.evidence:
         curves = zip(loops, subject.evidence.baseline, strict=False)
-        single_valued_means = {
-            id(figures_of_loop): float(np.mean(np.abs(curve))) for figures_of_loop, curve in curves
-        }
+        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in curves}
         columns.append(
-            (
-                scale.heading("single-valued"),
-                lambda figures_of_loop: scale.format(single_valued_means[id(figures_of_loop)]),
-            )
+            (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
         )
         caption += " “Single-valued”: mean deviation of the best single-valued curve."
     return _table_by_loop(subject, loops, columns, "Errors by loop", caption)
@@ -372,29 +362,20 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
         inspection.output, [v for o in loops for v in (o.output_low, o.output_high)]
     )
     columns: list[Column] = [
-        ("samples", lambda figures_of_loop: str(figures_of_loop.samples)),
-        ("cycles", lambda figures_of_loop: format_number(figures_of_loop.cycles, 2, short=True)),
+        ("samples", lambda entry: str(entry.samples)),
+        ("cycles", lambda entry: format_number(entry.cycles, 2, short=True)),
         (
             input_scale.heading(subject.input_name),
-            lambda figures_of_loop: _format_range(
-                input_scale, figures_of_loop.input_low, figures_of_loop.input_high
-            ),
+            lambda entry: _format_range(input_scale, entry.input_low, entry.input_high),
         ),
         (
             output_scale.heading(subject.output_name),
-            lambda figures_of_loop: _format_range(
-                output_scale, figures_of_loop.output_low, figures_of_loop.output_high
-            ),
+            lambda entry: _format_range(output_scale, entry.output_low, entry.output_high),
         ),
     ]
     if any(loop.step is not None for loop in loops):
-        columns.append(
-            (
-                "step [ms]",
-                lambda figures_of_loop: format_number(1e3 * (figures_of_loop.step or 0.0), short=True),
-            )
-        )
-    columns.append(("history", lambda figures_of_loop: str(figures_of_loop.history)))
+        columns.append(("step [ms]", lambda entry: format_number(1e3 * (entry.step or 0.0), short=True)))
+    columns.append(("history", lambda entry: str(entry.history)))
     return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
 
 
@@ -403,37 +384,17 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     input_scale = quantity_scale(inspection.input, [loop.width for loop in loops])
     output_scale = quantity_scale(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
-        (input_scale.heading("width"), lambda figures_of_loop: input_scale.format(figures_of_loop.width)),
-        (output_scale.heading("height"), lambda figures_of_loop: output_scale.format(figures_of_loop.height)),
-        (
-            output_scale.heading("noise σ"),
-            lambda figures_of_loop: output_scale.format(figures_of_loop.noise, 2),
-        ),
+        (input_scale.heading("width"), lambda entry: input_scale.format(entry.width)),
+        (output_scale.heading("height"), lambda entry: output_scale.format(entry.height)),
+        (output_scale.heading("noise σ"), lambda entry: output_scale.format(entry.noise, 2)),
     ]
     optional_columns: list[Column] = [
-        (
-            output_scale.heading("drift"),
-            lambda figures_of_loop: output_scale.format(figures_of_loop.drift, 2),
-        ),
-        (
-            output_scale.heading("closure"),
-            lambda figures_of_loop: output_scale.format(figures_of_loop.closure, 2),
-        ),
-        (
-            input_scale.heading("offset in"),
-            lambda figures_of_loop: input_scale.format(figures_of_loop.input_offset, 2),
-        ),
-        (
-            output_scale.heading("offset out"),
-            lambda figures_of_loop: output_scale.format(figures_of_loop.output_offset, 2),
-        ),
-        (
-            "skew",
-            lambda figures_of_loop: format_number(
-                float("nan") if figures_of_loop.skew is None else figures_of_loop.skew, 2
-            ),
-        ),
-        ("saturation", lambda figures_of_loop: Scale(1.0, "").format(figures_of_loop.saturation, 2)),
+        (output_scale.heading("drift"), lambda entry: output_scale.format(entry.drift, 2)),
+        (output_scale.heading("closure"), lambda entry: output_scale.format(entry.closure, 2)),
+        (input_scale.heading("offset in"), lambda entry: input_scale.format(entry.input_offset, 2)),
+        (output_scale.heading("offset out"), lambda entry: output_scale.format(entry.output_offset, 2)),
+        ("skew", lambda entry: format_number(float("nan") if entry.skew is None else entry.skew, 2)),
+        ("saturation", lambda entry: Scale(1.0, "").format(entry.saturation, 2)),
     ]
     unknown_text = format_number(float("nan"))
     columns += [c for c in optional_columns if any(c[1](loop) != unknown_text for loop in loops)]
