@@ -169,11 +169,11 @@ def _require_scales(source: str, headers: list[Header]) -> None:
         stated_header = replace(header, unit=find_unit(header.stated))
         if needs_scale(stated_header, header.unit.dimension):
             unknown_scales[header.text] = scale_placeholder(stated_header, header.unit.symbol)
-            stated_scale = header.stated
+            stated_unit = header.stated
     if unknown_scales:
         texts = " and ".join(f"'{name}'" for name in unknown_scales)
         raise InputError(
-            f"{source}: {texts}: the unit '{stated_scale}' needs a scale for the quantity to which it is mapped; "
+            f"{source}: {texts}: the unit '{stated_unit}' needs a scale for the quantity to which it is mapped; "
             f"add{scale_advice(headers, unknown_scales)}",
             code="scale-needed",
             key=next(iter(unknown_scales)),
