@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.force_controller import Io, make_twin
+from anhyst.compensate.force_controller import SignalFormat, make_twin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop
 from anhyst.data.speeds import group_by_speed
@@ -94,7 +94,7 @@ def judge(number: int) -> Judged:
     return Judged(number, at_rest, layers, slow, seconds, chosen, force)
 
 
-def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: Io = "f32") -> float:
+def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = "f32") -> float:
     """Ask for triangles of force of 50 Hz; return the worst error of the last one, % of the largest force.
 
     The armature is held, and the current flows as the compensator has computed it.

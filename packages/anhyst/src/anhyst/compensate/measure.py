@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.builder import FINE_SIZES, BlockBuilder
 from anhyst.compensate.circuit import current_coefficients, flux_unit, gap_knots, iron_parameters
-from anhyst.compensate.force_controller import Io, make_twin
+from anhyst.compensate.force_controller import SignalFormat, make_twin
 from anhyst.compensate.paths import DemandPath
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
@@ -51,13 +51,13 @@ class OutputDeviation:
     path: str
 
 
-def run_twin(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
+def run_twin(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents."""
     current = make_twin(block, io).run(path.demand, path.gap)
     return PathRun(path, current, predict_output(model, current, path), np.ones(current.size, bool))
 
 
-def run_with_losses(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
+def run_with_losses(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> PathRun:
     """Run a compensator whose amplifier deviates in some ticks; otherwise as `run_twin`."""
     size = path.demand.size
     is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
@@ -98,7 +98,7 @@ def current_resolution(scales: Scales) -> float:
 
 
 def compare_with_demand(
-    model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
+    model: Model, block: Block, io: SignalFormat, paths: Sequence[DemandPath]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
     """Run a compensator along all paths; the first random path is repeated with losses."""
     step = current_resolution(block.scales)
@@ -111,14 +111,19 @@ def compare_with_demand(
 
 
 def compare_compensators(
-    model: Model, tested: tuple[Block, Io], reference: tuple[Block, Io], paths: Sequence[DemandPath]
+    model: Model,
+    tested: tuple[Block, SignalFormat],
+    reference: tuple[Block, SignalFormat],
+    paths: Sequence[DemandPath],
 ) -> OutputDeviation:
     """Return the difference of the model's outputs between two compensators."""
     first, second = (predict_outputs(model, *compensator, paths) for compensator in (tested, reference))
     return compare_outputs(paths, first, second)
 
 
-def predict_outputs(model: Model, block: Block, io: Io, paths: Sequence[DemandPath]) -> list[FloatArray]:
+def predict_outputs(
+    model: Model, block: Block, io: SignalFormat, paths: Sequence[DemandPath]
+) -> list[FloatArray]:
     """Return the outputs of the model with a compensator, for each path."""
     return [run_twin(model, block, io, path).output for path in paths]
 

@@ -29,7 +29,13 @@ from anhyst.compensate.current_map import (
     make_current_map,
     table_words,
 )
-from anhyst.compensate.force_controller import REAL_CONTROLLERS, ForceController, Io, MethodParameters, Native
+from anhyst.compensate.force_controller import (
+    REAL_CONTROLLERS,
+    ForceController,
+    MethodParameters,
+    Native,
+    SignalFormat,
+)
 from anhyst.compensate.plan import CompileRequest, make_plan, round_full_scale
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
@@ -111,7 +117,7 @@ def compile_inverse(
     has_layers = kind == "full" and restricted_model.has_layers
     restricted_model = restricted_model if has_layers else restricted_model.at_rest
     needs_float_tables = number_format != "fixed" and (has_layers or operating.is_bipolar)
-    io: Io = "f32" if needs_float_tables else "q31"
+    io: SignalFormat = "f32" if needs_float_tables else "q31"
     request = CompileRequest(kind, io, operating.rate)
     plan = cached_result("plans", lambda: make_plan(restricted_model, request, 0), restricted_model, request)
     block = plan.builder.dynamic_block(plan.sizes, number_format)

@@ -14,7 +14,7 @@ import numpy as np
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
 from anhyst.compensate.builder import BlockBuilder
 from anhyst.compensate.circuit import flux_gain, flux_shift
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compensate.search import BlockSearch, BlockSearchResult
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
@@ -117,7 +117,7 @@ class CompileRequest:
     """Options of a compilation, as the user gives them."""
 
     kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
-    io: Io  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
+    io: SignalFormat  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
     rate: float  # sample rate, 1 to 10^6 Hz
     # largest deviation from the model, % of the largest output; None:
     # :data:`DEFAULT_ACCURACY_PERCENT` for formats and tables, without a limit for the

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compilation.manifest import CompiledFolder
 from anhyst.support.atomic import PathLike
 from anhyst.support.jobs import Progress
@@ -68,7 +68,7 @@ class StageRequest:
     """Options for compiling the controller of a stage."""
 
     kind: StageKind
-    io: Io
+    io: SignalFormat
     rate: float | None  # expected sample rate, Hz; it must be that of the rig file
     name: str | None  # name of the C functions; None: name of the rig
 

@@ -27,7 +27,7 @@ from anhyst.compensate.budget import (
     measure_budget,
     percent,
 )
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compensate.plan import (
     DEFAULT_ACCURACY_PERCENT,
     CompileRequest,
@@ -230,7 +230,7 @@ def _find_better_options(model: Model, plan: Plan, controller: CheckedController
     if compensator.kind != "full":
         attempts.append(("--kind full", replace(compensator, kind="full")))
     elif controller is None:
-        finer_formats: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
+        finer_formats: dict[SignalFormat, tuple[SignalFormat, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
         attempts += [
             (f"--io {io}", replace(compensator, io=io)) for io in finer_formats.get(compensator.io, ())
         ]
@@ -282,7 +282,7 @@ def compile_actuator(
     *,
     rate: float | None = None,
     kind: CompileKind = "full",
-    io: Io = "q15",
+    io: SignalFormat = "q15",
     accuracy: float | None = None,
     name: str | None = None,
     controller: PathLike | None = None,

@@ -95,7 +95,7 @@ def correct_histories_of_fast_loops(
     would. Slow loops show without this effect whether the recording began demagnetised. If it did
     not, the history of the fast loop is the largest slow loop.
     """
-    carried = list(proposals)
+    corrected_proposals = list(proposals)
     for index, slower_indices in enumerate(find_slower_loops(loops)):
         not_demagnetised = [
             slower_index
@@ -116,8 +116,8 @@ def correct_histories_of_fast_loops(
             "it is faster than other loops of its gap, whose first rise is not the initial curve; "
             "eddy currents explain its different first cycle (state --history to change this)"
         )
-        carried[index] = _history_after_slow(largest_slow, loops[index]), reason
-    return carried
+        corrected_proposals[index] = _history_after_slow(largest_slow, loops[index]), reason
+    return corrected_proposals
 
 
 def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:

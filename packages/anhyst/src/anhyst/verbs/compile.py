@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 PLACE = 23, "Use a model"
 PROGRESS = "choosing tables and measuring"
 
-Kind = Literal["full", "simplified", "play", "single-valued"]
+CompensatorKind = Literal["full", "simplified", "play", "single-valued"]
 """Kinds of compensator."""
-Io = Literal["q15", "q31", "f32"]
+SignalFormat = Literal["q15", "q31", "f32"]
 """Number formats of the demand, the gap and the current."""
 
 
@@ -28,8 +28,8 @@ def compile(  # noqa: A001
     out: PathLike,
     *,
     rate: float | None = None,
-    kind: Kind = "full",
-    io: Io | None = None,
+    kind: CompensatorKind = "full",
+    io: SignalFormat | None = None,
     accuracy: float | None = None,
     name: str | None = None,
     controller: PathLike | None = None,
