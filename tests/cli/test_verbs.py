@@ -71,7 +71,7 @@ def test_options_of_reading_are_those_of_read_loops() -> None:
 def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
     for verb, name, words in (
         ("compile", "SignalFormat", SignalFormat),
-        ("compile", "Kind", StageKind),
+        ("compile", "CompensatorKind", StageKind),
         ("fleet", "Kind", Kind),
         ("fleet", "SignalFormat", SignalFormat),
         ("export", "Of", exporter.ExportedPart),
