@@ -1,9 +1,9 @@
-"""Lines of the table: actuators that are no magnets.
+"""Measure the models of actuators that are not magnets: piezo stacks and a magnetostrictive rod.
 
-A real piezo stack in a flexure, half of its record fitted and the other half inverted; the virtual
-stage of ``examples/piezo``; the virtual rod of ``examples/magnetostrictive``. The error of an inverse is
-that of the voltage it asks for the displacement that was measured, times the mean slope of the loop
-(its stroke over the range of the voltage): it needs no model to be judged by.
+The systems are a real piezo stack in a flexure, the virtual stage of ``examples/piezo`` and the
+virtual rod of ``examples/magnetostrictive``. One half of the real record is fitted, the other half
+is inverted. The error of an inverse is the voltage error at the measured displacement, times the
+mean slope of the loop (stroke divided by voltage range). Hence the metric needs no model.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from rows import ROOT, Row, measurements
 REACH_M = 0.3e-6
 AUTHORS = "authors 0.58"
 START = 100
-"""Samples at the begin of the real record while the amplifier comes up."""
+"""Number of samples at the begin of the real record during which the amplifier starts."""
 
 LEAD_TICKS = 1000
 
@@ -42,7 +42,7 @@ Inverse = Callable[[Loop], FloatArray]
 
 
 def real_piezo(folder: Path) -> list[Row]:
-    """Fit one half of the record of a real stack, invert the other."""
+    """Fit one half of the record of a real stack and invert the other half."""
     loops = read_loops(
         folder / "piezo_flexure" / "model_run.csv",
         columns={"V_in": "u_V", "y_um": "x_um"},
@@ -98,7 +98,7 @@ def _single_valued(own: Loop) -> Inverse:
 
 
 def _classic(own: Loop) -> Inverse:
-    """Return plays with weights, at once and odd, turned round in closed form."""
+    """Return the inverse of weighted play operators in closed form (Prandtl-Ishlinskii)."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
     places = move_plays(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
     ends = np.ones((places.shape[0], 1))
@@ -141,7 +141,8 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
         write_model(identify(loops).model, model)
         compiled = compile_model(model, folder, CompileRequest("full", "q15", rate))
         checked = verify(folder, "host,cortex-m4")
-        # From where the compensator begins, at no field, down to the triangle.
+        # A ramp leads from the compensator's initial demand at zero field to the start of the
+        # triangle.
         assert isinstance(compiled.plan.block, Block)
         begin = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
         path = wanted / compiled.plan.block.scales.demand
@@ -169,7 +170,7 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
 
 
 def rod() -> Row:
-    """Predict a prestress that was not measured."""
+    """Predict the strain at a prestress that was not measured."""
     here = ROOT / "examples" / "magnetostrictive"
     model = identify(read_loops(here / "loops.csv")).model
     unseen = read_loops(here / "unseen.csv")
@@ -188,6 +189,6 @@ def rod() -> Row:
 
 
 def rows() -> list[Row]:
-    """All lines about actuators that are no magnets."""
+    """Return all rows about actuators that are not magnets."""
     folder = measurements()
     return [*(real_piezo(folder) if folder else []), *stage(), rod()]

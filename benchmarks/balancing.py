@@ -1,11 +1,11 @@
-"""A planar stage whose ten magnets and body are not what they seem, balanced from its own motion.
+"""Calibrate a planar stage with errors in its ten magnets and its body from its own motion.
 
-Plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``: currents, gap zeros,
-widths of the loop and gains of the flux probes of every magnet, mass, centre of mass and the places
-of the heads, all at once. Everything was fixed before the first figure. Each plant follows the
-training set-point, is calibrated on all that it has recorded so far, follows it again; figures are
-of the test set-point. Every method is calibrated by the same code on recordings of its own; its gains
-are those of the plant that is as it should be, by the same search.
+The plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``. All errors act
+at the same time: currents, gap zeros, loop widths and flux-probe gains of every magnet, mass,
+centre of mass and head positions. Everything was fixed before the first result. Each plant follows
+the training set-point, is calibrated on all recordings so far, and follows it again. All metrics
+are evaluated on the test set-point. The same code calibrates every method on its own recordings.
+The same search finds the gains of each method on the nominal plant.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 
 @dataclass(frozen=True)
 class Flown:
-    """One plant behind one method."""
+    """The result of one plant with one method."""
 
-    figures: FloatArray  # before and after each number of scans, a column a figure
+    figures: FloatArray  # before and after each number of scans, one column for each metric
     taken: bool
     fits: bool
 
@@ -74,7 +74,8 @@ def balanced(given: tuple[Bench, int]) -> Flown:
 
 
 WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
-"""Directions of set-points to be judged on; their accelerations where the file says others."""
+"""Directions of the test set-points, and their accelerations if they differ from the rig file,
+m/s2."""
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
@@ -86,9 +87,9 @@ def along(rig: BodyRig, way: str) -> BodyRig:
 
 
 def in_both(given: tuple[Bench, int]) -> list[list[float]]:
-    """Return what is left along x and y: before, after a recording of x, after the move instead.
+    """Return the errors along x and y: before, after a scan along x, and after the move instead.
 
-    It is that of ``anhyst excite --calibrate``; the mass alone is fed forward.
+    The move is that of ``anhyst excite --calibrate``; the feedforward contains only the mass.
     """
     bench, plant = given
     law = StageLaw(bench.rig, bench.magnet, bench.method)
@@ -115,7 +116,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
 
 
 def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
-    """Return the lines of one method: what 50 / 95 % of the plants stay below."""
+    """Return the rows of one method: 50th and 95th percentiles over the plants."""
     values = np.array([one.figures for one in flown])
     half, most = np.percentile(values, [50.0, 95.0], axis=0)
     count = f"taken {sum(one.taken for one in flown)}, fits {sum(one.fits for one in flown)}"
@@ -137,7 +138,7 @@ def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
 
 
 def asked() -> list[Row]:
-    """Return the moving average and Rz, those to reach of all plants, of baselines of the first ones."""
+    """Return the rows of moving average and Rz: `full` on all plants, baselines on some."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
@@ -155,7 +156,7 @@ def asked() -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """Return the lines of this table."""
+    """Return all rows about balancing."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])

@@ -1,8 +1,9 @@
-"""Drawn irons that keep no turning points: which law a stage takes for them, and what that leaves.
+"""Test the choice of a law for random irons without return-point memory on the single-axis stage.
 
-Widths and shapes are drawn around those of examples/irons; even numbers were looked at before the
-rule was fixed, odd ones were not. Beside them irons of cells and of Preisach, which keep them all.
-The stage of one axis, gains found on the training set-point, one noise seed.
+The parameters of the irons are random values around those of examples/irons. Even numbers were
+inspected before the selection rule was fixed, odd numbers were not. Irons of play cells and of
+Preisach, which have return-point memory, serve as a comparison. The stage has one axis; the gains
+are found on the training set-point; there is one noise seed.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ COUNTS = {"duhem": 23, "preisach": 6, "cells": 4}
 
 
 def drawn(family: str, number: int) -> dict[str, Any]:
-    """Return the table of an iron."""
+    """Return the table of a random iron, with the keys of a rig file."""
     rng = np.random.default_rng([SEED, number, list(COUNTS).index(family)])
 
     def log(low: float, high: float) -> float:
@@ -76,7 +77,7 @@ def drawn(family: str, number: int) -> dict[str, Any]:
 
 
 def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
-    """Return the moving average that a method leaves, nm; infinite where the loop is lost."""
+    """Return the moving average of the error with a method, nm; infinite if control is lost."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
     motion = scan_motion(scan, scan.test_m_per_s2)
@@ -84,7 +85,7 @@ def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float
 
 
 def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
-    """Return the law that is taken, whether something was said, and what curve, cells and it leave."""
+    """Return the law, whether a warning was given, and the errors of curve, cells and law, nm."""
     rig = with_iron(read_stage(RIG), drawn(*iron))
     loops = measure_loops(rig)
     cells = identify_magnet(loops, rig.settings.loops)
@@ -97,7 +98,7 @@ def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
 
 
 def rows() -> list[Row]:
-    """Return a line an iron, and one of all."""
+    """Return a row for each iron."""
     irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
     found = []
     for (family, number), (law, said, curve, plain, own) in zip(

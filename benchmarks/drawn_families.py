@@ -1,4 +1,4 @@
-"""The irons of drawn magnets: from the ranges of ``drawn.toml`` to what ``drawn_irons.py`` computes."""
+"""Sample random irons from the ranges of ``drawn.toml`` for the models of ``drawn_irons.py``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Numbers = dict[str, float]
 
 
 def from_ranges(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    """Draw all numbers of a table; each takes one number of the generator."""
+    """Sample all parameters of a table; each uses one value of the random generator."""
     found: dict[str, Any] = {}
     for name, rule in table.items():
         (kind, values), part = next(iter(rule.items())), float(rng.random())
@@ -48,7 +48,7 @@ def _curve(rng: np.random.Generator) -> Numbers:
 
 
 def _keys(curve: Numbers) -> dict[str, Any]:
-    """Return a curve by the keys of a rig file."""
+    """Return the parameters of a curve with the keys of a rig file."""
     return {
         f"{name}_{'T' if name.startswith('saturation') else 'A_per_m'}": value
         for name, value in curve.items()
@@ -94,7 +94,7 @@ def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         saturation_slow_T=relays * one["slow_part"],
         knee_slow_A_per_m=knee * one["slow_by_sharp"],
     )
-    # A part of what it bears: the largest is found by what the steel refuses.
+    # The feedback is a fraction of the largest value that the steel accepts, found by bisection.
     low, high = 0.0, 4.0 * pinning / relays
     for _ in range(6):
         middle = 0.5 * (low + high)
@@ -113,7 +113,7 @@ def _bears(steel: PreisachSteel | DuhemSteel) -> bool:
 
 
 def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
-    while True:  # some numbers make no iron
+    while True:  # some combinations are not a valid iron
         curve, one = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
         coercivity = one["coercivity_by_knee"] * curve["knee_sharp"]
         steel = DuhemSteel.model_construct(
@@ -131,7 +131,7 @@ _PLANT = {"cells": _cells, "preisach": _preisach, "duhem": _duhem}
 
 
 def draw_iron(family: str, rng: np.random.Generator) -> tuple[Iron, dict[str, Any]]:
-    """Draw an iron; what was drawn names a saturation and a knee, which the magnet is sized by."""
+    """Sample an iron; its parameters include saturation and knee, which size the magnet."""
     true: dict[str, Any]
     if family in _PLANT:
         steel, true = _PLANT[family](rng)

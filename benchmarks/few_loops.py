@@ -1,10 +1,11 @@
-"""Rules that choose among laws where only blocks of samples are left out, on drawn records of few loops.
+"""Compare rules for the choice of a law from few loops, if only blocks of samples can be withheld.
 
     python benchmarks/few_loops.py 0 72
 
-Draws of six kinds by six families of iron, each measured twice: with another noise, or, without noise,
-with one sample less. All laws that ``identify`` compares are run along random reversals that were not
-fitted. What a rule chooses is printed over the law that is best there, and how it moves with the noise.
+The random records are of six kinds with six families of iron. Each is measured twice: with
+different noise or, if there is no noise, with one sample less. All laws that ``identify`` compares
+are evaluated on random reversals that were not fitted. The output shows the ratio of the chosen
+law's error to the error of the best law, and how often the choice changes with the noise.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ from search import deviation
 SEED = 20261126
 
 KINDS = ("ring", "one", "one-two", "two", "coarse", "slow")
-"""A ring; a gap with one loop, and with two; two gaps with one each; 31 samples a way after cycles
-of all of it; two cycles of 200 samples a way at two gaps."""
+"""Kinds of records, in this order: a ring; one gap with one loop; one gap with two loops; two gaps
+with one loop each; 31 samples per branch after cycles of the whole range; two cycles with 200
+samples per branch at two gaps."""
 
 RULES: dict[str, dict[str, Any]] = {
     "two standard errors": {"_CLEAR_SQUARE_RATIO": np.inf},
@@ -49,20 +51,20 @@ RULES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Tried:
-    """One measurement: what each rule chose, and its rms over that of the best law."""
+    """One measurement: the choice of each rule, and the rms error of the chosen law."""
 
     chosen: dict[str, str]
-    missed: dict[str, float]  # rms on runs not fitted, parts of the largest output
-    least: float  # of the best law
+    missed: dict[str, float]  # rms error on records not fitted, relative to the largest output
+    least: float  # rms error of the best law
 
 
-class _Compared(Exception):  # noqa: N818  # no error: all that is wanted is there
+class _Compared(Exception):  # noqa: N818 # not an error: stops the identification after the comparison
     def __init__(self, made: model_selection.Selection) -> None:
         self.made = made
 
 
 def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
-    """Draw a magnet and measure it twice."""
+    """Sample a magnet and measure it twice."""
     rng = np.random.default_rng([SEED, number])
     kind, family = KINDS[number % 6], FAMILIES[number // 6 % 6]
     magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
@@ -92,7 +94,7 @@ def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
 
 
 def _read(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, list[drawn.Test]]:
-    """Read a plan; the second time a sample less where there is no noise."""
+    """Read a plan with its sensors; without noise, the second reading has one sample less."""
     one = drawn.measured(plan, found, np.random.default_rng(seed))
     if not turn or not plan.true["sensors"]["noiseless"]:
         return one.loops, list(one.tests)
@@ -108,7 +110,7 @@ def _without(loop: Loop, place: int) -> Loop:
 
 
 def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
-    """Compare all laws; None where the first leaves only noise."""
+    """Compare all laws; None if the first law leaves only noise or the identification fails."""
     compare = model_selection.Selection.compare_play_cells
 
     def stop(made: model_selection.Selection, base: ModelCandidate) -> None:
@@ -145,7 +147,7 @@ def _judged(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tri
 
 
 def main() -> None:
-    """Try some draws, and print a line a rule."""
+    """Try a range of random draws and print one line for each rule."""
     warnings.simplefilter("ignore")
     first, last = (int(text) for text in sys.argv[1:3])
     pairs = [[measure(*one) for one in draws(number)] for number in range(first, last)]

@@ -1,4 +1,4 @@
-"""Open-loop force control of the bundled solenoid, firmware in the loop: errors and wall time."""
+"""Measure open-loop force control of the bundled solenoid with the firmware in the loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _told(stage: dict[str, Any]) -> str:
 
 
 def rows() -> list[Row]:
-    """Worst errors over the positions, with the armature moving, and of the first version."""
+    """Return the worst errors at rest, in motion and with the first solenoid, and the time."""
     watch = Stopwatch()
     figures = _run(FOLDER / "rig.toml")
     spent, took, seconds = watch.wall, str(watch), watch.processor

@@ -1,4 +1,4 @@
-"""The bearing's firmware in an emulated Cortex-M3: currents against the simulation, faults."""
+"""Run the bearing's firmware in an emulated Cortex-M3, compare with simulation, inject faults."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 SOFT = 5e-3
-"""Touch-down speed of a landing, m/s."""
+"""Largest touch-down speed that counts as a landing, m/s."""
 
 
 def rows() -> list[Row]:
-    """Run from lift-off to landing, then break everything in the air."""
+    """Run from lift-off to landing, then inject each fault while the armature is levitated."""
     watch = Stopwatch()
     with tempfile.TemporaryDirectory() as place:
         try:

@@ -1,6 +1,6 @@
-"""How well the law of Jiles and Atherton is identified from real measurements.
+"""Identify the law of Jiles and Atherton from real measurements; compare with published results.
 
-What others reached with it stands beside it; ``laws.py`` sets play cells beside it.
+``laws.py`` compares the law with play cells.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ Array = FloatArray
 LAW = "effective-field"
 
 SAME_ERROR = 0.0227
-"""Sum of squares, T^2, that both sides are timed to on the ferrite loops."""
+"""Sum of squares, T^2, up to which both optimisers are timed on the ferrite loops."""
 
 SEEDS = 10
 
 
 class _Clock:
-    """Writes down, while a search runs, when its objective first came below a sum of squares."""
+    """Records the time at which the objective of a search first falls to a given sum of squares."""
 
     def __init__(self) -> None:
         self.began = time.process_time()
@@ -53,7 +53,7 @@ _normal = Objective.normal_equations
 
 
 def ferrite(folder: Path) -> list[Row]:
-    """Four nested loops of a MnZn ferrite, one parameter set, against differential evolution."""
+    """Fit one set to four nested MnZn ferrite loops; compare with differential evolution."""
     loops = read_loops(folder / baseline.FILE, history="settled")
     records = make_fit_records(loops, "points")
     form = make_response_form(loops.input, loops.output, "effective-field")
@@ -61,7 +61,7 @@ def ferrite(folder: Path) -> list[Row]:
     spent, to_same, sums = [], [], []
     for seed in range(SEEDS):
         clock = _Clock()
-        # A plain function, so that the patched method still gets its objective first.
+        # A lambda, so that the patched method still receives its objective as first argument.
         with patch.object(Objective, "normal_equations", lambda *call, c=clock: c.watch(*call)):
             found = search_one_gap(form, records, seed, frozenset({"in_0", "out_0"}))
         spent.append(time.process_time() - clock.began)
@@ -98,7 +98,7 @@ def ferrite(folder: Path) -> list[Row]:
 
 
 def _single(loop: Loop, loops: Loops) -> float:
-    """Rms of one loop fitted alone, relative to its largest output."""
+    """Return the rms error of one loop fitted alone, relative to its largest output."""
     alone = loops.with_loops([loop])
     fit = identify(alone, law=LAW, offsets=False).model.fit
     assert fit is not None
@@ -106,7 +106,7 @@ def _single(loop: Loop, loops: Loops) -> float:
 
 
 def steel(folder: Path) -> Row:
-    """Four quasi-static loops of a solid steel, one set, every loop by its own largest B."""
+    """Fit one set to four quasi-static steel loops; errors relative to each loop's B_max."""
     path = folder / "steel_core1_dc" / "loops.csv"
     loops = read_loops(path, loop="nominal_Hmax_A_per_m", history="settled")
     fit = identify(loops, law=LAW, weights="relative", offsets=False).model.fit
@@ -130,7 +130,7 @@ def _rmse(loops: Loops, fitted: tuple[Array, ...]) -> float:
 
 
 def gadolinium(folder: Path) -> list[Row]:
-    """Three loops at each of six temperatures: one set each, then a schedule over temperature."""
+    """Fit three loops at each of six temperatures separately, then jointly over the temperature."""
     folder = folder / "gadolinium_temperature"
     with (folder / "published_parameters_per_temperature.csv").open(encoding="utf-8") as file:
         published = {float(row["T_C"]): float(row["RMSE_T"]) for row in csv.DictReader(file)}
@@ -165,7 +165,7 @@ def gadolinium(folder: Path) -> list[Row]:
 
 
 def ferrite_gaps(folder: Path) -> Row:
-    """Fit two gaps of a split ferrite core and predict the third, reluctance map."""
+    """Fit two gaps of a split ferrite core with the reluctance map and predict the third."""
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
     loops = read_loops(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
@@ -191,5 +191,5 @@ def ferrite_gaps(folder: Path) -> Row:
 
 
 def rows(folder: Path) -> list[Row]:
-    """All lines about real measurements."""
+    """Return all rows about real measurements."""
     return [*ferrite(folder), steel(folder), *gadolinium(folder), ferrite_gaps(folder)]

@@ -1,9 +1,9 @@
-"""A planar stage of six axes on ten magnets: what each variant leaves of the errors of all of them.
+"""Measure the errors of a planar stage of six axes on ten magnets for each compensation method.
 
-Plant, layout, irons and the search of the gains stand in examples/planar and below; they were fixed
-before the first figure. Baselines: the constant ratio, the best curve without memory, the map with
-one play, and the measured flux, each with gains of its own from the same search; beside them the law
-and the measured flux together.
+Plant, layout, irons and gain search were fixed before the first result; they are defined in
+examples/planar and below. The baselines are the constant ratio, the best single-valued curve, the
+map with one play, and the measured flux. The fused method combines the law and the measured flux.
+Each method has its own gains from the same search.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from tracking import with_iron
 RIG = ROOT / "examples" / "planar" / "rig.toml"
 IRONS = ROOT / "examples" / "irons" / "irons.toml"
 NAMES = ("preisach-usual", "preisach-hard", "duhem-usual")
-"""Irons that are no law of the package; the first is that of the example."""
+"""Irons that are not laws of the package; the first is that of the example."""
 MEASURES = (
     ("x, peak", "peak_m", 1e9, "nm", 0.15),
     ("x, moving average", "average_m", 1e9, "nm", 0.15),
@@ -41,13 +41,13 @@ MEASURES = (
     ("ry, peak", "ry_rad", 1e9, "nrad", 0.3),
     ("rz, peak", "rz_rad", 1e9, "nrad", None),
 )
-"""What, name, factor, unit, and what is to be reached in parts of the best curve's."""
+"""Label, name, factor and unit of each metric; target as a fraction of the best curve's value."""
 FAST_HZ, FAST_M = 300.0, 2e-9
-"""The high crossover, and the moving average in the cruise that `full` is to reach there."""
+"""High crossover, Hz, and target of `full` there: moving average of the error in the cruise, m."""
 
 
 def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
-    """Return the lines of one iron."""
+    """Return the rows of one iron."""
     found = []
     for what, name, factor, unit, reach in MEASURES:
         means = {variant: one.interval(name).mean for variant, one in study.variants.items()}
@@ -60,7 +60,7 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
 
 
 def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[float, float, float]:
-    """Return moving average and peak along x, m, and the largest ry, rad: means over the seeds."""
+    """Return the means over the seeds: moving average and peak along x, m; largest ry, rad."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
     motion, found = scan_motion(scan, scan.test_m_per_s2), []
@@ -73,7 +73,7 @@ def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[
 
 
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
-    """Return the line of one iron at the high crossover."""
+    """Return the row of one iron at the high crossover."""
     found = dict(
         zip(COMPARED_METHODS, map_ordered(partial(at_300, rig, magnet), COMPARED_METHODS), strict=True)
     )
@@ -86,12 +86,12 @@ def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
 
 
 def lost_rows() -> list[Row]:
-    """Return what became of layouts without each of their magnets."""
+    """Return the outcomes of layouts after the loss of each of their magnets."""
     found = []
     for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
         for peaks in ((22.0, 10.0, 18.0), (10.0, 8.0)):
             if name == "8" and peaks[0] > 10.0:
-                continue  # what its two magnets along x cannot follow
+                continue  # its two magnets along x cannot follow this motion
             case = LossCase(kind="loss", circuit="open")
             each = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
             held = sum(one.outcome in ("flies on", "brakes") for one in each)
@@ -102,7 +102,7 @@ def lost_rows() -> list[Row]:
 
 
 def head_rows() -> list[Row]:
-    """Return how ten magnets are lifted and set down, and what became of them without each head."""
+    """Return the outcomes of lift-off and landing with ten magnets after a fault of each head."""
     found = []
     for heads in (6, 7):
         case = LossCase(
@@ -118,7 +118,7 @@ def head_rows() -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """Return the lines of this table."""
+    """Return all rows about the planar stage."""
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     found = []
     for name in NAMES:

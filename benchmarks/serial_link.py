@@ -1,4 +1,4 @@
-"""The serial link: what it carries on an emulated controller, in a process, and on a real line."""
+"""Measure the throughput of the serial link in emulation and in a process; compute it for lines."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ WINDOW = 24
 COMMANDS_A_TICK = 10
 RATE = 4000.0
 BITS_A_BYTE = 10
-"""Eight, a start and a stop bit."""
+"""Eight data bits, a start bit and a stop bit."""
 
 
 class Coil:
-    """A current that follows its commands; sensors with a little noise."""
+    """A plant whose current follows the command one step later, with noisy sensors."""
 
     def __init__(self) -> None:
         self._random = Random(1)
         self._flows = 0.0
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Show gap, force and current."""
+        """Return the readings of gap, force and current."""
         noise = [self._random.gauss(0.0, 1e-4) for _ in range(3)]
         flows, self._flows = self._flows, currents[0]
         return Reading(0.5 + noise[0], 0.5 * flows + noise[1], flows + noise[2])
 
 
 def rows() -> list[Row]:
-    """Measure the link."""
+    """Measure throughput and memory of the link."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
@@ -103,7 +103,7 @@ def _process(compiled: Path, folder: Path) -> Row:
 
 
 def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
-    """Send demands while the plant goes on; return the seconds and how many were lost."""
+    """Stream demands while the plant is stepped; return the duration, s, and the lost frames."""
     with ControllerLink(board.url, timeout=2.0) as controller:
         board.bus.step(40)
         controller.command(Command.ARM)
@@ -123,7 +123,7 @@ def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
 
 
 def _line(baud: int) -> Row:
-    """Compute what a real line carries; both directions at once, the answers are longer."""
+    """Compute the throughput of a full-duplex serial line; the longer answers limit it."""
     demand = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
     status = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
     a_second = baud / BITS_A_BYTE
@@ -148,7 +148,7 @@ def _memory(compiled: Path, folder: Path) -> Row:
 
 
 def main() -> None:
-    """Print the lines of this file alone."""
+    """Print the rows of this module only."""
     for row in rows():
         print(f"{row.what}: {row.measured}" + (f" ({row.reach})" if row.reach else ""))
 
