@@ -1,4 +1,4 @@
-"""The magnetic bearing: every kind of compensation in the same loop, over irons and steps.
+"""Compare all compensation methods on the magnetic bearing, for several irons and step heights.
 
 ``python benchmarks/bearing.py`` prints the tables of docs/results-bearing.md.
 """
@@ -42,7 +42,7 @@ VARIANTS: tuple[MethodName, ...] = (
 
 @dataclass(frozen=True)
 class Iron:
-    """One iron of the comparison, and what is known of it."""
+    """One iron of the comparison, its identified model and its setups."""
 
     rig: BodyRig
     at: OperatingPoint
@@ -51,7 +51,7 @@ class Iron:
 
     @property
     def title(self) -> str:
-        """For tables: its reversible fraction, and whether it is pathological."""
+        """The reversible fraction, and whether the iron is pathological, for tables."""
         steel = self.rig.settings.steel
         assert isinstance(steel, CellSteel)
         share = f"{steel.reversible_fraction:g}"
@@ -59,12 +59,12 @@ class Iron:
 
 
 def read() -> tuple[BodyRig, ControllerFile]:
-    """Read the example."""
+    """Read the rig and the controller of the example."""
     return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
 
 
 def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron:
-    """Measure the loops of an iron, identify its model, fit every variant."""
+    """Measure the loops of an iron, identify its model and fit every variant."""
     own = change_iron(rig, fraction)
     knowledge = identify_magnet(measure_loops(own))
     setups = {
@@ -74,19 +74,19 @@ def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron
 
 
 def same_gains(iron: Iron) -> list[StepCell]:
-    """Run steps of every height with every variant behind the same gains."""
+    """Run steps of every height with every variant and the same gains."""
     gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
     return compare_steps(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
 def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
-    """Mean overshoot of a variant at every height, per cent; not a number where a run was lost."""
+    """Return the mean overshoot of a variant at every height, %; NaN if a run was lost."""
     return [one.interval("overshoot_percent").mean for one in cells if one.variant == variant]
 
 
 def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> str:
-    """Overshoot of every cell with its confidence interval, Markdown."""
+    """Return the table of overshoots with confidence intervals, in Markdown."""
     head = "| iron | variant | " + " | ".join(f"{1e6 * h:.0f} um" for h in HEIGHTS)
     head += " | settling at 50 um | standstill |"
     lines = [head, "| --- | --- |" + " --- |" * (len(HEIGHTS) + 2)]
@@ -104,7 +104,7 @@ _STANDSTILL = "standstill_rms_m", 1e9, ".0f", "nm"
 
 
 def _percent(cell: StepCell) -> str:
-    """Overshoot with its interval, and whether it is no more than the noise of a standstill."""
+    """Return overshoot and interval as text, and whether it is within the standstill noise."""
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
     one = cell.interval("overshoot_percent")
@@ -132,7 +132,7 @@ def quiet(rig: BodyRig) -> BodyRig:
 
 
 def slow_table(irons: Sequence[Iron]) -> str:
-    """Slow and small: triangle of 20 um at 1 Hz, steps of 1 um; Markdown."""
+    """Return the table of a triangle of 20 um at 1 Hz and steps of 1 um, in Markdown."""
     shape = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     lines = [
         "| iron | variant | triangle, rms error | its force error | 1 um, overshoot | settling |",
@@ -163,7 +163,7 @@ def in_format(
 
 
 def rows() -> list[Row]:
-    """Every line of the table that has a reach."""
+    """Return all rows of the bearing that have a target."""
     rig, controller = read()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
     return [

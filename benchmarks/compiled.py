@@ -1,4 +1,4 @@
-"""Lines of the table: from loops to verified C, and what the compiled compensators cost."""
+"""Measure the path from loops to verified C, and the cost of the compiled compensators."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from rows import ROOT, Row, Stopwatch
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 RATE = 20e3
 ACCURACY = 0.2
-"""Per cent of F_max that formats, tables and iterations of the full law may cost."""
+"""Largest error due to formats, tables and iterations of the full law, % of F_max."""
 
 CONTROLLED_TICKS = 4800
 
 RAMP = 2000
-"""Samples of the slow rise to the first demand."""
+"""Number of samples of the slow ramp to the first demand."""
 
 TARGETS = "cortex-m4,cortex-m0plus,avr,msp430"
 
@@ -51,7 +51,7 @@ def _compiled(model: Path, folder: Path, kind: str) -> Compiled:
 
 
 def chain(folder: Path) -> tuple[Path, list[Row]]:
-    """Whole chain on the bundled example: loops to verified C on host and Cortex-M4."""
+    """Measure the whole path for the bundled example: loops to verified C on host and Cortex-M4."""
     watch = Stopwatch()
     model = folder / "model.toml"
     write_model(identify(read_loops(LOOPS)).model, model)
@@ -78,7 +78,7 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
 
 
 def _most(found: Verification, target: str, part: str) -> str:
-    """Worst case of a part of a step on the builds of a target."""
+    """Return the worst cost of a part of a step, for each build of a target, as text."""
     texts = []
     for result in found.results:
         cost = result.cost(part)
@@ -88,18 +88,19 @@ def _most(found: Verification, target: str, part: str) -> str:
 
 
 REACH = {"full": (1800, 2300), "cells": (1200, 1200), "simplified": (500, 800)}
-"""Instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header: rounded by a
-converter, and any, with limits and lost currents."""
+"""Targets: instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header; first
+with currents on a converter's grid, then with any current, limits and lost currents."""
 
 CONTROLLED_REACH = {"full": None, "cells": (700, 150), "simplified": None}
-"""The same while the demand moves as a controlled force does: a tick, and its commit alone."""
+"""Targets for the moving demand of a force controller: instructions of a tick, and of its commit.
+"""
 
 MEMORY_REACH = {"full": 2048, "cells": 4096, "simplified": 2048}
-"""Bytes of parameters."""
+"""Targets: bytes of parameters."""
 
 
 def _ticks(found: Verification, kind: str) -> list[Row]:
-    """Solve, PIDD2 and commit of one tick together, at their worst."""
+    """Return the rows of solve, PIDD2 and commit of one tick together, worst case."""
     costs = {
         (result.build, cost.part): cost
         for result in found.results
@@ -124,9 +125,9 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
 
 
 def _controlled(folder: Path, kind: str) -> Row:
-    """Ticks of a force that is controlled: 100 Hz over most of the range, with noise, moving gap.
+    """Measure ticks of a controlled force: 100 Hz, most of the range, noise, moving gap.
 
-    It comes up from zero within 480 ticks; every current on the converter's grid.
+    The demand rises from zero within 480 ticks; every current is on the converter's grid.
     """
     ticks = np.arange(CONTROLLED_TICKS)
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, ticks.size))
@@ -148,11 +149,11 @@ def _controlled(folder: Path, kind: str) -> Row:
 
 
 PARTS = ("solve", "commit, rounded", "tick, rounded")
-"""Of a step on the converter's grid."""
+"""Measured parts of a step on the converter's grid."""
 
 
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
-    """Return the most and the mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
+    """Return maximum and mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
     places = [COMPENSATOR_RECORD.sections.index(part) for part in PARTS]
     most, total = np.zeros(3), np.zeros(3)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as scratch:
@@ -180,7 +181,7 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
 
 
 def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
-    """Instructions, cycles and memory of the kinds on all targets, each of its model."""
+    """Return instructions, cycles and memory of the kinds on all targets, each for its model."""
     rows = []
     for kind, model in models.items():
         compiled = _compiled(model, folder, kind)
@@ -214,7 +215,7 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
 
 
 def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Row]:
-    """Compare the closed form with Euler steps of the paper, at the same rate."""
+    """Compare the closed form with the paper's Euler steps at the same rate."""
     limits = find_limits(model)
     scales = find_scales(model, limits)
     sizes = TableSizes()
@@ -251,10 +252,10 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
 
 
 def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
-    """Triangles at several samplings, and full-range jumps; a force the widest gap can give.
+    """Return force demands that every gap reaches, N: triangles and full-range jumps.
 
-    They begin with a slow ramp, which is not counted: an Euler step from nothing to a first demand
-    is wrong for ever.
+    They begin with a slow ramp that is not evaluated, because an Euler step from zero to a first
+    demand has a permanent error.
     """
     top = 0.25 * min(scales.demand, limits.demand[1])
     ramp = np.linspace(0.0, 0.05 * top, RAMP)
@@ -267,7 +268,7 @@ def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
 
 
 def rows() -> list[Row]:
-    """Measure everything of this file."""
+    """Return all rows of this module."""
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as name:
         folder = Path(name)
         path, found = chain(folder)

@@ -58,7 +58,7 @@ class Tried:
     least: float  # rms error of the best law
 
 
-class _Compared(Exception):  # noqa: N818 # not an error: stops the identification after the comparison
+class _Compared(Exception):  # noqa: N818 # not an error: ends the identification early
     def __init__(self, made: model_selection.Selection) -> None:
         self.made = made
 

@@ -1,4 +1,4 @@
-"""From an unknown iron to a model that fits, on a bench that runs; and the watch over it."""
+"""Improve the model of a running bench whose iron is unknown, and detect a change of the iron."""
 
 from __future__ import annotations
 
@@ -29,17 +29,18 @@ from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"
 PINNING = 1.6
-"""Of the unknown iron, over that of the iron whose loops the controller was made from."""
+"""Ratio of the pinning of the unknown iron to that of the iron for which the controller was made.
+"""
 ALL_S = 90.0
 AS_OFF_LINE = 1.1
-"""Force error, over that of the model identified from the same loops off line."""
+"""Largest ratio of the force error to that of a model identified off line from the same loops."""
 LEARNT = 15
-"""Cycles of a second before the iron becomes harder."""
+"""Number of cycles of 1 s before the pinning of the iron increases."""
 HOUR = 3600
 
 
 def rows() -> list[Row]:
-    """Improve the bundled solenoid before another iron, then let that iron become harder."""
+    """Improve the model of the bundled solenoid with another iron; then test the drift monitor."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "rig"
         shutil.copytree(SOLENOID, folder)
@@ -50,7 +51,7 @@ def rows() -> list[Row]:
 
 
 def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
-    """Return the same controller before an iron whose pinning is another."""
+    """Return the same controller on an iron whose pinning is multiplied by a factor."""
     file = prepared.complete_rig.solenoid_file
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
@@ -60,7 +61,7 @@ def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
 
 
 def improved(unknown: PreparedForce, place: Path) -> list[Row]:
-    """Measure, identify, compile and swap by orders of a page; and the same loops off line."""
+    """Measure, identify, compile and swap with page commands; compare with an off-line model."""
     bench = unknown.open()
     session = LiveSession(bench, improver=Improver(unknown, bench))
     improver = session.improver
@@ -108,7 +109,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
 
 
 def force_error(bench: ForceBench) -> float:
-    """Return the rms of what the force is off its demand, conditioned first, at several gaps."""
+    """Return the rms force error, N, over several gaps; each starts with conditioning."""
     gaps = next(one for one in bench.parameters() if one.name == "gap")
     errors = []
     for gap in np.linspace(gaps.low, gaps.high, 7):
@@ -127,7 +128,7 @@ def force_error(bench: ForceBench) -> float:
 
 
 def reach(bench: Bench, wanted: State) -> None:
-    """Let time pass until a state is there."""
+    """Advance the bench until it is in a state."""
     for _ in range(400):
         if state(bench) is wanted:
             return
@@ -135,17 +136,17 @@ def reach(bench: Bench, wanted: State) -> None:
 
 
 def state(bench: Bench) -> State:
-    """Go on for a moment and return the state."""
+    """Advance the bench by 50 ticks and return its state."""
     return State(int(column(bench, bench.advance(50), "state")[-1]))
 
 
 def column(bench: Bench, table: FloatArray, name: str) -> FloatArray:
-    """Return a signal of rows."""
+    """Return a signal from rows of the bench."""
     return table[:, 1 + [signal.name for signal in bench.signals].index(name)]
 
 
 def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
-    """Return the rows of a bench whose force goes to and fro once a second."""
+    """Return the rows of a bench whose force alternates between two values once a second."""
     bench = prepared.open()
     bench.advance(50)
     bench.command(Command.DEMAGNETISED)
@@ -162,7 +163,7 @@ def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
 
 
 def found(known: PreparedForce) -> Row:
-    """Watch a bench whose iron becomes harder at a tick."""
+    """Test whether the monitor detects an iron whose pinning increases by 20 % at a tick."""
     rate = known.complete_rig.settings.timing.rate_Hz
     begin = round(LEARNT * rate)
     usual, harder = swung(known, LEARNT + 15), swung(pinned(known, 1.2), LEARNT + 15)
@@ -188,7 +189,7 @@ def found(known: PreparedForce) -> Row:
 
 
 def hour(known: PreparedForce) -> Row:
-    """Watch an hour of one settled cycle with the noise of all sensors."""
+    """Test for false alarms during one hour of a steady-state cycle with noise of all sensors."""
     rate = known.complete_rig.settings.timing.rate_Hz
     every = round(rate / MONITOR_RATE_HZ)
     whole = round(rate)

@@ -1,17 +1,22 @@
-"""The best fits that are known of the drawn measurements: each law and gap map from random starts.
+"""Find the best fits of each law and gap map to the random measurements, from random starts.
 
-Of each law under each map 64 starts are drawn that know nothing of any other fit: numbers of the law
-evenly in their logarithm, how far it is driven too; the circuit around it is scanned gap by gap. All
-descend a little on few samples, the better ones a little more, the best eight to the end on more
-samples, and the best of these on all.
+For each law and gap map, 64 random starts are sampled without knowledge of other fits. The
+parameters of the law and its largest effective field are log-uniform; the parameters of the circuit
+are scanned gap by gap. All starts descend a few steps on few samples, the better ones some more.
+The best eight continue on more samples until they converge or reach a step limit, and the best
+three of these on all.
 
-    nice python benchmarks/known.py 0-39 60     what is missing of these draws, for up to 60 minutes
+    nice python benchmarks/known.py 0-39 60     missing fits of these draws, for up to 60 minutes
 
-``known_best.json`` is written after each fit, and a run goes on where the last one stopped. Of each
-law and map it holds how many numbers were fitted, the deviation from all loops in % of the largest
-output, how many of the eight ended within 2 % of the best (``near``), and whether the model passes what
-identification asks of one (``usable``); of several ends the best usable one counts. ``through`` tells
-up to which stage all laws and maps of a draw are there.
+``known_best.json`` is written after each fit, and a further run continues from it. For each law and
+map it contains:
+
+- ``numbers``: number of fitted parameters
+- ``rms``: deviation from all loops, % of the largest output
+- ``near``: how many of the eight reached a deviation within 2 % of the best
+- ``usable``: whether the model passes the checks of identification; the best usable fit is stored
+
+``through`` is the last stage for which all laws and maps of a draw are complete.
 """
 
 from __future__ import annotations
@@ -55,11 +60,12 @@ STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
     2: (("langevin", 1), ("langevin", 2)),
     3: (("tanh", 3), ("langevin", 3)),
 }
-"""Play cells of each stage, by curve and populations; Jiles and Atherton's law is of the first."""
+"""Play-cell laws of each stage by curve and populations; stage 1 includes the Jiles-Atherton law.
+"""
 
 STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
 COARSE, FINE = 40, 100
-"""Samples of a loop on which starts descend a little, and on which the best go to the end."""
+"""Samples per loop for the first descents, and for the descents of the best starts."""
 
 _FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
 _SCAN = 24
@@ -74,10 +80,10 @@ _LAW = {
     "pinning": (0.01, 10.0),
     "spread": (0.5, 6.0),
 }
-"""Ranges of the numbers of a law, by how their names begin; all but ``c`` in the logarithm."""
+"""Ranges of the law's parameters, by the first part of their names; log-uniform except ``c``."""
 
 _DRIVEN = (0.5, 40.0)
-"""Largest effective field, in units of the law."""
+"""Range of the largest effective field, in units of the law."""
 
 _OMEGA = (0.02, 500.0)
 _RATIOS = np.geomspace(0.2, 5.0, _SCAN)
@@ -87,21 +93,21 @@ Known = dict[str, float | bool]
 
 @dataclass(frozen=True)
 class Target:
-    """A law under a gap map."""
+    """A law with a gap map."""
 
     gap_map: str
     form: ResponseForm
 
     @property
     def name(self) -> str:
-        """Name it in the file."""
+        """The name of the target in the file."""
         cells = self.form.cells
         count = f"-{cells.population_count}" if isinstance(cells, CellKernel) else ""
         return f"{self.gap_map}/{self.form.law}{count}"
 
 
 def targets(loops: Loops, stage: int) -> Iterator[Target]:
-    """Name the laws and maps that identification compares, of one stage; what costs little first."""
+    """Yield the laws and maps of a stage that identification compares, the cheapest first."""
     gaps = len(loops.schedule_values)
     maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
@@ -116,7 +122,7 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
 
 
 def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> FloatArray | None:
-    """Return the output for a gain of 1 at a single gap; None where the law has no answer."""
+    """Return the output for a gain of 1 at a single gap; None if the law has no solution."""
     responder = CellResponder() if form.cells else Responder()
     plain = replace(local, gain=1.0, out_0=0.0)
     try:
@@ -126,7 +132,7 @@ def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> Fl
 
 
 class Scan:
-    """What loops at one gap say of a circuit around a law with given numbers."""
+    """Searches the circuit parameters at one gap for given parameters of the law."""
 
     def __init__(self, form: ResponseForm, records: FitRecords) -> None:
         self.form, self.records = form, records
@@ -135,7 +141,7 @@ class Scan:
         self.output = np.concatenate([one.output for one in records.loops])
 
     def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
-        """Return the best of some sets and its cost; with the best gain unless one is given."""
+        """Return the set with the least cost, and the cost; fits the gain unless one is given."""
         found: tuple[ParameterSet, float] | None = None
         for local in ways:
             shape = shape_of(self.form, local, self.records)
@@ -150,7 +156,7 @@ class Scan:
 
 
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
-    """Draw a start; None where nothing that was drawn has an answer."""
+    """Sample a start; None if no sampled set has a solution."""
     form, records = space.form, space.records
     home = records.reference_gap
     scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
@@ -181,18 +187,18 @@ def _number(name: str, rng: np.random.Generator) -> float:
 
 
 def _homes(space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float) -> list[ParameterSet]:
-    """Return sets of one law with more or less reluctance around it, driven as far as each other."""
+    """Return sets of one law with several reluctances and the same largest effective field."""
     top, reached = space.records.input_span, size * driven / (1.0 + driven)
     omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
     found = [ParameterSet(law, omega, top / (driven + omega * reached), 1.0, 0.0, 0.0, 0.0)
              for omega in omegas]  # fmt: skip
     found += [replace(found[0], omega=omega / size) for omega in (-0.3, -0.7)]
-    # h follows from scale and gain where field and flux density are measured.
+    # h follows from scale and gain if field and flux density are measured.
     return [replace(one, h=0.0 if space.form.permeability else space.form.h) for one in found]
 
 
 def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[ParameterSet], float | None]:
-    """Return what the map lets a set become at another gap, and the gain if it stays."""
+    """Return the sets that the map allows at another gap, and the gain if it is common."""
     if space.gap_map == "scaling":
         return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain
     unscaled = known.scale * (1.0 - known.h * known.omega)
@@ -203,7 +209,7 @@ def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[Parame
 
 
 def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
-    """Fit a law under a map from random starts, then without offsets; None where nothing answers."""
+    """Fit a law and map from random starts, then without offsets; None without a solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
     whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
@@ -229,7 +235,7 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
 
 
 def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
-    """Return the best of some ends as the file holds it, one that is usable if there is any."""
+    """Return the best fit in the form of the file; usable fits are preferred."""
     found = []
     for one in ends:
         try:
@@ -244,7 +250,7 @@ def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None
 
 
 def usable(found: FoundModel, loops: Loops) -> bool:
-    """Whether identification could choose a fit: it can be compiled, and passes its test."""
+    """Whether identification could choose a fit: it compiles and does not fail acceptance."""
     model = replace(make_model(found, loops), valid=valid_range(loops))
     if is_electromagnet(loops) and find_compile_obstacle(model) is not None:
         return False
@@ -252,7 +258,7 @@ def usable(found: FoundModel, loops: Loops) -> bool:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Fit what is missing of some draws, for some minutes; laws with many numbers, odd draws last."""
+    """Run missing fits of some draws for some minutes; expensive laws and odd draws come last."""
     warnings.simplefilter("ignore")
     first, last = (int(end) for end in arguments[0].split("-"))
     until = time.monotonic() + 60.0 * float(arguments[1])
@@ -275,13 +281,13 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def write(kept: dict[str, Any]) -> None:
-    """Write the file: a line for each law and map, so that changes of it can be read."""
+    """Write the file with one line for each law and map, so that its changes can be reviewed."""
     lines = []
     for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
         rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in done["fits"].items()]
         told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
         lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
-    with atomic_writer(KNOWN) as file:  # a search may read it meanwhile
+    with atomic_writer(KNOWN) as file:  # a search may read the file at the same time
         file.write('{"draws": {\n' + ",\n".join(lines) + "\n}}\n")
 
 
