@@ -1,8 +1,8 @@
-"""Drawn virtual measurements: 200 magnets and rings of six families of iron, and what tests a model.
+"""Generate 200 random virtual measurements of magnets and rings, and noise-free test records.
 
-Ranges and seed stand in ``drawn.toml``, the irons in ``drawn_irons.py``. ``draw(number)`` gives one.
-All are computed at once and kept in ``build/`` under a hash of what they are made from;
-``python benchmarks/drawn.py`` lists those with an even number.
+``drawn.toml`` defines ranges and seed, ``drawn_irons.py`` the six families of iron.
+``draw(number)`` returns one measurement. All are computed together and cached in ``build/`` under a
+hash of their sources. ``python benchmarks/drawn.py`` lists those with an even number.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from rows import ROOT
 COUNT: int = SETTINGS["count"]
 
 CYCLES = 3
-"""Before a record: of all of it, or of the same loop."""
+"""Number of cycles before a record: of the whole range, or of the same loop."""
 
 _MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
 
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """A record to test a model with: what the sensors would read without noise.
+    """A record for testing a model: sensor readings without noise.
 
     Parameters
     ----------
     kind : str
-        ``same``: the loops that were fitted, at a gap between; ``unseen``: random reversals there;
-        ``moving``: a gap that moves under random reversals; ``small``: small cycles about a bias;
-        ``other``: random reversals where loops were measured.
+        ``same``: the fitted loops at a gap between; ``unseen``: random reversals at that gap;
+        ``moving``: a gap that moves during random reversals; ``small``: small cycles about a bias;
+        ``other``: random reversals at measured gaps.
     input, output : ndarray, shape (n,)
-        SI.
+        Input and output, SI units.
     schedule : ndarray, shape (n,), or None
         Gap, m.
     history : History
     counted : ndarray of bool, shape (n,)
-        Where the record is what its kind says, not on the way there.
+        Samples that belong to the kind; False on the way to them.
     """
 
     kind: str
@@ -70,9 +70,9 @@ class Draw:
     number : int
     family : str
     true : mapping of str to Any
-        What was drawn.
+        The sampled parameters.
     loops : Loops
-        As measured.
+        The loops as measured.
     tests : tuple of Test
     """
 
@@ -85,12 +85,12 @@ class Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Record:
-    """What is driven: turning points before, then samples; and how it is called."""
+    """The reversal points before a record, its samples and its name."""
 
     kind: str
     label: str
     lead: tuple[float, ...]
-    history: str  # settled, demagnetised, conditioned; of the lead only what a user would state
+    history: str  # settled, demagnetised or conditioned
     stated: tuple[float, ...]
     current: FloatArray
     gap: FloatArray
@@ -99,7 +99,7 @@ class _Record:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A magnet, its iron, and all its records, before any is computed."""
+    """A magnet, its iron and all its records before their computation."""
 
     number: int
     family: str
@@ -119,7 +119,7 @@ class _Plan:
 
 
 def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
-    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops."""
+    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops, m."""
     field = magnet["saturating"] * true["knee_sharp"]
     density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
     area = magnet["force_N"] * MU_0 / density**2
@@ -153,7 +153,7 @@ def _gaps(magnet: dict[str, Any], least: float) -> FloatArray:
 
 
 def _sweep(ends: list[float], step: float) -> FloatArray:
-    """Return straight lines from end to end, evenly sampled."""
+    """Return straight ramps between points, evenly sampled."""
     parts = [np.array(ends[:1])]
     for start, end in pairwise(ends):
         count = max(6, round(abs(end - start) / step))
@@ -164,7 +164,7 @@ def _sweep(ends: list[float], step: float) -> FloatArray:
 def _ranges(
     drive: dict[str, Any], ring: bool, top: float, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Return the ends of the loops at every gap, the largest first."""
+    """Return the limits of the loops at every gap, the largest loop first."""
     both = ring or drive["bipolar"]
     found = [(-top if both else 0.0, top)]
     for _ in range(drive["ring_loops" if ring else "loops"] - 1):
@@ -210,7 +210,7 @@ def _tests(
     plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, top: float,
     rng: np.random.Generator,
 ) -> list[_Record]:  # fmt: skip
-    """Return the records that models are tested with; each after cycles of the whole range."""
+    """Return the test records; each starts after cycles of the whole range."""
     drive, ranges = plan
     tests, (low, high) = SETTINGS["tests"], ranges[0]
     step = (high - low) / tests["samples"]
@@ -268,7 +268,7 @@ def _hash() -> str:
 
 @cache
 def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
-    """Return all plans, and what each of their records gives; from ``build/`` where they are kept."""
+    """Return all plans and the responses of their records, cached in ``build/``."""
     plans = [_plan(number) for number in range(COUNT)]
     sizes = [job.current.size for plan in plans for job in plan.jobs()]
     kept = ROOT / "build" / f"drawn-{_hash()}.npy"
@@ -290,11 +290,11 @@ def draw(number: int) -> Draw:
 
 
 def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> Draw:
-    """Read what a plan gives with its sensors."""
+    """Apply the sensors of a plan to its responses."""
     sensors, magnet, ring = plan.true["sensors"], plan.true["magnet"], plan.core.ring
     field = ring and magnet["ring_flux_density"]
     poles = plan.core.poles
-    unit = poles.turns / poles.iron_length if field else 1.0  # of the input for each A
+    unit = poles.turns / poles.iron_length if field else 1.0  # input per ampere
     outputs, spans = [], []
     for one, answer in zip(plan.records, found, strict=True):
         linkage, flux = (values[len(one.lead):] for values in answer)  # fmt: skip

@@ -1,7 +1,7 @@
-"""The bearing with irons of all families: both laws and the strongest baseline in the same loops.
+"""Compare both laws and the strongest baseline on the bearing, with irons of all families.
 
-The irons are those of ``examples/bearing`` and ``examples/irons``. What a controller knows of each is
-what the rig's own sensors measured of it. ``python benchmarks/families.py`` prints every step.
+The irons are those of ``examples/bearing`` and ``examples/irons``. Each controller knows only the
+loops that the rig's sensors measured. ``python benchmarks/families.py`` prints every step.
 """
 
 from __future__ import annotations
@@ -38,43 +38,44 @@ BUNDLED = "cells"
 CELLS, PAPER = "play-cells", "effective-field"
 
 WORSE = 0.05
-"""Points of overshoot by which `full` may be worse than the strongest baseline."""
+"""Target: percentage points by which the overshoot of `full` may exceed that of the best baseline.
+"""
 
 HALF = 0.5
-"""Force error on the slow triangle over that of the best single-valued curve."""
+"""Target: ratio of the force error on the slow triangle to that of the best single-valued curve."""
 
 DRIFT = 0.05
-"""Of a force that is held for :data:`SECONDS`, % of the largest."""
+"""Target: drift of a force that is held for :data:`SECONDS`, % of the largest force."""
 
 SECONDS = 60
 RATE = 20e3
 LEVELS = (0.2, 0.5, 0.8)
-"""Held forces, in parts of the largest that all gaps reach."""
+"""Held forces, relative to the largest force that all gaps reach."""
 
 NARROW = 0.02
-"""Of the pinning, where hardly any hysteresis is left."""
+"""Factor on the pinning that leaves almost no hysteresis."""
 
 SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
 @dataclass(frozen=True)
 class Tried:
-    """One iron behind the gains of the example.
+    """Results of one iron with the gains of the example.
 
     Parameters
     ----------
     name : str
     steps : mapping of str to sequence of StepCell
         By variant, one for each height. ``paper`` is `full` with the law of the paper; ``without
-        hysteresis`` the best single-valued curve where the iron has hardly any.
+        hysteresis`` is the best single-valued curve on an iron with almost no hysteresis.
     triangle : mapping of str to float
-        Force error on the slow triangle, rms, N; not a number where the armature was lost.
+        Rms force error on the slow triangle, N; NaN if the armature was lost.
     first : mapping of str to float
-        The same where first magnetisation was measured too.
-    drift : mapping of str to tuple of float
-        Of a held force over a minute, % of the largest: of the iron, and of the model instead.
+        The same errors if the initial magnetisation curve was measured too, N.
+    drift : tuple of float
+        Drift of a held force over a minute, % of the largest: of the iron, and of the model.
     refused : str
-        Why the law of the paper could not be compiled; empty where it was.
+        Reason why the law of the paper could not be compiled; empty if it was compiled.
     """
 
     name: str
@@ -86,14 +87,14 @@ class Tried:
 
 
 def rigs() -> dict[str, BodyRig]:
-    """Return the bearing with every iron; the first has its own."""
+    """Return the bearing with every iron; the first has the iron of the example."""
     rig, _ = read()
     others = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
     return {BUNDLED: rig, **others}
 
 
 def with_first(rig: BodyRig, loops: Loops) -> Loops:
-    """Return loops with a record more at every gap, which begins demagnetised."""
+    """Return loops with an additional record at every gap, which begins demagnetised."""
     fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
     more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
@@ -113,7 +114,7 @@ def _setups(
 
 
 def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> BearingSetup | str:
-    """Fit `full` with the law of the paper, or report why it cannot be."""
+    """Fit `full` with the law of the paper, or return the reason why this is impossible."""
     knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
     try:
         return make_setup(rig, controller.settings, knowledge, "full", "fixed")
@@ -122,7 +123,7 @@ def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Bearing
 
 
 def _unpinned(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
-    """Fit the best single-valued curve to hardly any hysteresis: what the loop itself overshoots."""
+    """Fit the best single-valued curve to an iron with almost no hysteresis, as a reference."""
     soft = change_iron(rig, None, NARROW)
     knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
     return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
@@ -144,10 +145,10 @@ def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str,
 
 
 def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
-    """Hold forces under noise of demand and gap; return how far iron and model drift, % of F_max.
+    """Hold forces with noise of demand and gap; return the drift of iron and model, % of F_max.
 
-    Noise is that of the compiler's own check. Compared are the means of the first second of noise
-    and of the last one.
+    The noise is that of the compiler's own check. The drift is the difference between the means of
+    the first second and the last second with noise.
     """
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
     scales = plan.block.scales
@@ -202,9 +203,9 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
 
 
 def _worse(one: Tried, variant: str) -> list[float]:
-    """Points by which a variant certainly overshoots more than the strongest baseline, by height.
+    """Return the significant excess overshoot against the best baseline, % points, by height.
 
-    Zero where both overshoot by less than three times the rms of their standstill.
+    Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
     """
     found = []
     for place, height in enumerate(HEIGHTS):
@@ -225,7 +226,7 @@ def _worse(one: Tried, variant: str) -> list[float]:
 
 
 def _still(one: Tried, variant: str) -> float:
-    """Rms of the gap at rest, nm, in the mean over heights."""
+    """Return the standstill rms of the gap, nm, averaged over the heights."""
     cells = [cell for cell in one.steps[variant] if not cell.lost]
     return 1e9 * float(np.mean([cell.interval("standstill_rms_m").mean for cell in cells]))
 
@@ -273,7 +274,7 @@ def _drift_row(one: Tried) -> Row:
 
 
 def map_row(found: Benefit) -> Row:
-    """Sum up the map of what compensation gains over 12 irons of cells."""
+    """Return the row of the benefit map over 12 irons of play cells."""
     worse = [0.0]
     marks = []
     for cell in found.cells:
@@ -292,7 +293,7 @@ def map_row(found: Benefit) -> Row:
 
 
 def rows() -> list[Row]:
-    """All lines: seven irons of three families, and the map of cells."""
+    """Return all rows: seven irons of three families, and the benefit map."""
     watch = Stopwatch()
     rig, controller = read()
     tried = [measure(name, one, controller) for name, one in rigs().items()]
@@ -302,7 +303,7 @@ def rows() -> list[Row]:
 
 
 def main(names: Sequence[str]) -> None:
-    """Print the lines of some irons, or of all."""
+    """Print the rows of some irons, or of all."""
     _, controller = read()
     for name, rig in rigs().items():
         if not names or name in names:
