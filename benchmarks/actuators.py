@@ -68,7 +68,7 @@ def real_piezo(folder: Path) -> list[Row]:
         others = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
         rows.append(
             Row(
-                f"piezo in a flexure, {name}, the other inverted: rms of the voltage as displacement",
+                f"piezo in a flexure, {name}, other half inverted: rms voltage error as displacement",
                 "<= 0.3 um of 45",
                 f"{1e6 * errors['play cells']:.3f} um; {others}, {AUTHORS}",
                 bool(errors["play cells"] <= REACH_M),
@@ -126,7 +126,8 @@ def stage() -> list[Row]:
     )
     return [
         Row(
-            "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: with over without",
+            "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: "
+            "ratio of errors with / without compensation",
             "<= 0.2",
             f"{found.deviation_ratio():.3f}: {texts}",
             found.deviation_ratio() <= 0.2,
@@ -154,16 +155,16 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
     worst = compiled.manifest["accuracy"]["worst_percent"]
     return [
         Row(
-            "compiled piezo inverse against double precision, jumps and lost drives included",
+            "compiled piezo inverse against double precision, with jumps and lost drives",
             "<= 0.1 % of the stroke",
             f"{worst:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
             worst <= 0.1 and checked.passed,
         ),
         Row(
-            "the same on a Cortex-M4 along the triangle: solve and commit together, mean tick",
+            "compiled piezo inverse on a Cortex-M4 during the triangle: solve and commit, mean tick",
             "<= 600 instructions",
-            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; where the triangle "
-            f"turns at worst {most[0]:.0f} and {most[1]:.0f}",
+            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; worst at reversals "
+            f"of the triangle {most[0]:.0f} and {most[1]:.0f}",
             bool(mean[0] + mean[1] <= 600),
         ),
     ]
@@ -181,7 +182,7 @@ def rod() -> Row:
     largest = max(float(loop.output.max()) for loop in unseen.loops)
     mean = 100.0 * float(np.mean(np.abs(off))) / largest
     return Row(
-        "virtual magnetostrictive rod, a prestress between those measured: mean error",
+        "virtual magnetostrictive rod, withheld prestress: mean error",
         "<= 1 % of the largest strain",
         f"{mean:.2f} %, worst {100 * float(np.max(np.abs(off))) / largest:.2f} %",
         mean <= 1.0,

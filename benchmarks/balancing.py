@@ -119,19 +119,19 @@ def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
     values = np.array([one.figures for one in flown])
     half, most = np.percentile(values, [50.0, 95.0], axis=0)
-    count = f"taken {sum(one.taken for one in flown)}, fits {sum(one.fits for one in flown)}"
+    count = f"applied {sum(one.taken for one in flown)}, fits {sum(one.fits for one in flown)}"
     found = []
     for place, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
         pairs = zip(half[:, place], most[:, place], strict=True)
         text = " -> ".join(f"{one:.3g} / {other:.3g}" for one, other in pairs)
-        aim, met = "stated", None
+        aim, met = "reported", None
         if method == "full" and name == "average":
-            aim, met = "60 nm (95 %)", bool(most[-1, place] <= 60.0)
+            aim, met = "<= 60 nm (95 %)", bool(most[-1, place] <= 60.0)
         if name == "rz":
             shares = values[:, -1, place] / values[:, 0, place]
-            text += f"; after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
+            text += f"; ratio after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
             if method == "full":
-                aim, met = "0.15 of before (50 %)", bool(np.median(shares) <= 0.15)
+                aim, met = "ratio <= 0.15 (50 %)", bool(np.median(shares) <= 0.15)
         what = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
         found.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
     return found
@@ -169,8 +169,8 @@ def rows() -> list[Row]:
         )
         for place, name in enumerate(JUDGED)
     )
-    what = "balancing, full, mass alone fed forward: before -> after x -> after the move instead"
-    both = Row(what, "stated", text, None)
+    what = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
+    both = Row(what, "reported", text, None)
     flown = map_ordered(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
     return [both] + [
         row

@@ -182,9 +182,9 @@ def _claims(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> lis
         ratios = [a / b for a, b in zip(full, reported["ratio"], strict=True)]
         found.append(
             Row(
-                f"bearing, same gains, iron {iron.title}: overshoot of full over ratio",
+                f"bearing, same gains, iron {iron.title}: overshoot of full relative to the method ratio",
                 "<= 0.5 at every height",
-                f"{max(ratios):.2f} at worst; "
+                f"{max(ratios):.2f} worst; "
                 + ", ".join(f"{name} {max(values):.2f} %" for name, values in reported.items()),
                 all(ratio <= 0.5 for ratio in ratios),
             )

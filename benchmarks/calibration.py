@@ -116,8 +116,8 @@ class Found:
     def count(self) -> str:
         """The number of plants and of applied calibrations, and estimated masses, as text."""
         masses = [f"{found.mass_kg:.4g}" for _, found in self.flown if found.mass_kg is not None]
-        heavy = f", explained by {', '.join(masses)} kg" if masses else ""
-        return f"{len(self.flown)} plants, taken of {self.taken}{heavy}"
+        heavy = f", estimated mass {', '.join(masses)} kg" if masses else ""
+        return f"{len(self.flown)} plants, applied to {self.taken}{heavy}"
 
     def row(self, what: str, reach: str, met: bool | None) -> Row:
         """Return a row of the moving average, with peak and settling time."""
@@ -139,7 +139,7 @@ def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
 def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
     """Return the rows of a method on the example's own iron."""
     average, peak, settled = (found.percentiles(name) for name, _, _ in MEASURED)
-    reach = ["stated"] * 3
+    reach = ["reported"] * 3
     met: list[bool | None] = [None] * 3
     if aim is not None:
         first = f"{aim.first[0]:g} / {aim.first[1]:g} after one scan, " if aim.first else ""
@@ -194,26 +194,26 @@ def of_example(flown: Mapping[Case, Found]) -> list[Row]:
         elif world or errors != "all":
             factor = 1.5 if world else 1.3
             what = f"{own}, {world or f'{errors} alone'}, 4 scans"
-            reach = f"{factor * calibrated:.3g} (50 %): {factor:g} of the calibrated"
+            reach = f"{factor * calibrated:.3g} (50 %): {factor:g} times the calibrated value"
             met = None if "not allowed" in world else average[-1][0] <= factor * calibrated
-            lines.append(found.row(what, "stated" if met is None else reach, met))
+            lines.append(found.row(what, "reported" if met is None else reach, met))
         else:
             lines += headline(method, AIMS.get(method), found)
     ahead = ", ".join(f"{last[name] / calibrated:.3g} of {name}" for name in METHODS[1:])
     met = last["play"] >= 2.0 * calibrated
-    what = f"calibration, calibrated {own} against the others, average after 4 scans, 50 %"
-    return [*lines, Row(what, "ahead of play by 2", f"ahead {ahead}", met)]
+    what = f"calibration, median average after 4 scans, ratios of the others to {own}"
+    return [*lines, Row(what, "play >= 2", ahead, met)]
 
 
 def of_iron(iron: str, method: str, found: Found) -> Row:
     """Return the row of a method on another iron."""
     average = found.percentiles("average_m")
-    reach, met = "stated", None
+    reach, met = "reported", None
     if iron == FORGETS and method in PROBED:
         half, most = ASKED_WITH_PROBE
         reach, met = f"{half:g} / {most:g}", within(average[-1], ASKED_WITH_PROBE)
     elif iron == FORGETS and method == METHODS[0]:
-        reach = "no worse than before, said where it is not taken"
+        reach = "not worse than before"
         met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
     elif iron != FORGETS and method in AIMS:
         half, most = AIMS[method].last
@@ -269,8 +269,8 @@ def of_hours(bench: Bench, found: tuple[float, float]) -> Row:
     at_rest, at_work = found
     work = f"{WORKED[bench.method]} scans of {training(bench.rig).duration:.2g} s"
     return Row(
-        f"calibration, {bench.method}: an hour at rest; {work}: most that a number moves",
-        "0.1 of its standard deviation",
+        f"calibration, {bench.method}: an hour at rest; {work}: largest parameter change",
+        "< 0.1 of the standard deviation",
         f"{at_rest:.2g}; {at_work:.2g}",
         max(found) < 0.1,
     )

@@ -69,7 +69,7 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
             seconds,
         ),
         Row(
-            "'full' against double precision, in force, jumps and lost currents included",
+            "'full' against double precision, force error with jumps and lost currents",
             "<= 0.2 % of F_max",
             f"{accuracy['worst_percent']:.3f} %, rms {accuracy['rms_percent']:.3f} %",
             accuracy["worst_percent"] <= 0.2,
@@ -110,7 +110,7 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
     rows = []
     for part, what, reach in (
         ("tick, rounded", "on a converter's grid of 12 bits", REACH[kind][0]),
-        ("tick", "limits and lost currents included", REACH[kind][1]),
+        ("tick", "with limits and lost currents", REACH[kind][1]),
     ):
         ported, portable = (costs[build, part] for build in ("port header", "portable"))
         rows.append(
@@ -141,7 +141,7 @@ def _controlled(folder: Path, kind: str) -> Row:
     texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, most, total, strict=True)]
     reach = CONTROLLED_REACH[kind]
     return Row(
-        f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst of a controlled force",
+        f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst tick with a controlled force",
         f"<= {reach[0]} instructions, commit <= {reach[1]}" if reach else "reported",
         ", ".join(texts),
         None if reach is None else bool(most[2] <= reach[0] and most[1] <= reach[1]),
@@ -242,7 +242,7 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
         counts.append(f"{kind} {_most(found, 'cortex-m4', 'solve')}")
     return [
         Row(
-            "closed form against one Euler step a sample: worst error of the current",
+            "closed form against one Euler step per sample: worst current error",
             "reported",
             "; ".join(reported) + " of I_max",
             None,

@@ -104,8 +104,8 @@ def rows() -> list[Row]:
     for (family, number), (law, said, curve, plain, own) in zip(
         irons, map_ordered(judged, irons), strict=True
     ):
-        text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, taken {own:.3g} nm"
+        text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, chosen law {own:.3g} nm"
         helped = own <= min(curve, plain) if math.isfinite(own) else None
         what = f"{family} {number}{' (unseen)' * (number % 2)}: moving average"
-        found.append(Row(what, "no worse than curve and cells, or warned", text, helped or said))
+        found.append(Row(what, "not worse than curve and cells, or warned", text, helped or said))
     return found

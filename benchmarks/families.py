@@ -241,10 +241,10 @@ def _steps_row(one: Tried) -> Row:
     worse = _worse(one, "full")
     return Row(
         f"bearing, iron {one.name}: overshoot, steps of 10/20/50/100 um, same gains",
-        f"full certainly worse than the strongest baseline by <= {WORSE:g} points",
-        f"worse by {max(worse):.2f} at most; "
+        f"full significantly worse than the strongest baseline by <= {WORSE:g} % points",
+        f"excess at most {max(worse):.2f}; "
         + ", ".join(f"{name} {text} %" for name, text in shown.items())
-        + f"; at rest full {_still(one, 'full'):.0f} nm rms, single-valued "
+        + f"; standstill: full {_still(one, 'full'):.0f} nm rms, single-valued "
         f"{_still(one, 'single-valued'):.0f} nm" + (f"; paper: {one.refused}" if one.refused else ""),
         max(worse) <= WORSE,
     )
@@ -254,10 +254,10 @@ def _triangle_row(one: Tried) -> Row:
     own, other = one.triangle["full"], one.triangle["single-valued"]
     return Row(
         f"bearing, iron {one.name}: force error on the slow triangle",
-        f"<= {HALF:g} of that of the best single-valued curve",
-        f"{own / other:.2f} of it; "
+        f"<= {HALF:g} times that of the best single-valued curve",
+        f"{own / other:.2f} times; "
         + ", ".join(f"{name} {error:.2f} N" for name, error in one.triangle.items())
-        + f"; first magnetisation measured too: full {one.first['full']:.2f} N, single-valued "
+        + f"; with measured initial curve: full {one.first['full']:.2f} N, single-valued "
         f"{one.first['single-valued']:.2f} N",
         own <= HALF * other,
     )
@@ -266,9 +266,9 @@ def _triangle_row(one: Tried) -> Row:
 def _drift_row(one: Tried) -> Row:
     iron, model = one.drift
     return Row(
-        f"bearing, iron {one.name}: force held for {SECONDS} s, noise of demand and gap: drift",
+        f"bearing, iron {one.name}: drift of a force held for {SECONDS} s with noise of demand and gap",
         f"<= {DRIFT:g} % of F_max without a dead band",
-        f"{iron:.3f} %; of the model in place of the iron {model:.4f} %",
+        f"{iron:.3f} %; model instead of the iron {model:.4f} %",
         iron <= DRIFT,
     )
 
@@ -286,8 +286,8 @@ def map_row(found: Benefit) -> Row:
     counts = ", ".join(f"{mark} in {marks.count(mark)}" for mark in dict.fromkeys(marks))
     return Row(
         f"bearing, map of {len(found.cells)} cells, 12 irons of cells: overshoot of full",
-        f"nowhere certainly worse than the strongest baseline by more than {WORSE:g} points",
-        f"{max(worse):.2f} at most, more than that in {sum(one > WORSE for one in worse)}; {counts}",
+        f"nowhere significantly worse than the strongest baseline by more than {WORSE:g} % points",
+        f"at most {max(worse):.2f}; {sum(one > WORSE for one in worse)} cells exceed the target; {counts}",
         max(worse) <= WORSE,
     )
 
@@ -299,7 +299,10 @@ def rows() -> list[Row]:
     tried = [measure(name, one, controller) for name, one in rigs().items()]
     lines = [line(one) for line in (_steps_row, _triangle_row, _drift_row) for one in tried]
     lines.append(map_row(map_bearing_benefit(rig, controller)))
-    return [*lines, Row("the same: time", "minutes", str(watch), None, watch.processor)]
+    return [
+        *lines,
+        Row("bearing, irons of all families: computing time", "minutes", str(watch), None, watch.processor),
+    ]
 
 
 def main(names: Sequence[str]) -> None:

@@ -145,7 +145,7 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     )
     with threads, use_scheduler(threads.scheduler_address):
         spent = best(lambda: here(nothing(TASKS)))
-    rows.append(_empty("2 workers as threads beside the scheduler", TASKS, spent))
+    rows.append(_empty("2 workers as threads in the scheduler's process", TASKS, spent))
     worst = Costs(max(one.scheduler for one in costs), max(one.client for one in costs))
     return rows, worst
 
@@ -233,9 +233,9 @@ def larger(tasks: dict[str, float], costs: Costs) -> list[Row]:
             said.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
         rows.append(
             Row(
-                f"simulated, {name}, {mean:.3g} s a task, {TASKS_A_WORKER} tasks a worker",
+                f"simulated, {name}, {mean:.3g} s per task, {TASKS_A_WORKER} tasks per worker",
                 "reported",
-                f"{'; '.join(said)}; scheduler full at {mean / costs.slowest:.0f} workers",
+                f"{'; '.join(said)}; scheduler saturated at {mean / costs.slowest:.0f} workers",
                 None,
             )
         )
@@ -256,4 +256,4 @@ def rows() -> list[Row]:
 
 if __name__ == "__main__":
     for row in rows():
-        print(f"{row.what}: {row.measured} (to reach: {row.reach})", flush=True)
+        print(f"{row.what}: {row.measured} (target: {row.reach})", flush=True)

@@ -34,29 +34,35 @@ def rows() -> list[Row]:
     differing, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
     return [
         Row(
-            "force control, row of positions: worst error, full",
-            "<= 0.6 % of F_max and a quarter of the single-valued",
-            f"{full['worst_percent']:.2f} %, {full['of_single']:.2f} of it",
+            "force control, fixed positions: worst error, full",
+            "<= 0.6 % of F_max and 1/4 of single-valued",
+            f"{full['worst_percent']:.2f} %, {full['of_single']:.2f} of single-valued",
             full["worst_percent"] <= 0.6 and 4.0 * full["of_single"] <= 1.0,
         ),
         Row(
-            "the same, simplified",
-            "two thirds of the single-valued",
-            f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of it; all: {_told(held)}",
+            "force control, fixed positions: worst error, simplified",
+            "<= 2/3 of single-valued",
+            f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of single-valued; "
+            f"all: {_told(held)}",
             3.0 * simplified["of_single"] <= 2.0,
         ),
         Row(
-            "the same, armature moving",
-            "full: <= 1.5 % and a quarter of the single-valued",
+            "force control, moving armature: worst errors",
+            "full: <= 1.5 % and 1/4 of single-valued",
             _told(summary["moving"]),
             moving["worst_percent"] <= 1.5 and 4.0 * moving["of_single"] <= 1.0,
         ),
-        Row("the same, first version of the solenoid (steel as drawn)", "", _told(drawn["positions"]), None),
+        Row(
+            "force control, first version of the solenoid (cold-drawn steel)",
+            "",
+            _told(drawn["positions"]),
+            None,
+        ),
         Row(
             "firmware over the link against the simulated program",
             "no tick differs",
             f"{differing} of {ticks} differ",
             differing == 0,
         ),
-        Row("whole force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
+        Row("computing time of force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
     ]

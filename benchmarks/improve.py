@@ -93,15 +93,14 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     parts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in took.items())
     return [
         Row(
-            "virtual solenoid, pinning unknown: measured, identified (auto), compiled, swapped in "
-            "while it runs",
-            f"<= {ALL_S:g} s in all",
-            f"{whole:.0f} s on {os.cpu_count()} cores: {parts}; time given up {slips} times",
+            "virtual solenoid, unknown pinning: measure, identify (auto), compile, swap during operation",
+            f"<= {ALL_S:g} s in total",
+            f"{whole:.0f} s on {os.cpu_count()} cores: {parts}; {slips} pacing slips",
             whole <= ALL_S,
         ),
         Row(
-            "its force error afterwards, 7 gaps",
-            f"<= {AS_OFF_LINE:g} times that of the model identified from the same loops off line",
+            "virtual solenoid, force error after the swap, 7 gaps",
+            f"<= {AS_OFF_LINE:g} times that of an off-line model from the same loops",
             f"rms {after:.3f} N, off line {reference:.3f} N; before {before:.3f} N",
             after <= AS_OFF_LINE * reference,
         ),
@@ -180,9 +179,9 @@ def found(known: PreparedForce) -> Row:
     seconds = ticks / rate
     met = said["state"] == "drifted" and seconds <= 10.0 and fine.status()["state"] == "fits"
     return Row(
-        "drift watch over the rows of the bench: pinning 20 % larger, swings of 1 Hz",
-        "found within 10 s of motion",
-        f"after {seconds:.1f} s; the model leaves {said['left_N']:.3f} N rms instead of "
+        "drift monitor on the rows of the bench: pinning +20 %, cycles of 1 Hz",
+        "detected within 10 s of motion",
+        f"after {seconds:.1f} s; residual {said['left_N']:.3f} N rms instead of "
         f"{said['usual_N']:.3f} N; without drift: {fine.status()['text']}",
         met,
     )
@@ -212,8 +211,8 @@ def hour(known: PreparedForce) -> Row:
             break
     said = watch.status()
     return Row(
-        "the same, an hour of noise",
+        "drift monitor, one hour of noise",
         "no false alarm",
-        alarm or f"none in {said['cycles']} cycles; stated: one in {said['run_length']:g}",
+        alarm or f"none in {said['cycles']} cycles; specified: one in {said['run_length']:g}",
         not alarm and said["cycles"] >= HOUR - 5,
     )

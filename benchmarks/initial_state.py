@@ -257,8 +257,8 @@ def describe(outcome: Outcome) -> str:
     """Return the size and the duration of the force error as text."""
     near, nearer = outcome.samples.T
     return (
-        f"up to {100 * outcome.largest:.2g} % of F_max away; within {100 * NEAR[0]:g} % after "
-        f"{np.median(near):.0f} samples (median), {near.max()} (most, {near.max() / SAMPLES:.2f} "
+        f"up to {100 * outcome.largest:.2g} % of F_max error; within {100 * NEAR[0]:g} % after "
+        f"{np.median(near):.0f} samples (median), {near.max()} (largest, {near.max() / SAMPLES:.2f} "
         f"cycles); within {100 * NEAR[1]:g} % after {nearer.max() / SAMPLES:.2f} cycles"
     )
 
@@ -273,14 +273,14 @@ def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
         lost = study(actuator, kind, demand, at_random=True)
         ready = study(actuator, kind, demand, conditioning(actuator, 1), at_random=True)
         text = (
-            f"another past: {describe(plain)}. Memory at random: {describe(lost)}. After one cycle "
-            f"of conditioning: up to {100 * ready.largest:.2g} %. Rightly started and settled: "
-            f"{100 * plain.settled:.2f} % from the demand"
+            f"state of another history: {describe(plain)}. Random state: {describe(lost)}. After one cycle "
+            f"of conditioning: up to {100 * ready.largest:.2g} %. Right start, steady state: "
+            f"{100 * plain.settled:.2f} % error"
         )
         lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
     errors = {samples: explicit_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}
     text = ", ".join(f"{n} samples {100 * error:.2f} %" for n, error in errors.items())
-    what = "full law by the paper's explicit Euler steps, settled force error by samples a cycle"
+    what = "full law with the paper's explicit Euler steps: steady-state force error by samples per cycle"
     lines.append(Row(what, "reported", text, None))
     return lines
 

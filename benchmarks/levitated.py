@@ -107,14 +107,14 @@ def of_table(found: Calibration, nominal: Figures, before: Figures, after: Figur
     """Return the row of one method for the plant of the table."""
     (method,) = found.file.method
     said = "; ".join(
-        f"{what} {nominal[part]:.3g} {unit} as it should be, {before[part]:.3g} drifted, "
-        f"{after[part]:.3g} calibrated, {best[part]:.3g} told the truth"
+        f"{what} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
+        f"{after[part]:.3g} calibrated, {best[part]:.3g} with known drift"
         for part, (what, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
     numbers = ", ".join(f"{one.name} {one.value:.3g}" for one in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
-        f"<= {REACH:g} of the calibrated",
+        f"calibrated <= {REACH:g} times nominal",
         f"{said}; {method.summary}; {numbers}",
         all(now <= REACH * own for now, own in zip(after, nominal, strict=True)),
     )
@@ -124,9 +124,9 @@ def of_drawn(method: MethodName, nominal: Figures, forces: Sequence[tuple[float,
     """Return the row of one method for all random plants."""
     pairs = ", ".join(f"{before:.3g} -> {after:.3g}" for before, after in forces)
     return Row(
-        f"bearing, {PLANTS} drawn plants: {method}, force error",
+        f"bearing, {PLANTS} random plants: {method}, force error",
         "",
-        f"{pairs} N; {nominal[1]:.3g} N as it should be",
+        f"{pairs} N; {nominal[1]:.3g} N nominal",
         None,
     )
 
@@ -141,7 +141,7 @@ def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
     found, before, after = tried(other, ("full", drift))
     (method,) = found.file.method
     return Row(
-        f"bearing of {name}, {'drifted so' if drift == TABLE else 'as it should be'}: full, force error",
+        f"bearing of {name}, {'drifted' if drift == TABLE else 'nominal'}: full, force error",
         "",
         f"{before[1]:.3g} -> {after[1]:.3g} N; {method.summary}",
         None,

@@ -35,11 +35,11 @@ def rows() -> list[Row]:
             watch.processor,
         ),
         Row(
-            "everything that goes wrong in the air",
-            "noticed, and nothing pulled into the magnet",
-            f"{len(landed)} of {len(found.outcomes)} landed at most at "
-            f"{1e3 * max(one.rest_speed for one in landed):.1f} mm/s, {len(fallen)} let go, at "
-            f"most {fastest:.0f} mm/s",
+            "faults during levitation",
+            "detected, no contact with the magnet",
+            f"{len(landed)} of {len(found.outcomes)} landed with at most "
+            f"{1e3 * max(one.rest_speed for one in landed):.1f} mm/s, {len(fallen)} released, with "
+            f"at most {fastest:.0f} mm/s",
             all(one.is_as_expected and one.magnet_speed == 0.0 for one in found.outcomes),
         ),
     ]

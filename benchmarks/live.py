@@ -72,8 +72,8 @@ def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
     factor = RUN_S / took
     return Row(
         f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {where}",
-        ">= 1 times the clock",
-        f"{factor:.2f} times, {1e6 * took / ticks:.1f} us a tick, "
+        ">= 1 times real time",
+        f"{factor:.2f} times real time, {1e6 * took / ticks:.1f} us per tick, "
         f"{1e6 * watch.processor / bench.tick:.1f} us of processor time of plant and firmware",
         factor >= 1.0,
         watch.processor,
@@ -118,10 +118,10 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     worst = max(one.max_lateness for one in seen)
     factor = done / bench.rate / took
     return Row(
-        f"the same by the clock for {PACED_S:g} s, recorded",
-        f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{factor:.3f} times, late by {1e3 * float(np.mean([one.mean_lateness for one in seen])):.1f} ms in "
-        f"the mean and {1e3 * worst:.1f} ms at most, {seen[-1].slip_count} times given up, "
+        f"virtual bearing, paced in real time for {PACED_S:g} s, recorded",
+        f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
+        f"{factor:.3f} times, lateness {1e3 * float(np.mean([one.mean_lateness for one in seen])):.1f} ms "
+        f"mean, {1e3 * worst:.1f} ms at most, {seen[-1].slip_count} pacing slips, "
         f"{'none' if whole else 'some'} lost",
         whole and worst <= LATE_S and factor >= 0.99,
     )

@@ -118,5 +118,5 @@ def rows() -> list[Row]:
             for axis, p, m in zip(rig.settings.body.free, peak, average, strict=True)
         )
         what = f"meander, {FIELDS} fields, {len(off) * rig.dt:.0f} s, {method}: peak / average"
-        found.append(Row(what, "stated", f"{text} nm, nrad; flags {flags}", True))
+        found.append(Row(what, "reported", f"{text} nm, nrad; flags {flags}", True))
     return found

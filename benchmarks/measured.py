@@ -78,17 +78,17 @@ def ferrite(folder: Path) -> list[Row]:
             f"{rms:.3f} % (sum of squares {max(sums):.6f} T^2)",
             bool(rms <= 1.69),
         ),
-        Row("same optimum", f"{SEEDS} of {SEEDS} seeds", f"{same} of {SEEDS}", same == SEEDS),
+        Row("MnZn ferrite, same optimum", f"{SEEDS} of {SEEDS} seeds", f"{same} of {SEEDS}", same == SEEDS),
         Row(
-            "processor time a seed",
+            "MnZn ferrite, processor time per seed",
             "<= 0.2 s",
-            f"median {1e3 * np.median(spent):.0f} ms, most {1e3 * max(spent):.0f} ms",
+            f"median {1e3 * np.median(spent):.0f} ms, largest {1e3 * max(spent):.0f} ms",
             max(spent) <= 0.2,
             float(np.median(spent)),
         ),
         Row(
-            f"against differential evolution, to {SAME_ERROR} T^2",
-            ">= 50 times less",
+            f"MnZn ferrite, against differential evolution, to {SAME_ERROR} T^2",
+            ">= 50 times faster",
             f"{np.median(theirs) / np.median(to_same):.0f} times: median "
             f"{1e3 * np.median(to_same):.1f} ms against {1e3 * np.median(theirs):.0f} ms "
             f"(its best {1e3 * min(theirs):.0f} ms)",
@@ -117,7 +117,7 @@ def steel(folder: Path) -> Row:
         "solid steel, 4 loops jointly: rms of each loop's B_max",
         "<= 0.75 %",
         ", ".join(f"{100 * one:.2f}" for one in joint)
-        + " %; each loop by a set of its own: "
+        + " %; each loop with a separate set: "
         + ", ".join(f"{100 * one:.2f}" for one in alone)
         + " %",
         max(joint) <= 0.0075,
@@ -149,12 +149,12 @@ def gadolinium(folder: Path) -> list[Row]:
     return [
         Row(
             "gadolinium, a set for each temperature: RMSE over 3 loops, mT (published)",
-            "no worse than published",
+            "not worse than published",
             ", ".join(parts),
             worse == 0,
         ),
         Row(
-            "gadolinium, schedule over temperature, one left out",
+            "gadolinium, schedule over temperature, one withheld",
             "reported",
             f"mean {100 * left_out:.2f} % of the largest B "
             f"({1e3 * left_out * schedule.fit.largest_output:.0f} mT); fit rms "
@@ -183,7 +183,7 @@ def ferrite_gaps(folder: Path) -> Row:
         ]
         between &= heights == sorted(heights, reverse=True)
     return Row(
-        "ferrite core, reluctance map: mean error at the gap left out",
+        "ferrite core, reluctance map: mean error at the withheld gap",
         "reported; loops between their neighbours",
         ", ".join(parts) + f"; loops between their neighbours: {'yes' if between else 'no'}",
         between,

@@ -154,8 +154,8 @@ def drawn(session: LiveSession, page: Page) -> Row:
     server = used["server"] + used["pages"]
     return Row(
         f"{SIGNALS} signals at {session.bench.rate:g} Hz in Chromium",
-        ">= 55 frames a second; server <= 15 % of a core",
-        f"{frames:.1f} frames a second; server {100 * server:.1f} %, recording "
+        ">= 55 frames per second; server <= 15 % of a core",
+        f"{frames:.1f} frames per second; server {100 * server:.1f} %, recording "
         f"{100 * used['recorder']:.1f} %, plant {100 * used['pacer']:.1f} % of a core",
         frames >= 55.0 and server <= 0.15,
     )
@@ -193,9 +193,9 @@ def soak(session: LiveSession, seconds: float, beside: str) -> Row:
     grown = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
     return Row(
         f"levitates for {seconds:g} s, recorded, {beside}",
-        f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
-        f"{factor:.4f} times, late by {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} times "
-        f"given up; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
+        f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
+        f"{factor:.4f} times, lateness {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} "
+        f"pacing slips; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
         factor >= 0.999 and worst <= LATE_S and abs(grown) <= 0.05,
     )
 
@@ -208,4 +208,4 @@ def resident() -> float:
 
 if __name__ == "__main__":
     for row in rows():
-        print(f"{row.what}: {row.measured} (to reach: {row.reach})")
+        print(f"{row.what}: {row.measured} (target: {row.reach})")

@@ -53,7 +53,7 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
         means = {variant: one.interval(name).mean for variant, one in study.variants.items()}
         share = means["full"] / means["single-valued"]
         each = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
-        aim = "stated" if reach is None else f"<= {reach:g} of single-valued"
+        aim = "reported" if reach is None else f"<= {reach:g} times single-valued"
         text = f"{share:.3g}; {each} {unit}"
         found.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
     return found
@@ -96,7 +96,7 @@ def lost_rows() -> list[Row]:
             each = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
             held = sum(one.outcome in ("flies on", "brakes") for one in each)
             text = "; ".join(" ".join(one.table_cells()) for one in each)
-            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: losses survived"
+            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
             found.append(Row(what, f"{movable}", f"{held}; {text}", held == movable))
     return found
 
@@ -112,7 +112,7 @@ def head_rows() -> list[Row]:
         landed = sum(one.outcome == "lands" for one in each)
         text = "; ".join(" ".join(one.table_cells()) for one in each)
         most = sum(one.spare for one in each[:-1])
-        row = Row(f"planar, {heads} heads: landed", f"{most}", f"{landed}; {text}", landed == most)
+        row = Row(f"planar, {heads} heads: landings", f"{most}", f"{landed}; {text}", landed == most)
         found.append(row)
     return found
 

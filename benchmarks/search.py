@@ -216,23 +216,23 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
 
     table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
         (
-            f"fit within {REACH:g} of the best known with as many numbers",
+            f"fit within {REACH:g} times the best known with at most as many parameters",
             "all",
             _near,
             _share(ratios, lambda one: bool(one["ratio"] <= REACH)) == 1.0 if ratios else None,
         ),
-        ("fit over the best known, however many numbers: median", "reported", _of_all, None),
+        ("ratio of fit to best known with any number of parameters: median", "reported", _of_all, None),
         ("unseen gaps, random reversals: mean/worst", "reported", _missed("unseen"), None),
-        ("moving gap over gaps at rest: mean", "reported", _moving, None),
+        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving, None),
         ("cycles of 10 % about a bias: mean/worst", "reported", _missed("small"), None),
-        ("one loop only: rms on other runs over that of the fit", "reported", _single, None),
+        ("one loop only: ratio of rms on other records to that of the fit", "reported", _single, None),
         (
-            "promised interval holds the truth, loops as measured",
+            "predicted interval contains the true error, loops as measured",
             f">= {100.0 * COVERED:.0f} %",
             _covered("same"),
             _share(promised, holds) >= COVERED if promised else None,
         ),
-        ("promised interval holds random reversals", "reported", _covered("unseen"), None),
+        ("predicted interval contains the error with random reversals", "reported", _covered("unseen"), None),
     ]
     rows = [
         Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
@@ -269,9 +269,9 @@ def rows() -> list[Row]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the rows of a part of the even half, or of both halves."""
-    parser = argparse.ArgumentParser(description="The search against the best fits known.")
-    parser.add_argument("--every", type=int, help="only every so many of the even half")
-    parser.add_argument("--reveal", action="store_true", help="keep the odd half one by one too")
+    parser = argparse.ArgumentParser(description="Compare the search with the best known fits.")
+    parser.add_argument("--every", type=int, help="use every N-th draw of the even half")
+    parser.add_argument("--reveal", action="store_true", help="store the draws of the odd half too")
     given = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
     if given.every:

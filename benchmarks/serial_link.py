@@ -67,7 +67,7 @@ def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
     if shutil.which("qemu-system-arm") is None:
         yield Row(
             "link on qemu-mps2",
-            ">= 1000 force commands a second, none lost",
+            ">= 1000 force commands per second, none lost",
             "not measured: apt install qemu-system-arm",
             None,
         )
@@ -77,8 +77,8 @@ def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
         seconds, lost = _stream(board, COMMANDS)
     yield Row(
         f"link on qemu-mps2, {COMMANDS} force commands",
-        ">= 1000 a second, none lost",
-        f"{COMMANDS / seconds:.0f} a second, {lost} lost",
+        ">= 1000 per second, none lost",
+        f"{COMMANDS / seconds:.0f} per second, {lost} lost",
         COMMANDS / seconds >= 1000 and lost == 0,
     )
 
@@ -96,8 +96,8 @@ def _process(compiled: Path, folder: Path) -> Row:
     return Row(
         "link on a pty to the firmware as a process",
         "",
-        f"{ON_HOST / seconds:.0f} force commands a second, {lost} lost; one a tick, each waited "
-        f"for, with the tick in lock-step: {ON_HOST / stepped:.0f} a second",
+        f"{ON_HOST / seconds:.0f} force commands per second, {lost} lost; one per tick with "
+        f"answer, in lock-step: {ON_HOST / stepped:.0f} per second",
         None,
     )
 
@@ -130,8 +130,8 @@ def _line(baud: int) -> Row:
     return Row(
         f"a real line of {baud} baud, 8N1 (computed)",
         "",
-        f"{a_second / status:.0f} force commands a second, each answered: {demand} bytes out, "
-        f"{status} bytes back; one alone takes {1e3 * (demand + status) / a_second:.2f} ms",
+        f"{a_second / status:.0f} force commands per second, each answered: {demand} bytes out, "
+        f"{status} bytes back; a single one takes {1e3 * (demand + status) / a_second:.2f} ms",
         None,
     )
 
@@ -141,8 +141,8 @@ def _memory(compiled: Path, folder: Path) -> Row:
     return Row(
         "firmware for the Nucleo-F446RE",
         "",
-        f"{sizes.flash} bytes of flash, {sizes.ram} bytes of variables (16384 of them the "
-        f"recorder), {sizes.stack} kept for the stack",
+        f"{sizes.flash} bytes of flash, {sizes.ram} bytes of variables (16384 for the "
+        f"recorder), {sizes.stack} reserved for the stack",
         None,
     )
 

@@ -96,8 +96,8 @@ def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
         found.append(
             Row(
                 f"force control, {what}, {title}: worst force error of full",
-                f"<= {most:g} % of F_max and {PART:g} of the best single-valued",
-                f"{worst:.2f} %, {part:.2f} of it; {told}",
+                f"<= {most:g} % of F_max and {PART:g} times the best single-valued",
+                f"{worst:.2f} %, {part:.2f} times; {told}",
                 worst <= most and part <= PART,
             )
         )
@@ -137,7 +137,10 @@ def rows() -> list[Row]:
     found = bundled()
     for name in names():
         found += measure(name)
-    return [*found, Row("the same: time", "minutes", str(watch), None, watch.processor)]
+    return [
+        *found,
+        Row("force control, all solenoids: computing time", "minutes", str(watch), None, watch.processor),
+    ]
 
 
 def main(chosen: Sequence[str]) -> None:

@@ -160,7 +160,7 @@ def stage_rows() -> list[Row]:
             rows.append(
                 Row(
                     f"stage on solid iron, {iron}: {what}",
-                    "<= 1/3 of at-rest",
+                    "<= 1/3 times at-rest",
                     f"{share:.2g}; {told} {unit}",
                     share <= 1.0 / 3.0,
                 )
@@ -200,9 +200,9 @@ def bearing_rows() -> list[Row]:
         )
         rows.append(
             Row(
-                f"bearing, {1e3 * depth:g} mm deep, {1e3 * path:g} mm of path solid, a step: force, "
-                "rms; overshoot; standstill (nan: levitation lost)",
-                "force <= 0.8 of at-rest",
+                f"bearing, {1e3 * depth:g} mm deep, {1e3 * path:g} mm solid path, one step: "
+                "rms force error; overshoot; standstill (nan: levitation lost)",
+                "force error <= 0.8 times at-rest",
                 told,
                 force["full"] <= 0.8 * force["at-rest"],
             )
@@ -232,7 +232,7 @@ def rows() -> list[Row]:
             )
         lines.append(
             Row(
-                f"slow loops with layers over at rest, rms, magnets {title}",
+                f"slow loops, ratio of rms errors with layers / static, magnets {title}",
                 "<= 1.2",
                 "; ".join(f"{one.slow:.2f} ({one.chosen})" for one in half),
                 all(one.slow <= 1.2 for one in half),
@@ -242,7 +242,7 @@ def rows() -> list[Row]:
         pairs = [one.force for one in judged if one.number % 2 == odd]
         lines.append(
             Row(
-                f"force over a triangle of 50 Hz, compiled with rate over at rest, magnets {title}",
+                f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
                 "<= 0.2",
                 "; ".join(f"{late:.2f} / {still:.2f} %" for late, still in pairs),
                 all(late <= 0.2 * still for late, still in pairs),

@@ -115,7 +115,7 @@ def batched(level: str) -> list[Row]:
             Row(
                 f"forward step, {name}, batched, {level}",
                 f"<= {reach:g} ns" if judged else "reported",
-                f"{spent:.2f} ns a set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
+                f"{spent:.2f} ns per set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
                 spent <= reach if judged else None,
                 1e-9 * spent,
             )

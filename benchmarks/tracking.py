@@ -82,13 +82,13 @@ def of_iron(title: str, study: TrackingStudy) -> list[Row]:
     ):
         share = ratio(study, name)
         text = f"{share:.3g}; {said(study, name, factor)} {unit}"
-        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} of single-valued", text, share <= reach)
+        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} times single-valued", text, share <= reach)
         found.append(row)
     own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     found.append(
         Row(
-            f"the same against the map with one play, peak ({title})",
-            "better or equal, with interval",
+            f"tracking, {title}: peak, ratio to the map with one play",
+            "<= 1, with interval",
             f"{own.mean / play.mean:.3g}; moving average {ratio(study, 'average_m', 'play'):.3g}",
             own.mean - own.half_width <= play.mean + play.half_width,
         )
@@ -101,7 +101,7 @@ def fast(title: str, study: TrackingStudy) -> Row:
     share = ratio(study, "settling_10_s")
     return Row(
         f"tracking at 300 Hz, {title}: settling to 10 nm",
-        "<= 0.5 of single-valued",
+        "<= 0.5 times single-valued",
         f"{share:.3g}; {said(study, 'settling_10_s', 1e3)} ms; peak {said(study, 'peak_m', 1e9)} nm",
         share <= 0.5,
     )
@@ -118,7 +118,7 @@ def learning(study: TrackingStudy) -> list[Row]:
             5.0 * own[-1] <= own[0],
         ),
         Row(
-            "the same on single-valued",
+            "learning control on single-valued, eight trials: peak",
             "does not converge: last peak above half of the first",
             f"{plain[-1] / plain[0]:.3g}; {1e9 * plain[0]:.4g} to {1e9 * plain[-1]:.4g} nm",
             2.0 * plain[-1] > plain[0],
@@ -147,7 +147,12 @@ def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> lis
             f"{1e9 * fixed:.3g} nm",
             fixed <= 10e-9,
         ),
-        Row("sub-steps of the plant halved, the same", "<= 2 nm", f"{1e9 * halved:.3g} nm", halved <= 2e-9),
+        Row(
+            "twice as many sub-steps of the plant, largest difference of the error",
+            "<= 2 nm",
+            f"{1e9 * halved:.3g} nm",
+            halved <= 2e-9,
+        ),
     ]
 
 

@@ -45,7 +45,7 @@ def rows() -> list[Row]:
             longest, took, seconds = watch.wall, str(watch), watch.processor
         found.append(
             Row(
-                f"bearing, full tuned for itself, iron {iron.title}",
+                f"bearing, full tuned separately, iron {iron.title}",
                 "overshoot <= 2 % at every height, settling <= 6 ms, peak sensitivity <= 3",
                 f"{reached.overshoot_percent:.2f} %, {1e3 * reached.settling_time_s:.2f} ms, "
                 f"{reached.peak_sensitivity:.2f}; worst of 3 gaps, 2 loads, 4 heights",
