@@ -53,7 +53,7 @@ def real_piezo(folder: Path) -> list[Row]:
     ends = {"first half fitted": (slice(0, half), slice(half, None)),
             "second half fitted": (slice(half, None), slice(START, half))}  # fmt: skip
     rows = []
-    for name, (fitted, other) in ends.items():
+    for name, (fitted, other_half) in ends.items():
         own = _part(whole, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0")
         ways = {
             "play cells": _play_cells(loops, own),
@@ -62,7 +62,7 @@ def real_piezo(folder: Path) -> list[Row]:
         }
         slope = np.ptp(own.output[START:]) / np.ptp(own.input)
         errors = {
-            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other] ** 2)))
+            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other_half] ** 2)))
             for key, way in ways.items()
         }
         others = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
@@ -121,8 +121,8 @@ def stage() -> list[Row]:
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
     found = simulate_tracking(rig)
     texts = ", ".join(
-        f"{name} {1e9 * one['rms_m']:.0f} nm rms, {1e9 * one['worst_m']:.0f} worst"
-        for name, one in found.errors.items()
+        f"{name} {1e9 * error['rms_m']:.0f} nm rms, {1e9 * error['worst_m']:.0f} worst"
+        for name, error in found.errors.items()
     )
     return [
         Row(

@@ -61,7 +61,7 @@ def balanced(given: tuple[Bench, int]) -> Flown:
         crossed = cross_talk(run, motion, stationary_axes(rig.settings))
         own = measure(run, motion, rig.settings.scan.slit_s)
         nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
-        return [1e9 * one for one in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
+        return [1e9 * value for value in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
 
     figures, learner = [judged()], ParameterEstimator(law)
     for scan in range(1, max(SCANS) + 1):
@@ -117,24 +117,24 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
 
 def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
-    values = np.array([one.figures for one in flown])
-    half, most = np.percentile(values, [50.0, 95.0], axis=0)
-    count = f"applied {sum(one.taken for one in flown)}, fits {sum(one.fits for one in flown)}"
-    found = []
-    for place, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
-        pairs = zip(half[:, place], most[:, place], strict=True)
-        text = " -> ".join(f"{one:.3g} / {other:.3g}" for one, other in pairs)
+    values = np.array([result.figures for result in flown])
+    medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
+    count = f"applied {sum(result.taken for result in flown)}, fits {sum(result.fits for result in flown)}"
+    result_rows = []
+    for column, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
+        pairs = zip(medians[:, column], percentiles_95[:, column], strict=True)
+        text = " -> ".join(f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in pairs)
         aim, met = "reported", None
         if method == "full" and name == "average":
-            aim, met = "<= 60 nm (95 %)", bool(most[-1, place] <= 60.0)
+            aim, met = "<= 60 nm (95 %)", bool(percentiles_95[-1, column] <= 60.0)
         if name == "rz":
-            shares = values[:, -1, place] / values[:, 0, place]
+            shares = values[:, -1, column] / values[:, 0, column]
             text += f"; ratio after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
             if method == "full":
                 aim, met = "ratio <= 0.15 (50 %)", bool(np.median(shares) <= 0.15)
         what = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
-        found.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
-    return found
+        result_rows.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
+    return result_rows
 
 
 def asked() -> list[Row]:
@@ -143,13 +143,13 @@ def asked() -> list[Row]:
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
     plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
-    work = [(bench, one) for bench, n in zip(benches, plants, strict=True) for one in range(n)]
+    work = [(bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)]
     flown = map_ordered(balanced, work)
     return [
         row
         for own in benches
         for row in of_method(
-            own.method, [one for one, (bench, _) in zip(flown, work, strict=True) if bench is own]
+            own.method, [result for result, (bench, _) in zip(flown, work, strict=True) if bench is own]
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
     ]
@@ -165,7 +165,8 @@ def rows() -> list[Row]:
     text = "; ".join(
         f"{name} "
         + " -> ".join(
-            f"{one:.3g} / {other:.3g}" for one, other in zip(half[:, place], most[:, place], strict=True)
+            f"{median:.3g} / {percentile_95:.3g}"
+            for median, percentile_95 in zip(half[:, place], most[:, place], strict=True)
         )
         for place, name in enumerate(JUDGED)
     )

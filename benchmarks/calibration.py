@@ -98,8 +98,8 @@ class Found:
 
     def percentiles(self, name: str) -> list[Pair]:
         """Return the 50th and 95th percentiles over the plants, before and after the scans."""
-        factor = {one: by for one, _, by in MEASURED}[name]
-        values = np.array([[getattr(one, name) for one in figures] for figures, _ in self.flown])
+        factor = {metric: by for metric, _, by in MEASURED}[name]
+        values = np.array([[getattr(measures, name) for measures in figures] for figures, _ in self.flown])
         half, most = factor * np.percentile(values, [50.0, 95.0], axis=0)
         return list(zip(half.tolist(), most.tolist(), strict=True))
 
@@ -229,8 +229,8 @@ def iron_of(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]
         iron = rig.settings.steel.model_dump() | {"reversible_fraction": share}
     else:
         iron = tomllib.loads(IRONS.read_text(encoding="utf-8"))[name]
-    other = with_iron(rig, iron)
-    return name, other, identify_stage_magnet(other, measure_loops(other))
+    rig_with_iron = with_iron(rig, iron)
+    return name, rig_with_iron, identify_stage_magnet(rig_with_iron, measure_loops(rig_with_iron))
 
 
 def kept_at_it(bench: Bench) -> tuple[float, float]:
@@ -278,24 +278,24 @@ def of_hours(bench: Bench, found: tuple[float, float]) -> Row:
 
 def rows() -> list[Row]:
     """Return all rows about calibration; each is printed as soon as it is known."""
-    found: list[Row] = []
+    result_rows: list[Row] = []
 
-    def told(lines: Iterable[Row]) -> None:
+    def print_rows(lines: Iterable[Row]) -> None:
         for row in lines:
-            found.append(row)
+            result_rows.append(row)
             met = "" if row.met is None else ": met" if row.met else ": MISSED"
             print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
 
     rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE})
     own = "own", rig, identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [(*own, method) for method in METHODS])
-    told(of_example(all_plants(trials_of_example(benches))))
+    print_rows(of_example(all_plants(trials_of_example(benches))))
     others = map_ordered(iron_of, [(name, rig) for name in OTHERS])
     made = map_ordered(bench_of, [(*iron, method) for iron in others for method in METHODS])
     trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(FEWER)]
-    told(of_iron(iron, method, one) for (iron, method, *_), one in all_plants(trials).items())
+    print_rows(of_iron(iron, method, results) for (iron, method, *_), results in all_plants(trials).items())
     at_it = [bench for bench in benches if bench.method in WORKED]
-    told(map(of_hours, at_it, map_ordered(kept_at_it, at_it)))
-    told(levitated.asked())
-    told(balancing.asked())
-    return found
+    print_rows(map(of_hours, at_it, map_ordered(kept_at_it, at_it)))
+    print_rows(levitated.asked())
+    print_rows(balancing.asked())
+    return result_rows

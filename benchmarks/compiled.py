@@ -137,14 +137,14 @@ def _controlled(folder: Path, kind: str) -> Row:
     codes = np.zeros((ticks.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
     codes[:, 0], codes[:, 1] = np.round(2**15 * demand), np.round(2**15 * gap)
     codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
-    most, total = ported_costs(folder, codes)
-    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, most, total, strict=True)]
+    maxima, means = ported_costs(folder, codes)
+    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, maxima, means, strict=True)]
     reach = CONTROLLED_REACH[kind]
     return Row(
         f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst tick with a controlled force",
         f"<= {reach[0]} instructions, commit <= {reach[1]}" if reach else "reported",
         ", ".join(texts),
-        None if reach is None else bool(most[2] <= reach[0] and most[1] <= reach[1]),
+        None if reach is None else bool(maxima[2] <= reach[0] and maxima[1] <= reach[1]),
     )
 
 
@@ -155,13 +155,13 @@ PARTS = ("solve", "commit, rounded", "tick, rounded")
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
     """Return maximum and mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
     places = [COMPENSATOR_RECORD.sections.index(part) for part in PARTS]
-    most, total = np.zeros(3), np.zeros(3)
+    maxima, means = np.zeros(3), np.zeros(3)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as scratch:
         workshop = BuildFolder.create(read_bundle(folder), Path(scratch))
         ported = next(
-            one
-            for one in (order() for order in offer_cortex_m("cortex-m4", workshop).builds)
-            if one.name == "port header"
+            build
+            for build in (order() for order in offer_cortex_m("cortex-m4", workshop).builds)
+            if build.name == "port header"
         )
         requests = [Request(START, seed=1)]
         for first in range(0, len(codes), WINDOW_RECORDS):
@@ -174,10 +174,10 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
     clock = replies[-1].sections[0].minimum
     sections = replies[-1].sections
     for i, (part, place) in enumerate(zip(PARTS, places, strict=True)):
-        own = clock * COMPENSATOR_RECORD.clock_calls.get(part, 1)
-        most[i] = sections[place].maximum - own
-        total[i] = sections[place].total / sections[place].count - own
-    return most, total
+        clock_overhead = clock * COMPENSATOR_RECORD.clock_calls.get(part, 1)
+        maxima[i] = sections[place].maximum - clock_overhead
+        means[i] = sections[place].total / sections[place].count - clock_overhead
+    return maxima, means
 
 
 def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
@@ -193,22 +193,23 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
                 for part in ("solve", "commit, rounded", "commit, other")
             )
             rows.append(Row(f"'{kind}' on {target}, worst case", "reported", reported, None))
-        estimates = [one for one in found.estimates if one.part == "solve"]
+        estimates = [estimate for estimate in found.estimates if estimate.part == "solve"]
         reported = ", ".join(
-            f"{one.cycles} cycles, {one.rate / 1e3:.1f} kHz ({one.prices})" for one in estimates
+            f"{estimate.cycles} cycles, {estimate.rate / 1e3:.1f} kHz ({estimate.prices})"
+            for estimate in estimates
         )
         rows.append(
             Row(f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)", "reported", reported, None)
         )
-        one = next(r for r in found.results if r.target == "cortex-m4")
+        result = next(r for r in found.results if r.target == "cortex-m4")
         tables = compiled.manifest["memory"]["parameters_bytes"]
         rows.append(
             Row(
                 f"'{kind}': mutable state, parameters with tables, stack",
                 f"<= 128 bytes, <= {MEMORY_REACH[kind]} bytes, reported",
-                f"{one.state_bytes + one.control_bytes} bytes with PIDD2, {tables} bytes, "
-                f"{one.stack_measured} bytes",
-                one.state_bytes + one.control_bytes <= 128 and tables <= MEMORY_REACH[kind],
+                f"{result.state_bytes + result.control_bytes} bytes with PIDD2, {tables} bytes, "
+                f"{result.stack_measured} bytes",
+                result.state_bytes + result.control_bytes <= 128 and tables <= MEMORY_REACH[kind],
             )
         )
     return rows
@@ -225,15 +226,15 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
     reported = []
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
-        off = []
+        errors_percent = []
         for kind in ("simplified", "euler"):
             current = FixedTwin(build_block(model, kind, scales, limits, sizes, closed_form=law)).run(
                 demand, scales.gap_high
             )
-            apart = np.abs(current - wanted)[RAMP:]
-            off.append(100.0 * float(apart.max()) / limits.current[1])
+            deviation = np.abs(current - wanted)[RAMP:]
+            errors_percent.append(100.0 * float(deviation.max()) / limits.current[1])
             exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, closed_form=law))
-        reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
+        reported.append(f"{name}: {errors_percent[0]:.3f} against {errors_percent[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):
         if kind == "euler":

@@ -111,10 +111,10 @@ class _Plan:
     def jobs(self) -> list[Job]:
         """Return the paths of all records."""
         found = []
-        for one in self.records:
-            lead = np.array(one.lead)
-            gap = np.concatenate([np.full(lead.size, one.gap[0]), one.gap])
-            found.append(Job(self.iron, self.core, np.concatenate([lead, one.current]), gap))
+        for record in self.records:
+            lead = np.array(record.lead)
+            gap = np.concatenate([np.full(lead.size, record.gap[0]), record.gap])
+            found.append(Job(self.iron, self.core, np.concatenate([lead, record.current]), gap))
         return found
 
 
@@ -229,7 +229,7 @@ def _tests(
     found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
     for gap in unseen:
         found.append(path("unseen", reversals(tests["turns"]), gap))
-        found += [replace(one, kind="same") for one in _measured(drive, ranges, gap, rng)]
+        found += [replace(record, kind="same") for record in _measured(drive, ranges, gap, rng)]
     swing = 0.5 * tests["small"] * top
     for bias in tests["biases"]:
         middle, gap = bias * top, float((unseen or gaps)[-1])
@@ -237,10 +237,10 @@ def _tests(
         ends = [middle - swing, *tests["small_cycles"] * [middle + swing, middle - swing]]
         found.append(path("small", ends, gap, there))
     if gaps.size > 1:
-        one = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
-        turn = 2.0 * np.pi * tests["moving_cycles"] / (one.current.size - 1.0)
-        part = 0.5 - 0.5 * np.cos(turn * np.arange(one.current.size))
-        found.append(replace(one, gap=gaps[0] + (gaps[-1] - gaps[0]) * part))
+        record = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
+        turn = 2.0 * np.pi * tests["moving_cycles"] / (record.current.size - 1.0)
+        part = 0.5 - 0.5 * np.cos(turn * np.arange(record.current.size))
+        found.append(replace(record, gap=gaps[0] + (gaps[-1] - gaps[0]) * part))
     return found
 
 
@@ -252,7 +252,7 @@ def _plan(number: int) -> _Plan:
     core, gaps = _core(magnet, true)
     top = magnet["current_A"]
     ranges = _ranges(drive, core.ring, top, rng)
-    records = [one for gap in gaps for one in _measured(drive, ranges, float(gap), rng)]
+    records = [record for gap in gaps for record in _measured(drive, ranges, float(gap), rng)]
     records += _tests((drive, ranges), gaps, top, rng)
     drawn = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
     return _Plan(number, family, drawn, core, iron, records)
@@ -276,7 +276,7 @@ def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
         every = np.load(kept)
     else:
         found = answers([job for plan in plans for job in plan.jobs()])
-        every = np.concatenate([np.stack(one) for one in found], axis=1)
+        every = np.concatenate([np.stack(responses) for responses in found], axis=1)
         kept.parent.mkdir(exist_ok=True)
         np.save(kept, every)
     pieces = iter(np.split(every, np.cumsum(sizes)[:-1], axis=1))
@@ -296,11 +296,11 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
     poles = plan.core.poles
     unit = poles.turns / poles.iron_length if field else 1.0  # input per ampere
     outputs, spans = [], []
-    for one, answer in zip(plan.records, found, strict=True):
-        linkage, flux = (values[len(one.lead):] for values in answer)  # fmt: skip
-        output = linkage if ring else plan.core.pull(flux, one.gap)
+    for record, answer in zip(plan.records, found, strict=True):
+        linkage, flux = (values[len(record.lead):] for values in answer)  # fmt: skip
+        output = linkage if ring else plan.core.pull(flux, record.gap)
         outputs.append(output / (poles.turns * poles.area) if field else output)
-        spans.append(float(np.max(np.abs(outputs[-1]))) if not one.kind else 0.0)
+        spans.append(float(np.max(np.abs(outputs[-1]))) if not record.kind else 0.0)
     span, top = max(spans), unit * magnet["current_A"]
     zeros = (sensors["current_offset"] * top * sensors["offsets"],
              sensors["output_offset"] * span * sensors["offsets"])  # fmt: skip
@@ -308,16 +308,16 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
     if sensors["noiseless"]:
         noise = (0.0, 0.0)
     loops, tests, clock = [], [], 0.0
-    for one, output in zip(plan.records, outputs, strict=True):
-        true_input, read = unit * one.current + zeros[0], output + zeros[1]
-        history = History(one.history, tuple(unit * point + zeros[0] for point in one.stated))  # type: ignore[arg-type]
-        gap = None if ring else one.gap
-        if one.kind:
-            counted = np.arange(read.size) >= one.since
-            if one.kind == "moving":
-                where = (float(one.gap[0]),) * len(one.stated)
+    for record, output in zip(plan.records, outputs, strict=True):
+        true_input, read = unit * record.current + zeros[0], output + zeros[1]
+        history = History(record.history, tuple(unit * point + zeros[0] for point in record.stated))  # type: ignore[arg-type]
+        gap = None if ring else record.gap
+        if record.kind:
+            counted = np.arange(read.size) >= record.since
+            if record.kind == "moving":
+                where = (float(record.gap[0]),) * len(record.stated)
                 history = replace(history, schedule=where)
-            tests.append(Test(one.kind, true_input, read, gap, history, counted))
+            tests.append(Test(record.kind, true_input, read, gap, history, counted))
             continue
         seen = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
         read = read + rng.normal(0.0, 1.0, read.size) * noise[1]
@@ -327,7 +327,7 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
             seen = step * np.round(seen / step)
         time = clock + 0.01 * np.arange(read.size) if plan.true["drive"]["clock"] else None
         clock += 0.01 * read.size + 1.0
-        loops.append(Loop(one.label, seen, read, gap, time, history))
+        loops.append(Loop(record.label, seen, read, gap, time, history))
     names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
     read = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])

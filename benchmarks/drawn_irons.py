@@ -124,22 +124,22 @@ def _in_series(pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float,
     stride = 1.0 + abs(field)
     for _ in range(_ITERATIONS):
         density_2, slope_2 = second.flux_density(field)
-        across = length_2 * field + outer * area_2 * density_2
-        other = (driven - across) / length_1
-        density_1, slope_1 = first.flux_density(other)
-        left = area_1 * density_1 - leakage * across - area_2 * density_2
-        if abs(left) <= _CLOSE * area_1:
+        magnetic_voltage = length_2 * field + outer * area_2 * density_2
+        core_field = (driven - magnetic_voltage) / length_1
+        density_1, slope_1 = first.flux_density(core_field)
+        residual = area_1 * density_1 - leakage * magnetic_voltage - area_2 * density_2
+        if abs(residual) <= _CLOSE * area_1:
             break
-        low, high = (field, high) if left > 0.0 else (low, field)
+        low, high = (field, high) if residual > 0.0 else (low, field)
         rises = length_2 + outer * area_2 * slope_2
         falls = rises * (area_1 * slope_1 / length_1 + leakage) + area_2 * slope_2
-        trial = field + left / falls
+        trial = field + residual / falls
         if not low < trial < high:
             ends = (low if np.isfinite(low) else high - stride,
                     high if np.isfinite(high) else low + stride)  # fmt: skip
             trial, stride = 0.5 * (ends[0] + ends[1]), 2.0 * stride
         field = trial
-    first.commit(other)
+    first.commit(core_field)
     second.commit(field)
     return density_1, density_2
 
@@ -312,29 +312,29 @@ def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job])
     length = np.array([job.core.poles.iron_length for job in jobs])
     irons = material(np.array([astuple(job.iron) for job in jobs]))
     density = _follow(irons, length, excitation, outer)
-    found = []
+    results = []
     for column, (job, (_, ends)) in enumerate(zip(jobs, paths, strict=True)):
         core, poles = job.core, job.core.poles
         flux = poles.area * density[ends, column]
-        beside = 1.0 if core.ring else 1.0 / (1.0 + poles.leakage * core.gaps(job.gap))
-        found.append(Answer(poles.turns * flux, flux * beside))
-    return found
+        gap_fraction = 1.0 if core.ring else 1.0 / (1.0 + poles.leakage * core.gaps(job.gap))
+        results.append(Answer(poles.turns * flux, flux * gap_fraction))
+    return results
 
 
 def _follow(irons: Material, length: FloatArray, excitation: FloatArray, outer: FloatArray) -> FloatArray:
     """Return the flux density in the iron at every step, T."""
     field = np.zeros(length.size)
-    found = np.zeros(excitation.shape)
+    densities = np.zeros(excitation.shape)
     for place in range(1, len(excitation)):
-        around = outer[place]
-        left = excitation[place] - length * field
-        left -= around * (MU_0 * field + irons.polarisation(field))
-        way = np.where(left >= 0.0, 1.0, -1.0)
-        ahead = np.zeros(length.size)
+        outer_reluctance = outer[place]
+        residual = excitation[place] - length * field
+        residual -= outer_reluctance * (MU_0 * field + irons.polarisation(field))
+        direction = np.where(residual >= 0.0, 1.0, -1.0)
+        field_step = np.zeros(length.size)
         for part in (0.5, 1.0):
-            slope = MU_0 + irons.slope(field, way, ahead)
-            ahead = part * left / (length + around * slope)
-        irons.move(field, field + ahead)
-        field = field + ahead
-        found[place] = MU_0 * field + irons.polarisation(field)
-    return found
+            slope = MU_0 + irons.slope(field, direction, field_step)
+            field_step = part * residual / (length + outer_reluctance * slope)
+        irons.move(field, field + field_step)
+        field = field + field_step
+        densities[place] = MU_0 * field + irons.polarisation(field)
+    return densities

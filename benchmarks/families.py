@@ -98,7 +98,7 @@ def with_first(rig: BodyRig, loops: Loops) -> Loops:
     fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
     more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
-    return loops.with_loops([*loops.loops, *(one for one in more if record in one.label)])
+    return loops.with_loops([*loops.loops, *(loop for loop in more if record in loop.label)])
 
 
 def _setups(
@@ -133,7 +133,7 @@ def _triangle(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[s
     still = quiet(rig)
     quieter = {name: BearingSetup(still, s.compensator, s.controller) for name, s in setups.items()}
     tried = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
-    return {name: one.interval("force_error_rms_N").mean for name, one in tried.items()}
+    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in tried.items()}
 
 
 def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
@@ -191,7 +191,7 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
         triangle["paper"] = _triangle(rig, {"full": paper})["full"]
     more = identify_magnet(with_first(rig, loops), IdentifyTable(law=CELLS))
     names: tuple[MethodName, ...] = ("single-valued", "full")
-    first = {one: make_setup(rig, controller.settings, more, one, "fixed") for one in names}
+    first = {method: make_setup(rig, controller.settings, more, method, "fixed") for method in names}
     return Tried(
         name,
         steps,
@@ -202,71 +202,72 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
     )
 
 
-def _worse(one: Tried, variant: str) -> list[float]:
+def _worse(result: Tried, variant: str) -> list[float]:
     """Return the significant excess overshoot against the best baseline, % points, by height.
 
     Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
     """
     found = []
     for place, height in enumerate(HEIGHTS):
-        cells = {name: steps[place] for name, steps in one.steps.items()}
-        own = cells[variant]
-        held = [cells[name] for name in BASELINES if not cells[name].lost]
-        best = min(held, key=lambda cell: cell.interval("overshoot_percent").mean)
-        if own.lost:
+        cells = {name: steps[place] for name, steps in result.steps.items()}
+        cell_of_variant = cells[variant]
+        baseline_cells = [cells[name] for name in BASELINES if not cells[name].lost]
+        best = min(baseline_cells, key=lambda cell: cell.interval("overshoot_percent").mean)
+        if cell_of_variant.lost:
             found.append(float("inf"))
             continue
-        still = max(cell.interval("standstill_rms_m").mean for cell in (own, best))
-        floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * still / height
-        a, b = (cell.interval("overshoot_percent") for cell in (own, best))
-        certain = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
-        small = max(a.mean, b.mean) < floor
-        found.append(0.0 if small else max(certain, 0.0))
+        standstill_rms = max(cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best))
+        floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
+        a, b = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best))
+        significant_excess = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
+        is_within_noise = max(a.mean, b.mean) < floor
+        found.append(0.0 if is_within_noise else max(significant_excess, 0.0))
     return found
 
 
-def _still(one: Tried, variant: str) -> float:
+def _still(result: Tried, variant: str) -> float:
     """Return the standstill rms of the gap, nm, averaged over the heights."""
-    cells = [cell for cell in one.steps[variant] if not cell.lost]
+    cells = [cell for cell in result.steps[variant] if not cell.lost]
     return 1e9 * float(np.mean([cell.interval("standstill_rms_m").mean for cell in cells]))
 
 
-def _steps_row(one: Tried) -> Row:
+def _steps_row(result: Tried) -> Row:
     shown = {
         name: "/".join(
             "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}" for cell in cells
         )
-        for name, cells in one.steps.items()
+        for name, cells in result.steps.items()
     }
-    worse = _worse(one, "full")
+    worse = _worse(result, "full")
     return Row(
-        f"bearing, iron {one.name}: overshoot, steps of 10/20/50/100 um, same gains",
+        f"bearing, iron {result.name}: overshoot, steps of 10/20/50/100 um, same gains",
         f"full significantly worse than the strongest baseline by <= {WORSE:g} % points",
         f"excess at most {max(worse):.2f}; "
         + ", ".join(f"{name} {text} %" for name, text in shown.items())
-        + f"; standstill: full {_still(one, 'full'):.0f} nm rms, single-valued "
-        f"{_still(one, 'single-valued'):.0f} nm" + (f"; paper: {one.refused}" if one.refused else ""),
+        + f"; standstill: full {_still(result, 'full'):.0f} nm rms, single-valued "
+        f"{_still(result, 'single-valued'):.0f} nm"
+        + (f"; paper: {result.refused}" if result.refused else ""),
         max(worse) <= WORSE,
     )
 
 
-def _triangle_row(one: Tried) -> Row:
-    own, other = one.triangle["full"], one.triangle["single-valued"]
+def _triangle_row(result: Tried) -> Row:
+    full_error, curve_error = result.triangle["full"], result.triangle["single-valued"]
     return Row(
-        f"bearing, iron {one.name}: force error on the slow triangle",
+        f"bearing, iron {result.name}: force error on the slow triangle",
         f"<= {HALF:g} times that of the best single-valued curve",
-        f"{own / other:.2f} times; "
-        + ", ".join(f"{name} {error:.2f} N" for name, error in one.triangle.items())
-        + f"; with measured initial curve: full {one.first['full']:.2f} N, single-valued "
-        f"{one.first['single-valued']:.2f} N",
-        own <= HALF * other,
+        f"{full_error / curve_error:.2f} times; "
+        + ", ".join(f"{name} {error:.2f} N" for name, error in result.triangle.items())
+        + f"; with measured initial curve: full {result.first['full']:.2f} N, single-valued "
+        f"{result.first['single-valued']:.2f} N",
+        full_error <= HALF * curve_error,
     )
 
 
-def _drift_row(one: Tried) -> Row:
-    iron, model = one.drift
+def _drift_row(result: Tried) -> Row:
+    iron, model = result.drift
     return Row(
-        f"bearing, iron {one.name}: drift of a force held for {SECONDS} s with noise of demand and gap",
+        f"bearing, iron {result.name}: drift of a force held for {SECONDS} s with noise of demand and gap",
         f"<= {DRIFT:g} % of F_max without a dead band",
         f"{iron:.3f} %; model instead of the iron {model:.4f} %",
         iron <= DRIFT,
@@ -278,16 +279,16 @@ def map_row(found: Benefit) -> Row:
     worse = [0.0]
     marks = []
     for cell in found.cells:
-        one = cell.strongest["overshoot_percent"]
-        marks.append(one.outcome)
-        if one.outcome == "loss":
-            assert one.difference is not None
-            worse.append(-one.difference.mean - one.difference.half_width)
+        comparison = cell.strongest["overshoot_percent"]
+        marks.append(comparison.outcome)
+        if comparison.outcome == "loss":
+            assert comparison.difference is not None
+            worse.append(-comparison.difference.mean - comparison.difference.half_width)
     counts = ", ".join(f"{mark} in {marks.count(mark)}" for mark in dict.fromkeys(marks))
     return Row(
         f"bearing, map of {len(found.cells)} cells, 12 irons of cells: overshoot of full",
         f"nowhere significantly worse than the strongest baseline by more than {WORSE:g} % points",
-        f"at most {max(worse):.2f}; {sum(one > WORSE for one in worse)} cells exceed the target; {counts}",
+        f"at most {max(worse):.2f}; {sum(excess > WORSE for excess in worse)} cells exceed the target; {counts}",
         max(worse) <= WORSE,
     )
 
@@ -296,8 +297,8 @@ def rows() -> list[Row]:
     """Return all rows: seven irons of three families, and the benefit map."""
     watch = Stopwatch()
     rig, controller = read()
-    tried = [measure(name, one, controller) for name, one in rigs().items()]
-    lines = [line(one) for line in (_steps_row, _triangle_row, _drift_row) for one in tried]
+    tried = [measure(name, rig_of_iron, controller) for name, rig_of_iron in rigs().items()]
+    lines = [line(result) for line in (_steps_row, _triangle_row, _drift_row) for result in tried]
     lines.append(map_row(map_bearing_benefit(rig, controller)))
     return [
         *lines,
@@ -310,8 +311,8 @@ def main(names: Sequence[str]) -> None:
     _, controller = read()
     for name, rig in rigs().items():
         if not names or name in names:
-            one = measure(name, rig, controller)
-            for row in (_steps_row(one), _triangle_row(one), _drift_row(one)):
+            result = measure(name, rig, controller)
+            for row in (_steps_row(result), _triangle_row(result), _drift_row(result)):
                 print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
 
 

@@ -63,7 +63,7 @@ class Spent:
 
 def best(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
     """Return the measurement with the least wall time, since other work can only add time."""
-    return min((measure() for _ in range(times)), key=lambda one: one.wall)
+    return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall)
 
 
 def here(work: Callable[[], Any]) -> Spent:
@@ -146,7 +146,7 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     with threads, use_scheduler(threads.scheduler_address):
         spent = best(lambda: here(nothing(TASKS)))
     rows.append(_empty("2 workers as threads in the scheduler's process", TASKS, spent))
-    worst = Costs(max(one.scheduler for one in costs), max(one.client for one in costs))
+    worst = Costs(max(cost.scheduler for cost in costs), max(cost.client for cost in costs))
     return rows, worst
 
 
@@ -185,15 +185,15 @@ def checked(workers: int) -> list[Row]:
         empty = best(lambda: here(nothing(TASKS))).wall / TASKS
         for sleep in SLEEPS_S:
             tasks = max(6 * workers, 200)
-            found = best(lambda: here(lambda: map_ordered(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
-            told = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
+            measured_wall = best(lambda: here(lambda: map_ordered(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
+            simulated_wall = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
             rows.append(
                 Row(
                     f"{tasks} tasks that sleep {sleep:g} s, {workers} workers in one process",
                     "simulation within 20 %",
-                    f"{tasks / found:.0f} tasks/s, simulated {tasks / told:.0f} "
-                    f"({100 * (found / told - 1.0):+.0f} % of time)",
-                    abs(found / told - 1.0) <= 0.2,
+                    f"{tasks / measured_wall:.0f} tasks/s, simulated {tasks / simulated_wall:.0f} "
+                    f"({100 * (measured_wall / simulated_wall - 1.0):+.0f} % of time)",
+                    abs(measured_wall / simulated_wall - 1.0) <= 0.2,
                 )
             )
     return rows
@@ -204,18 +204,18 @@ def durations(folder: Path, place: Path) -> dict[str, float]:
     rig, controller = read()
     spent = here(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
     plants = bearing_plants(rig, controller, ("full",))
-    few = [
+    plant_seconds = [
         here(lambda: monte_carlo(plants, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
         for n in (2, 42)
     ]
-    one = [
+    map_seconds = [
         here(lambda: map_bearing_benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
         for part in ([0.2], [0.1, 0.2])
     ]
     return {
         "fleet": spent.processor / MAGNETS,
-        "Monte Carlo": (few[1] - few[0]) / 40,
-        "benefit map": one[1] - one[0],
+        "Monte Carlo": (plant_seconds[1] - plant_seconds[0]) / 40,
+        "benefit map": map_seconds[1] - map_seconds[0],
     }
 
 
@@ -224,18 +224,18 @@ def larger(tasks: dict[str, float], costs: Costs) -> list[Row]:
     rng = np.random.default_rng(1)
     rows = []
     for name, mean in tasks.items():
-        said = []
+        texts = []
         for workers in SIZES:
             # Durations scatter by 10 % from task to task; the simulation contains no other waiting.
             drawn = mean * (1.0 + 0.1 * rng.standard_normal(TASKS_A_WORKER * workers)).clip(0.5)
             wall = simulated(drawn.tolist(), workers, costs)
             share = float(drawn.sum()) / wall / workers
-            said.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
+            texts.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
         rows.append(
             Row(
                 f"simulated, {name}, {mean:.3g} s per task, {TASKS_A_WORKER} tasks per worker",
                 "reported",
-                f"{'; '.join(said)}; scheduler saturated at {mean / costs.slowest:.0f} workers",
+                f"{'; '.join(texts)}; scheduler saturated at {mean / costs.slowest:.0f} workers",
                 None,
             )
         )

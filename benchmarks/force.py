@@ -18,7 +18,7 @@ def _run(rig: Path) -> dict[str, Any]:
 
 
 def _told(stage: dict[str, Any]) -> str:
-    parts = [f"{name} {one['worst_percent']:.2f} %" for name, one in stage.items()]
+    parts = [f"{name} {errors['worst_percent']:.2f} %" for name, errors in stage.items()]
     return ", ".join(parts)
 
 

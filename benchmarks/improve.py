@@ -56,8 +56,8 @@ def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
-    other = file.model_copy(update={"iron": iron})
-    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=other))
+    changed_file = file.model_copy(update={"iron": iron})
+    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=changed_file))
 
 
 def improved(unknown: PreparedForce, place: Path) -> list[Row]:
@@ -68,7 +68,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     assert improver is not None
     before = session.run_between_chunks(lambda: force_error(bench))
     session.start()
-    took = {}
+    step_seconds = {}
     for step in ("measure", "identify", "compile", "swap"):
         began = time.monotonic()
         order = {"do": "improve", "step": step}
@@ -76,7 +76,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
         while improver.status()["step"]:
             time.sleep(0.02)
         assert step in improver.results, improver.status()["trouble"]
-        took[step] = time.monotonic() - began
+        step_seconds[step] = time.monotonic() - began
     session.pacer.pause()
     slips = session.pacer.pacing().slip_count
     after = session.run_between_chunks(lambda: force_error(bench))
@@ -89,14 +89,14 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     off_line = replace(unknown, program=program).open()
     reference = force_error(off_line)
     off_line.close()
-    whole = sum(took.values())
-    parts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in took.items())
+    total_seconds = sum(step_seconds.values())
+    parts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in step_seconds.items())
     return [
         Row(
             "virtual solenoid, unknown pinning: measure, identify (auto), compile, swap during operation",
             f"<= {ALL_S:g} s in total",
-            f"{whole:.0f} s on {os.cpu_count()} cores: {parts}; {slips} pacing slips",
-            whole <= ALL_S,
+            f"{total_seconds:.0f} s on {os.cpu_count()} cores: {parts}; {slips} pacing slips",
+            total_seconds <= ALL_S,
         ),
         Row(
             "virtual solenoid, force error after the swap, 7 gaps",
@@ -109,7 +109,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
 
 def force_error(bench: ForceBench) -> float:
     """Return the rms force error, N, over several gaps; each starts with conditioning."""
-    gaps = next(one for one in bench.parameters() if one.name == "gap")
+    gaps = next(parameter for parameter in bench.parameters() if parameter.name == "gap")
     errors = []
     for gap in np.linspace(gaps.low, gaps.high, 7):
         if state(bench) is State.RUN:
@@ -166,23 +166,25 @@ def found(known: PreparedForce) -> Row:
     rate = known.complete_rig.settings.timing.rate_Hz
     begin = round(LEARNT * rate)
     usual, harder = swung(known, LEARNT + 15), swung(pinned(known, 1.2), LEARNT + 15)
-    fine = BenchMonitor(known.model, ForceBench.signals, rate)
-    fine.add_rows(usual)
-    watch, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
-    watch.add_rows(usual[:begin])
+    monitor_without_drift = BenchMonitor(known.model, ForceBench.signals, rate)
+    monitor_without_drift.add_rows(usual)
+    monitor, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
+    monitor.add_rows(usual[:begin])
     for row in np.array_split(harder[begin:], 15 * 20):
-        watch.add_rows(row)
+        monitor.add_rows(row)
         ticks += len(row)
-        if watch.status()["state"] == "drifted":
+        if monitor.status()["state"] == "drifted":
             break
-    said = watch.status()
+    status = monitor.status()
     seconds = ticks / rate
-    met = said["state"] == "drifted" and seconds <= 10.0 and fine.status()["state"] == "fits"
+    met = (
+        status["state"] == "drifted" and seconds <= 10.0 and monitor_without_drift.status()["state"] == "fits"
+    )
     return Row(
         "drift monitor on the rows of the bench: pinning +20 %, cycles of 1 Hz",
         "detected within 10 s of motion",
-        f"after {seconds:.1f} s; residual {said['left_N']:.3f} N rms instead of "
-        f"{said['usual_N']:.3f} N; without drift: {fine.status()['text']}",
+        f"after {seconds:.1f} s; residual {status['left_N']:.3f} N rms instead of "
+        f"{status['usual_N']:.3f} N; without drift: {monitor_without_drift.status()['text']}",
         met,
     )
 
@@ -190,29 +192,29 @@ def found(known: PreparedForce) -> Row:
 def hour(known: PreparedForce) -> Row:
     """Test for false alarms during one hour of a steady-state cycle with noise of all sensors."""
     rate = known.complete_rig.settings.timing.rate_Hz
-    every = round(rate / MONITOR_RATE_HZ)
-    whole = round(rate)
-    cycle = swung(known, 6)[-whole::every]
+    step_ticks = round(rate / MONITOR_RATE_HZ)
+    second_ticks = round(rate)
+    cycle = swung(known, 6)[-second_ticks::step_ticks]
     at = [signal.name for signal in ForceBench.signals].index
-    true = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
-    sensors = read_rig(known.rig).make_sensors([9], every / rate)
+    true_values = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
+    sensors = read_rig(known.rig).make_sensors([9], step_ticks / rate)
     kinds = [sensors[name] for name in ("current", "gap", "force")]
-    read = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
-    watch = BenchMonitor(known.model, ForceBench.signals, rate)
+    read_columns = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
+    monitor = BenchMonitor(known.model, ForceBench.signals, rate)
     alarm = ""
     for second in range(HOUR):
         table = cycle.copy()
-        table[:, 0] = second * whole + every * np.arange(1, len(cycle) + 1)
-        for place, sensor, values in zip(read, kinds, true, strict=True):
+        table[:, 0] = second * second_ticks + step_ticks * np.arange(1, len(cycle) + 1)
+        for place, sensor, values in zip(read_columns, kinds, true_values, strict=True):
             table[:, place] = sensor.read(values)
-        watch.add_rows(table)
-        if watch.status()["state"] == "drifted":
-            alarm = watch.status()["text"]
+        monitor.add_rows(table)
+        if monitor.status()["state"] == "drifted":
+            alarm = monitor.status()["text"]
             break
-    said = watch.status()
+    status = monitor.status()
     return Row(
         "drift monitor, one hour of noise",
         "no false alarm",
-        alarm or f"none in {said['cycles']} cycles; specified: one in {said['run_length']:g}",
-        not alarm and said["cycles"] >= HOUR - 5,
+        alarm or f"none in {status['cycles']} cycles; specified: one in {status['run_length']:g}",
+        not alarm and status["cycles"] >= HOUR - 5,
     )

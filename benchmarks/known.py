@@ -118,7 +118,7 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
         law = LAW_BY_SHAPE[shape]
         if LAWS[law].least_slope or not is_electromagnet(loops):
             forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
-    return (Target(one, form) for form in forms for one in maps)
+    return (Target(gap_map, form) for form in forms for gap_map in maps)
 
 
 def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> FloatArray | None:
@@ -136,9 +136,9 @@ class Scan:
 
     def __init__(self, form: ResponseForm, records: FitRecords) -> None:
         self.form, self.records = form, records
-        weights = [np.full(one.output.size, one.weight) for one in records.loops]
+        weights = [np.full(record.output.size, record.weight) for record in records.loops]
         self.weights = np.concatenate(weights)
-        self.output = np.concatenate([one.output for one in records.loops])
+        self.output = np.concatenate([record.output for record in records.loops])
 
     def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
         """Return the set with the least cost, and the cost; fits the gain unless one is given."""
@@ -148,10 +148,10 @@ class Scan:
             if shape is None:
                 continue
             weighted, wanted = shape * self.weights, self.output * self.weights
-            own = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
-            cost = float(np.sum((own * weighted - wanted) ** 2))
-            if own > 0.0 and (found is None or cost < found[1]):
-                found = replace(local, gain=own), cost
+            set_gain = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
+            cost = float(np.sum((set_gain * weighted - wanted) ** 2))
+            if set_gain > 0.0 and (found is None or cost < found[1]):
+                found = replace(local, gain=set_gain), cost
         return found
 
 
@@ -161,11 +161,11 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
     home = records.reference_gap
     scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
-        law = tuple(_number(one.name, rng) for one in form.kernel.fit_parameters)
+        law = tuple(_number(parameter.name, rng) for parameter in form.kernel.fit_parameters)
         low, high = _DRIVEN
         driven = low * (high / low) ** rng.random()
-        size = 1.0 + sum(part for one, part in zip(form.kernel.fit_parameters, law, strict=True)
-                         if one.name.startswith("share"))  # fmt: skip
+        size = 1.0 + sum(part for parameter, part in zip(form.kernel.fit_parameters, law, strict=True)
+                         if parameter.name.startswith("share"))  # fmt: skip
         begun = scans[home].best(_homes(space, law, driven, size), None)
         if begun is None:
             continue
@@ -176,7 +176,9 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
                 break
             sets.append(there[0])
         else:
-            return space.pack([form.make_set([*form.named_values(one).values()]) for one in sets])
+            return space.pack(
+                [form.make_set([*form.named_values(parameter_set).values()]) for parameter_set in sets]
+            )
     return None
 
 
@@ -194,7 +196,9 @@ def _homes(space: CoordinateSpace, law: tuple[float, ...], driven: float, size: 
              for omega in omegas]  # fmt: skip
     found += [replace(found[0], omega=omega / size) for omega in (-0.3, -0.7)]
     # h follows from scale and gain if field and flux density are measured.
-    return [replace(one, h=0.0 if space.form.permeability else space.form.h) for one in found]
+    return [
+        replace(parameter_set, h=0.0 if space.form.permeability else space.form.h) for parameter_set in found
+    ]
 
 
 def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[ParameterSet], float | None]:
@@ -216,33 +220,35 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
-    begun = [descend_from(coarse, one, 1e-4, _FIRST) for one in starts if one is not None]
-    if not begun:
+    first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
+    if not first_fits:
         return {target.name: None}
-    begun.sort(key=lambda one: one.cost)
-    ranked = [descend_from(coarse, one.theta, 1e-4, _SHORT) for one in begun[:RANKED]]
-    ranked.sort(key=lambda one: one.cost)
-    ends = [descend_from(fine, one.theta, 1e-6, _LONG) for one in ranked[:ENDED]]
-    ends.sort(key=lambda one: one.cost)
-    near = sum(bool(one.cost <= _NEAR**2 * ends[0].cost) for one in ends)
-    last = [descend_from(whole, one.theta, 1e-7, _LAST) for one in ends[:FINISHED]]
-    plain, kept = whole.with_fixed(OFFSET_NAMES)
-    without = [descend_from(plain, one.theta[kept], 1e-7, _LAST) for one in last]
+    first_fits.sort(key=lambda fit: fit.cost)
+    ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _SHORT) for fit in first_fits[:RANKED]]
+    ranked_fits.sort(key=lambda fit: fit.cost)
+    ends = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
+    ends.sort(key=lambda fit: fit.cost)
+    near_count = sum(bool(fit.cost <= _NEAR**2 * ends[0].cost) for fit in ends)
+    final_fits = [descend_from(whole, fit.theta, 1e-7, _LAST) for fit in ends[:FINISHED]]
+    space_without_offsets, kept_coordinates = whole.with_fixed(OFFSET_NAMES)
+    final_fits_without_offsets = [
+        descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
+    ]
     return {
-        target.name: best_of(last, loops, near),
-        f"{target.name}/no offsets": best_of(without, loops, near),
+        target.name: best_of(final_fits, loops, near_count),
+        f"{target.name}/no offsets": best_of(final_fits_without_offsets, loops, near_count),
     }
 
 
 def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
     """Return the best fit in the form of the file; usable fits are preferred."""
     found = []
-    for one in ends:
+    for fit in ends:
         try:
-            rms = 100.0 * loops_rms(make_model(one, loops), loops)
+            rms = 100.0 * loops_rms(make_model(fit, loops), loops)
         except (InputError, NegativeResult):
             continue
-        found.append((not usable(one, loops), rms, one.theta.size))
+        found.append((not usable(fit, loops), rms, fit.theta.size))
     if not found:
         return None
     unusable, rms, numbers = min(found)
@@ -264,7 +270,7 @@ def main(arguments: Sequence[str]) -> None:
     until = time.monotonic() + 60.0 * float(arguments[1])
     kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
     for stage in STAGES:
-        for number in sorted(range(first, last + 1), key=lambda one: one % 2):
+        for number in sorted(range(first, last + 1), key=lambda draw_number: draw_number % 2):
             loops = draw(number).loops
             draws = kept["draws"]
             done = draws.setdefault(str(number), {"through": 0, "fits": {}})
@@ -284,7 +290,7 @@ def write(kept: dict[str, Any]) -> None:
     """Write the file with one line for each law and map, so that its changes can be reviewed."""
     lines = []
     for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
-        rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in done["fits"].items()]
+        rows = [f"  {json.dumps(name)}: {json.dumps(fit)}" for name, fit in done["fits"].items()]
         told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
         lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
     with atomic_writer(KNOWN) as file:  # a search may read the file at the same time

@@ -161,7 +161,7 @@ def _left_out(loops: Loops, law: str) -> list[float]:
     ordered = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
     found = []
     for loop in ordered[1:-1]:
-        others = loops.with_loops([one for one in loops.loops if one is not loop])
+        others = loops.with_loops([other for other in loops.loops if other is not loop])
         model = identify(others, law=law, weights="relative", offsets=False).model
         off = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
         found.append(100.0 * float(np.sqrt(np.mean(off**2)) / np.max(np.abs(loop.output))))

@@ -111,7 +111,7 @@ def of_table(found: Calibration, nominal: Figures, before: Figures, after: Figur
         f"{after[part]:.3g} calibrated, {best[part]:.3g} with known drift"
         for part, (what, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
-    numbers = ", ".join(f"{one.name} {one.value:.3g}" for one in method.parameter)
+    numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
         f"calibrated <= {REACH:g} times nominal",
@@ -137,8 +137,8 @@ def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     rig = change_rig(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
     known = identify_magnet(measure_loops(rig))
-    other = replace(ready, rig=rig, loops=known.loops, model=known.model)
-    found, before, after = tried(other, ("full", drift))
+    changed = replace(ready, rig=rig, loops=known.loops, model=known.model)
+    found, before, after = tried(changed, ("full", drift))
     (method,) = found.file.method
     return Row(
         f"bearing of {name}, {'drifted' if drift == TABLE else 'nominal'}: full, force error",

@@ -22,9 +22,13 @@ def rows() -> list[Row]:
             found = run_board(RIG, Path(place) / "run.json", QEMU)
         except InputError as error:
             return [Row("firmware of the bearing in QEMU", "", str(error), None)]
-    fallen = [one for one in found.outcomes if not one.is_levitating and one.rest_speed > SOFT]
-    fastest = 1e3 * max(one.rest_speed for one in fallen)
-    landed = [one for one in found.outcomes if not one.is_levitating and one.rest_speed <= SOFT]
+    fallen = [
+        outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed > SOFT
+    ]
+    fastest = 1e3 * max(outcome.rest_speed for outcome in fallen)
+    landed = [
+        outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed <= SOFT
+    ]
     return [
         Row(
             "firmware of the bearing in QEMU against the simulation, lift-off to landing",
@@ -38,8 +42,8 @@ def rows() -> list[Row]:
             "faults during levitation",
             "detected, no contact with the magnet",
             f"{len(landed)} of {len(found.outcomes)} landed with at most "
-            f"{1e3 * max(one.rest_speed for one in landed):.1f} mm/s, {len(fallen)} released, with "
+            f"{1e3 * max(outcome.rest_speed for outcome in landed):.1f} mm/s, {len(fallen)} released, with "
             f"at most {fastest:.0f} mm/s",
-            all(one.is_as_expected and one.magnet_speed == 0.0 for one in found.outcomes),
+            all(outcome.is_as_expected and outcome.magnet_speed == 0.0 for outcome in found.outcomes),
         ),
     ]

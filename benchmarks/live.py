@@ -105,25 +105,25 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     thread.start()
     began, tick = time.monotonic(), bench.tick
     pacer.resume()
-    seen: list[Pacing] = []
+    pacings: list[Pacing] = []
     while time.monotonic() < began + PACED_S:
         time.sleep(0.5)
-        seen.append(pacer.pacing())
-    took, done = time.monotonic() - began, seen[-1].tick - tick
+        pacings.append(pacer.pacing())
+    elapsed, tick_count = time.monotonic() - began, pacings[-1].tick - tick
     pacer.close()
     thread.join()
     bench.close()
     row = np.concatenate(numbers)
-    whole = bool((row == np.arange(first, first + row.size)).all())
-    worst = max(one.max_lateness for one in seen)
-    factor = done / bench.rate / took
+    is_complete = bool((row == np.arange(first, first + row.size)).all())
+    worst = max(pacing.max_lateness for pacing in pacings)
+    factor = tick_count / bench.rate / elapsed
     return Row(
         f"virtual bearing, paced in real time for {PACED_S:g} s, recorded",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{factor:.3f} times, lateness {1e3 * float(np.mean([one.mean_lateness for one in seen])):.1f} ms "
-        f"mean, {1e3 * worst:.1f} ms at most, {seen[-1].slip_count} pacing slips, "
-        f"{'none' if whole else 'some'} lost",
-        whole and worst <= LATE_S and factor >= 0.99,
+        f"{factor:.3f} times, lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
+        f"mean, {1e3 * worst:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
+        f"{'none' if is_complete else 'some'} lost",
+        is_complete and worst <= LATE_S and factor >= 0.99,
     )
 
 

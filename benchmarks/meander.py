@@ -110,7 +110,9 @@ def rows() -> list[Row]:
         ticks = round(rig.settings.scan.slit_s / rig.dt)
         whole = np.convolve(Path(rig).exposed(len(off)), np.ones(ticks), "valid") > ticks - 0.5
         slit = np.ones(ticks) / ticks
-        means = np.column_stack([np.convolve(one, slit, "valid") for one in off.T])
+        means = np.column_stack(
+            [np.convolve(coordinate_errors, slit, "valid") for coordinate_errors in off.T]
+        )
         average = 1e9 * np.abs(means[whole]).max(axis=0)
         peak = 1e9 * np.abs(off[round(0.05 / rig.dt) :]).max(axis=0)
         text = ", ".join(

@@ -70,7 +70,7 @@ def ferrite(folder: Path) -> list[Row]:
     baselines = [baseline.run(seed, folder=folder) for seed in range(SEEDS)]
     theirs = [baseline.seconds_to_reach(result, SAME_ERROR) for result in baselines]
     rms = 100.0 * np.sqrt(max(sums) / samples) / records.output_span
-    same = sum(one <= min(sums) * 1.0001 for one in sums)
+    same = sum(square_sum <= min(sums) * 1.0001 for square_sum in sums)
     return [
         Row(
             "MnZn ferrite, 4 loops: rms of one set, worst seed",
@@ -116,9 +116,9 @@ def steel(folder: Path) -> Row:
     return Row(
         "solid steel, 4 loops jointly: rms of each loop's B_max",
         "<= 0.75 %",
-        ", ".join(f"{100 * one:.2f}" for one in joint)
+        ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in joint)
         + " %; each loop with a separate set: "
-        + ", ".join(f"{100 * one:.2f}" for one in alone)
+        + ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in alone)
         + " %",
         max(joint) <= 0.0075,
     )

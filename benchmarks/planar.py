@@ -48,15 +48,15 @@ FAST_HZ, FAST_M = 300.0, 2e-9
 
 def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron."""
-    found = []
+    result_rows = []
     for what, name, factor, unit, reach in MEASURES:
-        means = {variant: one.interval(name).mean for variant, one in study.variants.items()}
+        means = {variant: results.interval(name).mean for variant, results in study.variants.items()}
         share = means["full"] / means["single-valued"]
-        each = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
+        means_text = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
         aim = "reported" if reach is None else f"<= {reach:g} times single-valued"
-        text = f"{share:.3g}; {each} {unit}"
-        found.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
-    return found
+        text = f"{share:.3g}; {means_text} {unit}"
+        result_rows.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
+    return result_rows
 
 
 def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[float, float, float]:
@@ -66,10 +66,10 @@ def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[
     motion, found = scan_motion(scan, scan.test_m_per_s2), []
     for seed in range(1, rig.settings.noise_seeds + 1):
         run = track(setup, motion, gains, seed)
-        own = measure(run, motion, scan.slit_s)
-        found.append((own.average_m, own.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
-    average, peak, turned = np.mean(found, axis=0).tolist()
-    return average, peak, turned
+        measures = measure(run, motion, scan.slit_s)
+        found.append((measures.average_m, measures.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
+    average, peak, largest_ry = np.mean(found, axis=0).tolist()
+    return average, peak, largest_ry
 
 
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
@@ -87,34 +87,41 @@ def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
 
 def lost_rows() -> list[Row]:
     """Return the outcomes of layouts after the loss of each of their magnets."""
-    found = []
+    result_rows = []
     for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
         for peaks in ((22.0, 10.0, 18.0), (10.0, 8.0)):
             if name == "8" and peaks[0] > 10.0:
                 continue  # its two magnets along x cannot follow this motion
             case = LossCase(kind="loss", circuit="open")
-            each = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
-            held = sum(one.outcome in ("flies on", "brakes") for one in each)
-            text = "; ".join(" ".join(one.table_cells()) for one in each)
+            flights = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
+            survived_count = sum(flight.outcome in ("flies on", "brakes") for flight in flights)
+            text = "; ".join(" ".join(flight.table_cells()) for flight in flights)
             what = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
-            found.append(Row(what, f"{movable}", f"{held}; {text}", held == movable))
-    return found
+            result_rows.append(
+                Row(what, f"{movable}", f"{survived_count}; {text}", survived_count == movable)
+            )
+    return result_rows
 
 
 def head_rows() -> list[Row]:
     """Return the outcomes of lift-off and landing with ten magnets after a fault of each head."""
-    found = []
+    result_rows = []
     for heads in (6, 7):
         case = LossCase(
             kind="loss", circuit="open", magnets=["m0"], heads=["missing", "frozen", "jumps"], lift=True
         )
-        each = LossFlights(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).run_all()[1:]
-        landed = sum(one.outcome == "lands" for one in each)
-        text = "; ".join(" ".join(one.table_cells()) for one in each)
-        most = sum(one.spare for one in each[:-1])
-        row = Row(f"planar, {heads} heads: landings", f"{most}", f"{landed}; {text}", landed == most)
-        found.append(row)
-    return found
+        flights = LossFlights(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).run_all()[1:]
+        landed_count = sum(flight.outcome == "lands" for flight in flights)
+        text = "; ".join(" ".join(flight.table_cells()) for flight in flights)
+        expected_count = sum(flight.spare for flight in flights[:-1])
+        row = Row(
+            f"planar, {heads} heads: landings",
+            f"{expected_count}",
+            f"{landed_count}; {text}",
+            landed_count == expected_count,
+        )
+        result_rows.append(row)
+    return result_rows
 
 
 def rows() -> list[Row]:
