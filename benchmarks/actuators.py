@@ -1,9 +1,9 @@
-"""Lines of the table: actuators that are no magnets.
+"""Measure the models of actuators that are not magnets: piezo stacks and a magnetostrictive rod.
 
-A real piezo stack in a flexure, half of its record fitted and the other half inverted; the virtual
-stage of ``examples/piezo``; the virtual rod of ``examples/magnetostrictive``. The error of an inverse is
-that of the voltage it asks for the displacement that was measured, times the mean slope of the loop
-(its stroke over the range of the voltage): it needs no model to be judged by.
+The systems are a real piezo stack in a flexure, the virtual stage of ``examples/piezo`` and the
+virtual rod of ``examples/magnetostrictive``. One half of the real record is fitted, the other half
+is inverted. The error of an inverse is the voltage error at the measured displacement, times the
+mean slope of the loop (stroke divided by voltage range). Hence the metric needs no model.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from rows import ROOT, Row, measurements
 REACH_M = 0.3e-6
 AUTHORS = "authors 0.58"
 START = 100
-"""Samples at the begin of the real record while the amplifier comes up."""
+"""Number of samples at the begin of the real record during which the amplifier starts."""
 
 LEAD_TICKS = 1000
 
@@ -42,7 +42,7 @@ Inverse = Callable[[Loop], FloatArray]
 
 
 def real_piezo(folder: Path) -> list[Row]:
-    """Fit one half of the record of a real stack, invert the other."""
+    """Fit one half of the record of a real stack and invert the other half."""
     loops = read_loops(
         folder / "piezo_flexure" / "model_run.csv",
         columns={"V_in": "u_V", "y_um": "x_um"},
@@ -53,7 +53,7 @@ def real_piezo(folder: Path) -> list[Row]:
     ends = {"first half fitted": (slice(0, half), slice(half, None)),
             "second half fitted": (slice(half, None), slice(START, half))}  # fmt: skip
     rows = []
-    for name, (fitted, other) in ends.items():
+    for name, (fitted, other_half) in ends.items():
         own = _part(whole, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0")
         ways = {
             "play cells": _play_cells(loops, own),
@@ -62,13 +62,13 @@ def real_piezo(folder: Path) -> list[Row]:
         }
         slope = np.ptp(own.output[START:]) / np.ptp(own.input)
         errors = {
-            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other] ** 2)))
+            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other_half] ** 2)))
             for key, way in ways.items()
         }
         others = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
         rows.append(
             Row(
-                f"piezo in a flexure, {name}, the other inverted: rms of the voltage as displacement",
+                f"piezo in a flexure, {name}, other half inverted: rms voltage error as displacement",
                 "<= 0.3 um of 45",
                 f"{1e6 * errors['play cells']:.3f} um; {others}, {AUTHORS}",
                 bool(errors["play cells"] <= REACH_M),
@@ -98,7 +98,7 @@ def _single_valued(own: Loop) -> Inverse:
 
 
 def _classic(own: Loop) -> Inverse:
-    """Return plays with weights, at once and odd, turned round in closed form."""
+    """Return the inverse of weighted play operators in closed form (Prandtl-Ishlinskii)."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
     places = move_plays(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
     ends = np.ones((places.shape[0], 1))
@@ -121,12 +121,13 @@ def stage() -> list[Row]:
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
     found = simulate_tracking(rig)
     texts = ", ".join(
-        f"{name} {1e9 * one['rms_m']:.0f} nm rms, {1e9 * one['worst_m']:.0f} worst"
-        for name, one in found.errors.items()
+        f"{name} {1e9 * error['rms_m']:.0f} nm rms, {1e9 * error['worst_m']:.0f} worst"
+        for name, error in found.errors.items()
     )
     return [
         Row(
-            "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: with over without",
+            "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: "
+            "ratio of errors with / without compensation",
             "<= 0.2",
             f"{found.deviation_ratio():.3f}: {texts}",
             found.deviation_ratio() <= 0.2,
@@ -141,7 +142,8 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
         write_model(identify(loops).model, model)
         compiled = compile_model(model, folder, CompileRequest("full", "q15", rate))
         checked = verify(folder, "host,cortex-m4")
-        # From where the compensator begins, at no field, down to the triangle.
+        # A ramp leads from the compensator's initial demand at zero field to the start of the
+        # triangle.
         assert isinstance(compiled.plan.block, Block)
         begin = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
         path = wanted / compiled.plan.block.scales.demand
@@ -153,23 +155,23 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
     worst = compiled.manifest["accuracy"]["worst_percent"]
     return [
         Row(
-            "compiled piezo inverse against double precision, jumps and lost drives included",
+            "compiled piezo inverse against double precision, with jumps and lost drives",
             "<= 0.1 % of the stroke",
             f"{worst:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
             worst <= 0.1 and checked.passed,
         ),
         Row(
-            "the same on a Cortex-M4 along the triangle: solve and commit together, mean tick",
+            "compiled piezo inverse on a Cortex-M4 during the triangle: solve and commit, mean tick",
             "<= 600 instructions",
-            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; where the triangle "
-            f"turns at worst {most[0]:.0f} and {most[1]:.0f}",
+            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; worst at reversals "
+            f"of the triangle {most[0]:.0f} and {most[1]:.0f}",
             bool(mean[0] + mean[1] <= 600),
         ),
     ]
 
 
 def rod() -> Row:
-    """Predict a prestress that was not measured."""
+    """Predict the strain at a prestress that was not measured."""
     here = ROOT / "examples" / "magnetostrictive"
     model = identify(read_loops(here / "loops.csv")).model
     unseen = read_loops(here / "unseen.csv")
@@ -180,7 +182,7 @@ def rod() -> Row:
     largest = max(float(loop.output.max()) for loop in unseen.loops)
     mean = 100.0 * float(np.mean(np.abs(off))) / largest
     return Row(
-        "virtual magnetostrictive rod, a prestress between those measured: mean error",
+        "virtual magnetostrictive rod, withheld prestress: mean error",
         "<= 1 % of the largest strain",
         f"{mean:.2f} %, worst {100 * float(np.max(np.abs(off))) / largest:.2f} %",
         mean <= 1.0,
@@ -188,6 +190,6 @@ def rod() -> Row:
 
 
 def rows() -> list[Row]:
-    """All lines about actuators that are no magnets."""
+    """Return all rows about actuators that are not magnets."""
     folder = measurements()
     return [*(real_piezo(folder) if folder else []), *stage(), rod()]

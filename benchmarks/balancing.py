@@ -1,11 +1,11 @@
-"""A planar stage whose ten magnets and body are not what they seem, balanced from its own motion.
+"""Calibrate a planar stage with errors in its ten magnets and its body from its own motion.
 
-Plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``: currents, gap zeros,
-widths of the loop and gains of the flux probes of every magnet, mass, centre of mass and the places
-of the heads, all at once. Everything was fixed before the first figure. Each plant follows the
-training set-point, is calibrated on all that it has recorded so far, follows it again; figures are
-of the test set-point. Every method is calibrated by the same code on recordings of its own; its gains
-are those of the plant that is as it should be, by the same search.
+The plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``. All errors act
+at the same time: currents, gap zeros, loop widths and flux-probe gains of every magnet, mass,
+centre of mass and head positions. Everything was fixed before the first result. Each plant follows
+the training set-point, is calibrated on all recordings so far, and follows it again. All metrics
+are evaluated on the test set-point. The same code calibrates every method on its own recordings.
+The same search finds the gains of each method on the nominal plant.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 
 @dataclass(frozen=True)
 class Flown:
-    """One plant behind one method."""
+    """The result of one plant with one method."""
 
-    figures: FloatArray  # before and after each number of scans, a column a figure
+    figures: FloatArray  # before and after each number of scans, one column for each metric
     taken: bool
     fits: bool
 
@@ -61,7 +61,7 @@ def balanced(given: tuple[Bench, int]) -> Flown:
         crossed = cross_talk(run, motion, stationary_axes(rig.settings))
         own = measure(run, motion, rig.settings.scan.slit_s)
         nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
-        return [1e9 * one for one in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
+        return [1e9 * value for value in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
 
     figures, learner = [judged()], ParameterEstimator(law)
     for scan in range(1, max(SCANS) + 1):
@@ -74,7 +74,8 @@ def balanced(given: tuple[Bench, int]) -> Flown:
 
 
 WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
-"""Directions of set-points to be judged on; their accelerations where the file says others."""
+"""Directions of the test set-points, and their accelerations if they differ from the rig file,
+m/s2."""
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
@@ -86,9 +87,9 @@ def along(rig: BodyRig, way: str) -> BodyRig:
 
 
 def in_both(given: tuple[Bench, int]) -> list[list[float]]:
-    """Return what is left along x and y: before, after a recording of x, after the move instead.
+    """Return the errors along x and y: before, after a scan along x, and after the move instead.
 
-    It is that of ``anhyst excite --calibrate``; the mass alone is fed forward.
+    The move is that of ``anhyst excite --calibrate``; the feedforward contains only the mass.
     """
     bench, plant = given
     law = StageLaw(bench.rig, bench.magnet, bench.method)
@@ -115,47 +116,47 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
 
 
 def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
-    """Return the lines of one method: what 50 / 95 % of the plants stay below."""
-    values = np.array([one.figures for one in flown])
-    half, most = np.percentile(values, [50.0, 95.0], axis=0)
-    count = f"taken {sum(one.taken for one in flown)}, fits {sum(one.fits for one in flown)}"
-    found = []
-    for place, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
-        pairs = zip(half[:, place], most[:, place], strict=True)
-        text = " -> ".join(f"{one:.3g} / {other:.3g}" for one, other in pairs)
-        aim, met = "stated", None
+    """Return the rows of one method: 50th and 95th percentiles over the plants."""
+    values = np.array([result.figures for result in flown])
+    medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
+    count = f"applied {sum(result.taken for result in flown)}, fits {sum(result.fits for result in flown)}"
+    result_rows = []
+    for column, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
+        pairs = zip(medians[:, column], percentiles_95[:, column], strict=True)
+        text = " -> ".join(f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in pairs)
+        aim, met = "reported", None
         if method == "full" and name == "average":
-            aim, met = "60 nm (95 %)", bool(most[-1, place] <= 60.0)
+            aim, met = "<= 60 nm (95 %)", bool(percentiles_95[-1, column] <= 60.0)
         if name == "rz":
-            shares = values[:, -1, place] / values[:, 0, place]
-            text += f"; after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
+            shares = values[:, -1, column] / values[:, 0, column]
+            text += f"; ratio after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
             if method == "full":
-                aim, met = "0.15 of before (50 %)", bool(np.median(shares) <= 0.15)
+                aim, met = "ratio <= 0.15 (50 %)", bool(np.median(shares) <= 0.15)
         what = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
-        found.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
-    return found
+        result_rows.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
+    return result_rows
 
 
 def asked() -> list[Row]:
-    """Return the moving average and Rz, those to reach of all plants, of baselines of the first ones."""
+    """Return the rows of moving average and Rz: `full` on all plants, baselines on some."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
     plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
-    work = [(bench, one) for bench, n in zip(benches, plants, strict=True) for one in range(n)]
+    work = [(bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)]
     flown = map_ordered(balanced, work)
     return [
         row
         for own in benches
         for row in of_method(
-            own.method, [one for one, (bench, _) in zip(flown, work, strict=True) if bench is own]
+            own.method, [result for result, (bench, _) in zip(flown, work, strict=True) if bench is own]
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
     ]
 
 
 def rows() -> list[Row]:
-    """Return the lines of this table."""
+    """Return all rows about balancing."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
@@ -164,12 +165,13 @@ def rows() -> list[Row]:
     text = "; ".join(
         f"{name} "
         + " -> ".join(
-            f"{one:.3g} / {other:.3g}" for one, other in zip(half[:, place], most[:, place], strict=True)
+            f"{median:.3g} / {percentile_95:.3g}"
+            for median, percentile_95 in zip(half[:, place], most[:, place], strict=True)
         )
         for place, name in enumerate(JUDGED)
     )
-    what = "balancing, full, mass alone fed forward: before -> after x -> after the move instead"
-    both = Row(what, "stated", text, None)
+    what = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
+    both = Row(what, "reported", text, None)
     flown = map_ordered(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
     return [both] + [
         row

@@ -1,20 +1,20 @@
-"""The baselines: the bearing of ``examples/bearing`` as one writes it with SciPy, and with numba.
+"""Simulate the bearing of ``examples/bearing`` with SciPy and with numba, as baselines.
 
-The same equations, written from their description and not from the C: pinned cells, one reluctance
-circuit, an amplifier that is a PI controller within a supply voltage, the mechanics with its stops,
-the load drive, the gap's sensor, and 20 kHz control by a PIDD2 and a map from force to current.
-Both are spared what their case does not need: lift-off, the states of a controller, the other
-sensors, the second magnet, eddy currents, the recording of more than gap and force. The noise is
-drawn before.
+Both implement the same equations from their description, independently of the C code: pinned cells,
+one reluctance circuit, a PI current amplifier with limited supply voltage, the mechanics with
+stops, the load drive, the gap sensor, and 20 kHz control by a PIDD2 and a map from force to
+current. They omit what this case does not need: lift-off, controller states, other sensors, the
+second magnet, eddy currents, and recordings other than gap and force. The noise is generated in
+advance.
 
-:class:`ByScipy` is ``solve_ivp`` from tick to tick. Its state is the flux linkage, whose rate does
-not jump where cells begin to move, so that steps stay long; the field is found by Newton's method
-from the last one. Arithmetic is in plain Python, which for so few cells that move is faster than
-arrays; the first step it tries is the whole tick. The memory is moved at every tick.
+:class:`ByScipy` calls ``solve_ivp`` for each tick. Its state is the flux linkage, whose rate is
+continuous when cells begin to move, so that the steps stay long. Newton's method finds the field,
+starting from the last one. Plain Python floats are used, because they are faster than arrays for so
+few moving cells. The first trial step is the whole tick. The cell states are updated at every tick.
 
-:class:`ByNumba` is the scheme of the plant: velocity by half a step, gap, winding by the
-trapezoidal rule, the other half; compiled for this machine, without fast arithmetic, the whole loop
-in compiled code. Cells that rest are summed up once.
+:class:`ByNumba` uses the scheme of the plant: half a step of velocity, the gap, the winding by the
+trapezoidal rule, the other half step. The whole loop is compiled for this machine, without fast
+arithmetic. The sum over cells that do not move is computed once.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ MU_0 = 4e-7 * math.pi
 
 
 class Plant(NamedTuple):
-    """Numbers of a bearing, all SI."""
+    """Parameters of a bearing, in SI units."""
 
     thresholds: Array  # A/m, ascending
     weights: Array
-    sharp: float  # T
+    sharp: float  # saturation of the sharp part, T
     knee_sharp: float  # A/m
     slow: float
     knee_slow: float
     turns: float
     resistance: float
-    length: float  # of the iron, m
+    length: float  # length of the iron path, m
     area: float  # m^2
-    width: float  # of a pole, m
+    width: float  # width of a pole, m
     depth: float
     leakage: float  # H
     supply: float  # V
     gain: float  # V/A
-    reset: float  # V/(A s)
+    reset: float  # integral gain, V/(A s)
     mass: float
     stop_low: float  # m
     stop_high: float
@@ -66,7 +66,7 @@ class Plant(NamedTuple):
 
 
 class Control(NamedTuple):
-    """PIDD2 for one tick, and a map from force and gap to current."""
+    """Constants of a PIDD2 for one tick, and a map from force and gap to current."""
 
     proportional: float
     integral: float
@@ -84,12 +84,12 @@ class Control(NamedTuple):
     gap_high: float
     force_high: float
     current_high: float
-    current_step: float  # of the converter
+    current_step: float  # step of the converter, A
 
 
 @dataclass
 class LevitationRun:
-    """What happened: a number a tick."""
+    """Gap and force, one value for each tick."""
 
     gap: Array
     force: Array
@@ -97,7 +97,7 @@ class LevitationRun:
 
 @njit(error_model="numpy")
 def _controller(c: Control, memory: Array, target: float, read: float) -> float:
-    """Return the current for this tick; memory is position, velocity, integral."""
+    """Return the current of this tick; `memory` contains position, velocity and integral."""
     wanted_at, at = c.middle - target, c.middle - read
     first = c.smoothing * (at - memory[0])
     second = c.smoothing_2 * (first - memory[1])
@@ -120,15 +120,15 @@ def _controller(c: Control, memory: Array, target: float, read: float) -> float:
 
 
 class ByScipy:
-    """From tick to tick by ``solve_ivp``.
+    """Simulate each tick with ``solve_ivp``.
 
     Parameters
     ----------
     plant : Plant
     method : str
-        Of ``solve_ivp``.
+        Method of ``solve_ivp``.
     tolerance : float
-        Relative; the absolute one is the same part of what a state usually is.
+        Relative tolerance; the absolute one is this fraction of a typical value of each state.
     """
 
     def __init__(self, plant: Plant, method: Method, tolerance: float) -> None:
@@ -143,7 +143,7 @@ class ByScipy:
         self._command = self._waiting = 0.0
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hold position; return the pull."""
+        """Hold the position; return the magnet's force, N."""
         p = self.plant
         self._place = [0.0] * len(self._cells)
         self._rest = [0.0] * (len(self._cells) + 1)
@@ -161,7 +161,7 @@ class ByScipy:
         return self._pull(density, gap)
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
-        """Go on by one tick; the command of the tick before takes effect. Gap and force."""
+        """Advance by one tick with the previous command; return gap, m, and force, N."""
         p = self.plant
         self._command, self._waiting = self._waiting, command
         found = solve_ivp(
@@ -180,7 +180,7 @@ class ByScipy:
         return gap, self._pull(density, gap)
 
     def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
-        """Close the loop."""
+        """Run the closed loop."""
         p, ticks = self.plant, target.size
         run = LevitationRun(np.empty(ticks), np.empty(ticks))
         for tick in range(ticks):
@@ -217,7 +217,7 @@ class ByScipy:
         ]
 
     def _outer(self, gap: float) -> tuple[float, float, float]:
-        """Reluctance outside the iron, 1/H, the share of the gaps, their fringed area, m^2."""
+        """Return reluctance outside the iron, 1/H, flux fraction in the gaps, gap area, m^2."""
         p = self.plant
         area = (p.width + gap) * (p.depth + gap)
         gaps = MU_0 * area / (2.0 * gap)
@@ -231,7 +231,7 @@ class ByScipy:
         return flux * flux / (MU_0 * area) * narrows
 
     def _field_at(self, density: float) -> float:
-        """Field for a flux density, found from the last one that was asked for."""
+        """Return the field for a flux density, A/m, starting from the last result."""
         field, low, high = self._field, -math.inf, math.inf
         for _ in range(100):
             found, slope = self._density(field)
@@ -247,7 +247,7 @@ class ByScipy:
         return field
 
     def _density(self, field: float) -> tuple[float, float]:
-        """Flux density and slope if the field moved there from the last tick."""
+        """Return flux density and slope for a move from the last tick to this field."""
         p, density, slope = self.plant, MU_0 * field, MU_0
         for number, (threshold, weight) in enumerate(self._cells):
             away = field - self._place[number]
@@ -278,7 +278,7 @@ class ByScipy:
             self._rest[number] = self._rest[number + 1] + self._cells[number][1] * part
 
 
-# State of the compiled baseline: what the names say, in this order.
+# State of the compiled baseline, in the order of these names.
 FIELD, STRIDE, PSI, CURRENT, INTEGRAL, LOAD, GAP, VELOCITY, FORCE, SENSOR, WAITING, OUTPUT = range(12)
 TOLERANCE = 1e-7  # of the flux density, T
 
@@ -323,7 +323,7 @@ def _move(p: Plant, place: Array, rest: Array, field: float) -> None:
 def _solve(
     p: Plant, place: Array, rest: Array, start: float, a: float, b: float, r: float, near: float
 ) -> tuple[float, float]:
-    """Newton within a bracket: a*H + b*B = r."""
+    """Solve a*H + b*B = r by Newton's method within a bracket."""
     field, low, high, density = start, -np.inf, np.inf, 0.0
     for _ in range(100):
         density, slope = _density(p, place, rest, field)
@@ -440,13 +440,13 @@ def _fly(
 
 
 class ByNumba:
-    """The whole loop in compiled code.
+    """Simulate the whole loop in compiled code.
 
     Parameters
     ----------
     plant : Plant
     substeps : int
-        In a tick.
+        Number of sub-steps per tick.
     """
 
     def __init__(self, plant: Plant, substeps: int) -> None:
@@ -456,7 +456,7 @@ class ByNumba:
         self._rest = np.zeros(plant.thresholds.size + 1)
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hold position; return the pull."""
+        """Hold the position; return the magnet's force, N."""
         p, s = self.plant, self._state
         self._place[:] = 0.0
         self._rest[:] = 0.0
@@ -474,13 +474,13 @@ class ByNumba:
         return float(s[FORCE])
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
-        """Go on by one tick; the command of the tick before takes effect. Gap and force."""
+        """Advance by one tick with the previous command; return gap, m, and force, N."""
         s = self._state
         _advance(self.plant, s, self._place, self._rest, self._substeps, command, load)
         return float(s[GAP]), float(s[FORCE])
 
     def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
-        """Close the loop."""
+        """Run the closed loop."""
         record = np.empty((target.size, 2))
         _fly(
             self.plant,

@@ -1,15 +1,20 @@
-"""The baseline: SciPy's differential evolution over a compiled Jiles-Atherton model.
+"""Fit a Jiles-Atherton model with SciPy's differential evolution, as a baseline without anhyst.
 
-What a good engineer writes in an afternoon to fit ``ferrite_mnzn/mnzn_hp_ferrite_4loops``: the
-forward model ``dM/dH = chi/(1 - alpha*chi)``, ``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx``
-(the law ``effective-field``), integrated by RK4 in compiled code, two cycles to settle, the third
-compared, and a global optimiser off the shelf with its recommended settings. It uses nothing of
-anhyst. ``python benchmarks/baseline_scipy_de.py [--seeds N]`` prints its table.
+The baseline is what an experienced engineer would write in an afternoon to fit
+``ferrite_mnzn/mnzn_hp_ferrite_4loops``. The forward model is ``dM/dH = chi/(1 - alpha*chi)`` with
+``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx`` (the law ``effective-field``). RK4 in compiled code
+integrates two cycles to reach the steady state and a third one, which is compared. The optimiser
+runs with its recommended settings. ``python benchmarks/baseline_scipy_de.py [--seeds N]`` prints a
+table.
 
-Made as fast as the afternoon allows: one ``exp`` for the Langevin function and its slope, fast
-arithmetic, only as many RK4 steps as the error of fit can show (the table repeats the best fit with
-16 times as many), logarithms where a parameter is a scale, no redundant parameter, bounds that a
-look at the loops gives. The limits of the law are left to the optimiser, as penalties.
+The baseline is optimised for speed:
+
+- one ``exp`` for the Langevin function and its slope, and fast floating-point arithmetic
+- the least number of RK4 steps for which the integration error does not affect the fit (the table
+  repeats the best fit with 16 times as many steps)
+- logarithms for scale parameters, no redundant parameter, and bounds estimated from the loops
+
+The validity limits of the law are penalties of the optimiser.
 """
 
 from __future__ import annotations
@@ -34,22 +39,22 @@ Array = FloatArray
 MU_0 = 4e-7 * math.pi
 FILE = Path("ferrite_mnzn") / "mnzn_hp_ferrite_4loops.csv"
 SUBSTEPS = 1
-RISE = 32  # steps of the first rise: a quarter of a cycle
+RISE = 32  # steps of the initial magnetisation curve: a quarter of a cycle
 WARM_UP_CYCLES = 2
-FAILED = 1e3  # T^2, for a parameter set whose curve has no finite slope
+FAILED = 1e3  # T^2, cost of a parameter set whose curve has no finite slope
 
-# M_s, a, k, c, alpha without redundancy; k, a and M_s are scales, so their logarithms.
+# M_s, a, k, c and alpha without redundancy; logarithms of the scale parameters k, a and M_s.
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "log10 kappa = k/a": (-2.0, 1.0),
     "c": (0.0, 1.0),
-    "alpha*M_s/a": (0.0, 3.0),  # at 3 the anhysteretic curve turns vertical
+    "alpha*M_s/a": (0.0, 3.0),  # at 3 the anhysteretic curve becomes vertical
     "log10 a [A/m]": (0.0, 2.0),  # the loops reach 80 A/m
     "log10 mu0*M_s [T]": (-0.7, 0.3),  # the largest B is 0.39 T
 }
 
 
 def _langevin(z: float) -> tuple[float, float]:
-    """Langevin function and its slope."""
+    """Return the Langevin function and its slope."""
     if abs(z) < 0.05:
         t = z * z
         return z * (1 / 3 - t * (1 / 45 - t * 2 / 945)), 1 / 3 - t * (1 / 15 - t * 2 / 189)
@@ -63,7 +68,7 @@ _langevin_compiled: Callable[[float], tuple[float, float]] = njit(inline="always
 
 
 def _slope(h: float, m: float, sign: float, kappa: float, c: float, w: float) -> float:
-    """``dm/dh`` for ``M_s = a = 1``; negative where the curve has no finite slope."""
+    """Return ``dm/dh`` for ``M_s = a = 1``; negative if the slope is not finite."""
     an, an_slope = _langevin_compiled(h + w * m)
     chi = max(0.0, sign * (an - m)) / kappa + c * an_slope
     rest = 1.0 - w * chi
@@ -76,7 +81,7 @@ _slope_compiled: Callable[..., float] = njit(inline="always", fastmath=True)(_sl
 def _misfit(
     parameters: Array, h_data: Array, b_data: Array, starts: NDArray[np.int64], substeps: int
 ) -> float:
-    """Sum of squared errors of B in T^2 over all loops; every loop starts at a peak."""
+    """Return the sum of squared errors of B over all loops, T^2; every loop starts at a peak."""
     kappa, c, w = 10.0 ** parameters[0], parameters[1], parameters[2]
     a, saturation = 10.0 ** parameters[3], 10.0 ** parameters[4]
     total = 0.0
@@ -85,7 +90,7 @@ def _misfit(
         m = 0.0
         h = 0.0
         for i in range(first - RISE, first + (WARM_UP_CYCLES + 1) * (last - first)):
-            if i < first:  # the first rise, from demagnetised to the peak
+            if i < first:  # the initial curve, from the demagnetised state to the peak
                 sample, target = first, h_data[first] / a * (i - first + RISE + 1) / RISE
             else:
                 sample = first + (i - first) % (last - first)
@@ -112,7 +117,7 @@ misfit: Callable[..., float] = njit(fastmath=True)(_misfit)
 
 
 def load_loops(folder: Path | None = None) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Read field (A/m), flux density (T) and where each loop starts."""
+    """Read field (A/m), flux density (T) and the index of the first sample of each loop."""
     if folder is None:
         here = Path(__file__).resolve().parents[2] / "shared" / "data"
         folder = Path(os.environ.get("ANHYST_DATA", here))
@@ -128,7 +133,7 @@ def run(
     substeps: int = SUBSTEPS,
     folder: Path | None = None,
 ) -> dict[str, Any]:
-    """Fit once, on one thread, the compiling not counted.
+    """Run one fit on one thread; the compilation time is not counted.
 
     Returns
     -------
@@ -138,7 +143,7 @@ def run(
         ``(cpu_seconds, sum_of_squares)``, one entry for each new best.
     """
     field, flux_density, starts = load_loops(folder)
-    misfit(np.array([0.0, 0.5, 1.0, 1.0, 0.0]), field, flux_density, starts, substeps)  # compiles
+    misfit(np.array([0.0, 0.5, 1.0, 1.0, 0.0]), field, flux_density, starts, substeps)  # compile
     history: list[tuple[float, float]] = []
     best = math.inf
     evaluations = 0
@@ -174,7 +179,7 @@ def run(
 
 
 def seconds_to_reach(result: Mapping[str, Any], sum_of_squares: float) -> float:
-    """Processor time in s until a run was first as good as that; infinite if it never was."""
+    """Return the processor time until a run reached a sum of squares, s; infinite if never."""
     times = (spent for spent, error in result["history"] if error <= sum_of_squares)
     return float(next(times, math.inf))
 

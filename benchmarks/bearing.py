@@ -1,4 +1,4 @@
-"""The magnetic bearing: every kind of compensation in the same loop, over irons and steps.
+"""Compare all compensation methods on the magnetic bearing, for several irons and step heights.
 
 ``python benchmarks/bearing.py`` prints the tables of docs/results-bearing.md.
 """
@@ -42,7 +42,7 @@ VARIANTS: tuple[MethodName, ...] = (
 
 @dataclass(frozen=True)
 class Iron:
-    """One iron of the comparison, and what is known of it."""
+    """One iron of the comparison, its identified model and its setups."""
 
     rig: BodyRig
     at: OperatingPoint
@@ -51,7 +51,7 @@ class Iron:
 
     @property
     def title(self) -> str:
-        """For tables: its reversible fraction, and whether it is pathological."""
+        """The reversible fraction, and whether the iron is pathological, for tables."""
         steel = self.rig.settings.steel
         assert isinstance(steel, CellSteel)
         share = f"{steel.reversible_fraction:g}"
@@ -59,42 +59,43 @@ class Iron:
 
 
 def read() -> tuple[BodyRig, ControllerFile]:
-    """Read the example."""
+    """Read the rig and the controller of the example."""
     return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
 
 
 def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron:
-    """Measure the loops of an iron, identify its model, fit every variant."""
-    own = change_iron(rig, fraction)
-    knowledge = identify_magnet(measure_loops(own))
+    """Measure the loops of an iron, identify its model and fit every variant."""
+    iron_rig = change_iron(rig, fraction)
+    knowledge = identify_magnet(measure_loops(iron_rig))
     setups = {
-        variant: make_setup(own, controller.settings, knowledge, variant, "fixed") for variant in VARIANTS
+        variant: make_setup(iron_rig, controller.settings, knowledge, variant, "fixed")
+        for variant in VARIANTS
     }
-    return Iron(own, find_operating_point(own), knowledge, setups)
+    return Iron(iron_rig, find_operating_point(iron_rig), knowledge, setups)
 
 
 def same_gains(iron: Iron) -> list[StepCell]:
-    """Run steps of every height with every variant behind the same gains."""
+    """Run steps of every height with every variant and the same gains."""
     gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
     return compare_steps(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
 def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
-    """Mean overshoot of a variant at every height, per cent; not a number where a run was lost."""
-    return [one.interval("overshoot_percent").mean for one in cells if one.variant == variant]
+    """Return the mean overshoot of a variant at every height, %; NaN if a run was lost."""
+    return [cell.interval("overshoot_percent").mean for cell in cells if cell.variant == variant]
 
 
 def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> str:
-    """Overshoot of every cell with its confidence interval, Markdown."""
+    """Return the table of overshoots with confidence intervals, in Markdown."""
     head = "| iron | variant | " + " | ".join(f"{1e6 * h:.0f} um" for h in HEIGHTS)
     head += " | settling at 50 um | standstill |"
     lines = [head, "| --- | --- |" + " --- |" * (len(HEIGHTS) + 2)]
     for iron, cells in zip(irons, results, strict=True):
         for variant in VARIANTS:
-            mine = [one for one in cells if one.variant == variant]
-            shown = [_percent(one) for one in mine]
-            settling, rest = (_mean(mine[2], *one) for one in (_SETTLING, _STANDSTILL))
+            mine = [cell for cell in cells if cell.variant == variant]
+            shown = [_percent(cell) for cell in mine]
+            settling, rest = (_mean(mine[2], *metric) for metric in (_SETTLING, _STANDSTILL))
             lines.append(f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {settling} | {rest} |")
     return "\n".join(lines)
 
@@ -104,11 +105,11 @@ _STANDSTILL = "standstill_rms_m", 1e9, ".0f", "nm"
 
 
 def _percent(cell: StepCell) -> str:
-    """Overshoot with its interval, and whether it is no more than the noise of a standstill."""
+    """Return overshoot and interval as text, and whether it is within the standstill noise."""
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
-    one = cell.interval("overshoot_percent")
-    return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.has_overshoot else ' ≤ noise'}"
+    interval = cell.interval("overshoot_percent")
+    return f"{interval.mean:.2f} ± {interval.half_width:.2f} %{'' if cell.has_overshoot else ' ≤ noise'}"
 
 
 def _mean(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
@@ -132,7 +133,7 @@ def quiet(rig: BodyRig) -> BodyRig:
 
 
 def slow_table(irons: Sequence[Iron]) -> str:
-    """Slow and small: triangle of 20 um at 1 Hz, steps of 1 um; Markdown."""
+    """Return the table of a triangle of 20 um at 1 Hz and steps of 1 um, in Markdown."""
     shape = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     lines = [
         "| iron | variant | triangle, rms error | its force error | 1 um, overshoot | settling |",
@@ -163,7 +164,7 @@ def in_format(
 
 
 def rows() -> list[Row]:
-    """Every line of the table that has a reach."""
+    """Return all rows of the bearing that have a target."""
     rig, controller = read()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
     return [
@@ -175,44 +176,44 @@ def rows() -> list[Row]:
 
 
 def _claims(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> list[Row]:
-    found = []
+    result_rows = []
     for iron, cells in zip(irons, results, strict=True):
         full = overshoot(cells, "full")
         reported = {name: overshoot(cells, name) for name in VARIANTS}
         ratios = [a / b for a, b in zip(full, reported["ratio"], strict=True)]
-        found.append(
+        result_rows.append(
             Row(
-                f"bearing, same gains, iron {iron.title}: overshoot of full over ratio",
+                f"bearing, same gains, iron {iron.title}: overshoot of full relative to the method ratio",
                 "<= 0.5 at every height",
-                f"{max(ratios):.2f} at worst; "
+                f"{max(ratios):.2f} worst; "
                 + ", ".join(f"{name} {max(values):.2f} %" for name, values in reported.items()),
                 all(ratio <= 0.5 for ratio in ratios),
             )
         )
-    return found
+    return result_rows
 
 
 def _standstill(irons: Sequence[Iron]) -> list[Row]:
-    found = []
+    result_rows = []
     for iron in irons:
         setups = {
-            name: BearingSetup(quiet(iron.rig), one.compensator, one.controller)
-            for name, one in iron.setups.items()
+            name: BearingSetup(quiet(iron.rig), setup.compensator, setup.controller)
+            for name, setup in iron.setups.items()
         }
         tried = experiments.run_variants(experiments.run_standstill, setups, default_seeds(iron.rig), None)
         full = tried["full"]
-        reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
+        reported = ", ".join(_standstill_text(name, metrics) for name, metrics in tried.items())
         reached = not full.lost and full.interval("rms_m").mean <= 10e-9 and not full.cycles
-        asked = iron.rig.settings.iron is not None and iron is not irons[0]
-        found.append(
+        has_target = iron.rig.settings.iron is not None and iron is not irons[0]
+        result_rows.append(
             Row(
                 f"bearing, standstill with a 5 nm sensor, iron {iron.title}",
-                "full <= 10 nm rms, no limit cycle" if asked else "",
+                "full <= 10 nm rms, no limit cycle" if has_target else "",
                 reported,
-                reached if asked else None,
+                reached if has_target else None,
             )
         )
-    return found
+    return result_rows
 
 
 def _standstill_text(name: str, found: experiments.ExperimentFigures) -> str:
@@ -231,19 +232,20 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
         seeds = default_seeds(iron.rig)
         cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         by = [cells[4 * place : 4 * place + 4] for place in range(len(formats))]
-        apart = max(
+        overshoot_difference = max(
             abs(a.interval("overshoot_percent").mean - b.interval("overshoot_percent").mean)
             for a, b in zip(by[0], by[2], strict=True)
         )
-        still = [
-            experiments.run_variants(experiments.run_standstill, {variant: one}, seeds, None)[variant]
+        standstill_rms = [
+            experiments.run_variants(experiments.run_standstill, {variant: setup}, seeds, None)[variant]
             .interval("rms_m")
             .mean
-            for one in (setups["f64"], setups["fixed"])
+            for setup in (setups["f64"], setups["fixed"])
         ]
-        worst = max(worst, apart / 0.5, abs(still[1] / still[0] - 1.0) / 0.1)
+        worst = max(worst, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1)
         reported.append(
-            f"{variant}: {apart:.3f} points, standstill {1e9 * still[0]:.1f} and {1e9 * still[1]:.1f} nm"
+            f"{variant}: {overshoot_difference:.3f} points, "
+            f"standstill {1e9 * standstill_rms[0]:.1f} and {1e9 * standstill_rms[1]:.1f} nm"
         )
     return [
         Row(
@@ -261,14 +263,16 @@ def _events(iron: Iron) -> list[Row]:
         seeds = default_seeds(iron.rig)
         tried = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
-        reported = ", ".join(f"{name} {_mean(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items())
+        reported = ", ".join(
+            f"{name} {_mean(metrics, key, 1e3, '.1f', 'ms')}" for name, metrics in tried.items()
+        )
         what = "back within 1 um after" if event == "overload" else "shows for"
         found.append(
             Row(
                 f"bearing, {event}: {what}",
                 "no loss of levitation",
                 reported,
-                all(one.lost == 0 for one in tried.values()),
+                all(metrics.lost == 0 for metrics in tried.values()),
             )
         )
     return found

@@ -1,8 +1,8 @@
-"""Calibration from motion: all that is to be reached, with every baseline, in one table.
+"""Measure calibration from motion against its targets and all baselines in one table.
 
-What a plant is and how it is calibrated stands in calibration_trials.py. Rows say of how many plants
-they are: as many as a table in 25 minutes allows, the first ones each time. A method is added by its
-name in METHODS (and what it is to reach in AIMS); the first is that of which the claims are.
+calibration_trials.py defines the plants and their calibration. Each row states its number of
+plants: as many as fit into 25 minutes, always the first ones. A new method is added to METHODS, and
+its targets to AIMS. The claims are about the first method.
 """
 
 from __future__ import annotations
@@ -46,30 +46,31 @@ from tracking import IRONS, RIG, with_iron
 
 METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
 PLANTS, SOME, FEWER = 12, 6, 4
-"""Of the example's own iron; left on; for one error alone, other irons and what nobody modelled."""
+"""Number of plants for the example's iron, for operation with calibration, and for all other cases.
+"""
 AVERAGE = 0.5
 """Weight of the moving average in the search of gains."""
 CELLS = ("cells 0.05", "cells 0.3")
 OTHERS = (*CELLS, "preisach-usual", "preisach-hard", "duhem-usual")
-"""Irons besides that of the example, for which the last number of scans is tried alone."""
+"""Irons besides that of the example; only the largest number of scans is tried."""
 FORGETS = "duhem-usual"
 ALONE = ("gap zero", "current scale", "pinning", "eddy lag")
-"""Errors that are tried one at a time, of the first method."""
+"""Errors that are tried one at a time with the first method."""
 MEASURED = (("average_m", "nm", 1e9), ("peak_m", "nm", 1e9), ("settling_50_s", "ms", 1e3))
 PROBED = ("flux", "fused")
-"""With a probe, which is to reach something where the iron forgets."""
+"""Methods with a flux probe, which have a target for the iron without return-point memory."""
 ASKED_WITH_PROBE = (44.0, 45.0)
 HOUR_S = 3600.0
 WORKED: Mapping[str, int] = {"full": 150, "flux": 600}
-"""Scans of an hour of work that are tried, after half as many in which it settles."""
+"""Number of scans of an hour of operation; half as many precede them for settling."""
 
 
 @dataclass(frozen=True)
 class Aim:
-    """What a method is to reach on the example's own iron: what 50 / 95 % stay below, nm; peak; ms."""
+    """Targets for the example's iron: 50th / 95th percentile, nm; peak, nm; settling time, ms."""
 
-    first: tuple[float, float] | None  # moving average after one scan
-    last: tuple[float, float]  # after four
+    first: tuple[float, float] | None  # moving average after one scan, nm
+    last: tuple[float, float]  # moving average after four scans, nm
     peak: float
     settling: float | None = None
 
@@ -85,48 +86,48 @@ Case = tuple[str, str, str, str]
 
 
 def within(found: Pair, aim: Pair) -> bool:
-    """Whether half and 95 % of the plants stay below what is to reach."""
+    """Whether the 50th and 95th percentiles are within their targets."""
     return found[0] <= aim[0] and found[1] <= aim[1]
 
 
 @dataclass(frozen=True)
 class Found:
-    """All plants of one case."""
+    """The results of all plants of one case."""
 
     flown: list[tuple[list[Measures], CalibratedMethod]]
 
     def percentiles(self, name: str) -> list[Pair]:
-        """Return what half and 95 % of the plants stay below: before, and after the scans."""
-        factor = {one: by for one, _, by in MEASURED}[name]
-        values = np.array([[getattr(one, name) for one in figures] for figures, _ in self.flown])
+        """Return the 50th and 95th percentiles over the plants, before and after the scans."""
+        factor = {metric: by for metric, _, by in MEASURED}[name]
+        values = np.array([[getattr(measures, name) for measures in figures] for figures, _ in self.flown])
         half, most = factor * np.percentile(values, [50.0, 95.0], axis=0)
         return list(zip(half.tolist(), most.tolist(), strict=True))
 
     @property
     def taken(self) -> int:
-        """Of how many plants the law was taken."""
+        """The number of plants whose calibration is applied."""
         return sum(found.is_applied for _, found in self.flown)
 
     def pairs(self, name: str) -> str:
-        """Return these percentiles, one after another."""
+        """Return the percentiles of a metric as text."""
         return " -> ".join(f"{half:.3g} / {most:.3g}" for half, most in self.percentiles(name))
 
     @property
     def count(self) -> str:
-        """How many plants there were, and of how many the law was taken."""
+        """The number of plants and of applied calibrations, and estimated masses, as text."""
         masses = [f"{found.mass_kg:.4g}" for _, found in self.flown if found.mass_kg is not None]
-        heavy = f", explained by {', '.join(masses)} kg" if masses else ""
-        return f"{len(self.flown)} plants, taken of {self.taken}{heavy}"
+        heavy = f", estimated mass {', '.join(masses)} kg" if masses else ""
+        return f"{len(self.flown)} plants, applied to {self.taken}{heavy}"
 
     def row(self, what: str, reach: str, met: bool | None) -> Row:
-        """Return a line of the moving average, and what else is told of it."""
+        """Return a row of the moving average, with peak and settling time."""
         others = "; ".join(f"{name[:-2]} {self.pairs(name)}" for name in ("peak_m", "settling_50_s"))
         text = f"{self.pairs('average_m')}; {others} ({self.count})"
         return Row(f"calibration, {what}: average, nm, before -> after", reach, text, met)
 
 
 def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
-    """Fly all trials, and return them by their case."""
+    """Run all trials and return the results by case."""
     found: dict[Case, Found] = {}
 
     for trial, flown in zip(trials, map_ordered(Trial.run, trials), strict=True):
@@ -136,9 +137,9 @@ def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
 
 
 def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
-    """Return the lines of a method on the example's own iron."""
+    """Return the rows of a method on the example's own iron."""
     average, peak, settled = (found.percentiles(name) for name, _, _ in MEASURED)
-    reach = ["stated"] * 3
+    reach = ["reported"] * 3
     met: list[bool | None] = [None] * 3
     if aim is not None:
         first = f"{aim.first[0]:g} / {aim.first[1]:g} after one scan, " if aim.first else ""
@@ -161,7 +162,7 @@ def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
 
 
 def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
-    """Return all of the example's own iron: all errors, one alone, what nobody modelled."""
+    """Return the trials of the example's iron: all errors, single errors, unmodelled effects."""
     last, own = SCANS[-1:], benches[0]
     trials = [Trial(bench, plant) for bench in benches for plant in range(PLANTS)]
     trials += [Trial(own, plant, world=COMPILED) for plant in range(PLANTS)]
@@ -175,7 +176,7 @@ def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
 
 
 def of_example(flown: Mapping[Case, Found]) -> list[Row]:
-    """Return the lines of the example's own iron."""
+    """Return the rows of the example's own iron."""
     lines: list[Row] = []
     last = {
         method: found.percentiles("average_m")[-1][0]
@@ -193,26 +194,26 @@ def of_example(flown: Mapping[Case, Found]) -> list[Row]:
         elif world or errors != "all":
             factor = 1.5 if world else 1.3
             what = f"{own}, {world or f'{errors} alone'}, 4 scans"
-            reach = f"{factor * calibrated:.3g} (50 %): {factor:g} of the calibrated"
+            reach = f"{factor * calibrated:.3g} (50 %): {factor:g} times the calibrated value"
             met = None if "not allowed" in world else average[-1][0] <= factor * calibrated
-            lines.append(found.row(what, "stated" if met is None else reach, met))
+            lines.append(found.row(what, "reported" if met is None else reach, met))
         else:
             lines += headline(method, AIMS.get(method), found)
     ahead = ", ".join(f"{last[name] / calibrated:.3g} of {name}" for name in METHODS[1:])
     met = last["play"] >= 2.0 * calibrated
-    what = f"calibration, calibrated {own} against the others, average after 4 scans, 50 %"
-    return [*lines, Row(what, "ahead of play by 2", f"ahead {ahead}", met)]
+    what = f"calibration, median average after 4 scans, ratios of the others to {own}"
+    return [*lines, Row(what, "play >= 2", ahead, met)]
 
 
 def of_iron(iron: str, method: str, found: Found) -> Row:
-    """Return the line of a method on another iron."""
+    """Return the row of a method on another iron."""
     average = found.percentiles("average_m")
-    reach, met = "stated", None
+    reach, met = "reported", None
     if iron == FORGETS and method in PROBED:
         half, most = ASKED_WITH_PROBE
         reach, met = f"{half:g} / {most:g}", within(average[-1], ASKED_WITH_PROBE)
     elif iron == FORGETS and method == METHODS[0]:
-        reach = "no worse than before, said where it is not taken"
+        reach = "not worse than before"
         met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
     elif iron != FORGETS and method in AIMS:
         half, most = AIMS[method].last
@@ -228,14 +229,15 @@ def iron_of(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]
         iron = rig.settings.steel.model_dump() | {"reversible_fraction": share}
     else:
         iron = tomllib.loads(IRONS.read_text(encoding="utf-8"))[name]
-    other = with_iron(rig, iron)
-    return name, other, identify_stage_magnet(other, measure_loops(other))
+    rig_with_iron = with_iron(rig, iron)
+    return name, rig_with_iron, identify_stage_magnet(rig_with_iron, measure_loops(rig_with_iron))
 
 
 def kept_at_it(bench: Bench) -> tuple[float, float]:
-    """Return by how much a number moves in an hour at rest under a load that swings, and at work.
+    """Return the largest change of a parameter in an hour at rest, and in an hour at work.
 
-    In standard deviations that the rig file states. Scans are of three noise seeds by turns.
+    The unit is the standard deviation that the rig file states. At rest, the load oscillates. Scans
+    alternate between three noise seeds.
     """
     law = WORLDS[""].law(bench)
     setup = StageSetup(law.rig, law.compensator(0.0), drift=drawn(0))
@@ -263,37 +265,37 @@ def kept_at_it(bench: Bench) -> tuple[float, float]:
 
 
 def of_hours(bench: Bench, found: tuple[float, float]) -> Row:
-    """Return the line of an hour."""
+    """Return the row of an hour of operation."""
     at_rest, at_work = found
     work = f"{WORKED[bench.method]} scans of {training(bench.rig).duration:.2g} s"
     return Row(
-        f"calibration, {bench.method}: an hour at rest; {work}: most that a number moves",
-        "0.1 of its standard deviation",
+        f"calibration, {bench.method}: an hour at rest; {work}: largest parameter change",
+        "< 0.1 of the standard deviation",
         f"{at_rest:.2g}; {at_work:.2g}",
         max(found) < 0.1,
     )
 
 
 def rows() -> list[Row]:
-    """Return the lines of this table; each is told as soon as it is known."""
-    found: list[Row] = []
+    """Return all rows about calibration; each is printed as soon as it is known."""
+    result_rows: list[Row] = []
 
-    def told(lines: Iterable[Row]) -> None:
+    def print_rows(lines: Iterable[Row]) -> None:
         for row in lines:
-            found.append(row)
+            result_rows.append(row)
             met = "" if row.met is None else ": met" if row.met else ": MISSED"
             print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
 
     rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE})
     own = "own", rig, identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [(*own, method) for method in METHODS])
-    told(of_example(all_plants(trials_of_example(benches))))
+    print_rows(of_example(all_plants(trials_of_example(benches))))
     others = map_ordered(iron_of, [(name, rig) for name in OTHERS])
     made = map_ordered(bench_of, [(*iron, method) for iron in others for method in METHODS])
     trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(FEWER)]
-    told(of_iron(iron, method, one) for (iron, method, *_), one in all_plants(trials).items())
+    print_rows(of_iron(iron, method, results) for (iron, method, *_), results in all_plants(trials).items())
     at_it = [bench for bench in benches if bench.method in WORKED]
-    told(map(of_hours, at_it, map_ordered(kept_at_it, at_it)))
-    told(levitated.asked())
-    told(balancing.asked())
-    return found
+    print_rows(map(of_hours, at_it, map_ordered(kept_at_it, at_it)))
+    print_rows(levitated.asked())
+    print_rows(balancing.asked())
+    return result_rows

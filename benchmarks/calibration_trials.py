@@ -1,13 +1,14 @@
-"""One plant that is not what its controller was made for, calibrated from its own motion.
+"""Simulate plants that differ from their controller's model, and calibrate them from their motion.
 
-Plants, seeds, methods and irons stand here and in examples/stage/rig.toml; they were fixed before
-the first figure. A plant differs in everything at once, as with --monte-carlo: gap zero, both
-currents, width of the loop, gain of the Hall probes, eddy lag. It follows the training set-point,
-is calibrated on all that it has recorded so far, follows it again; figures are of the test
-set-point, flown with what was found and the gains of the plant that is as it should be. Every
-method is calibrated by the same code on recordings of its own, and its gains are found by the same
-search, which minimises the error rms and half of the moving average. (The search by the rms alone,
-that of the first figures, left the moving average where it was: see docs/calibration.md.)
+Plants, seeds, methods and irons are defined here and in examples/stage/rig.toml; they were fixed
+before the first result. A plant has all errors at the same time, as with --monte-carlo: gap zero,
+both currents, loop width, gain of the Hall probes and eddy lag. It follows the training set-point,
+is calibrated on all recordings so far, and follows it again. All metrics are evaluated on the test
+set-point, with the calibration and the gains of the nominal plant.
+
+The same code calibrates every method on its own recordings. The same search finds the gains; it
+minimises the rms error and half of the moving average. A search by rms alone did not reduce the
+moving average (see docs/calibration.md).
 """
 
 from __future__ import annotations
@@ -45,21 +46,21 @@ from tracking import RIG
 SEED = 31
 SCANS = (1, 2, 4)
 LEFT_ON, REPEATED = "left on", 10
-"""The stage that calibrates itself while it works; how often it repeats the test set-point."""
+"""Name of the stage that calibrates itself during operation; repetitions of the test set-point."""
 
 
 @dataclass(frozen=True)
 class World:
-    """What nobody told the controller, beside what a plant is drawn with."""
+    """Errors that the controller does not know, in addition to the random errors of a plant."""
 
-    payload: float = 0.0  # part by which the body is heavier
-    cable: float = 0.0  # pulls back to where the motion begins, N/m
-    late_ticks: float = 0.0  # by which currents come later than the rig file says
-    changes: Mapping[str, Any] = field(default_factory=dict)  # of the rig, known to everybody
-    compiled: bool = False  # PID, allocation and what corrects them in single precision
+    payload: float = 0.0  # relative excess mass of the body
+    cable: float = 0.0  # stiffness of a cable towards the start of the motion, N/m
+    late_ticks: float = 0.0  # delay of the currents beyond that of the rig file
+    changes: Mapping[str, Any] = field(default_factory=dict)  # known changes of the rig file
+    compiled: bool = False  # whether PID, allocation and correction run in single precision
 
     def law(self, bench: Bench) -> StageLaw:
-        """Return the law of a method, which keeps what it was compiled to in this process."""
+        """Return the law of a method, from a cache in this process."""
         key = bench.iron, bench.method, *self.changes
         if key not in _laws:
             _laws[key] = StageLaw(change_rig(bench.rig, self.changes), bench.magnet, bench.method)
@@ -68,7 +69,7 @@ class World:
     def fly(
         self, setup: StageSetup, drift: Drift, motion: SetPoint, gains: Feedforward, noise: int
     ) -> Recording:
-        """Follow a motion with such a plant; what is fed forward stays as early as it was."""
+        """Follow a motion with such a plant; the lead of the feedforward stays unchanged."""
         rig = setup.rig
         ticks = rig.settings.timing.delay_ticks + self.late_ticks
         if self.late_ticks:
@@ -84,7 +85,7 @@ class World:
 
 
 ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
-"""What a rig file says where a payload and a cable are to be reckoned with."""
+"""Entries of a rig file that allow for a payload and a cable."""
 COMPILED = "compiled controller"
 MOVE = "calibrated on the move of excite --calibrate"
 WORLDS = {
@@ -104,22 +105,22 @@ WORLDS = {
 
 @dataclass(frozen=True)
 class Bench:
-    """One method on one iron, with the gains of the plant that is as it should be."""
+    """One method on one iron, with the gains of the nominal plant."""
 
     iron: str
     rig: BodyRig
     magnet: IdentifiedMagnet
     method: MethodName
-    gains: Feedforward  # as fitted
-    calibrated_gains: Feedforward  # with the calibration active, which finds little there
-    taught: SetPoint  # what it is calibrated on
+    gains: Feedforward  # gains without calibration
+    calibrated_gains: Feedforward  # gains with active calibration
+    taught: SetPoint  # motion for the calibration
 
 
 _laws: dict[tuple[str, ...], StageLaw] = {}
 
 
 def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
-    """Find the gains, on the training set-point, on which it is calibrated too, or on the move."""
+    """Find the gains on the training set-point; with the iron `MOVE`, calibrate on that move."""
     iron, rig, magnet, method = given
     law = StageLaw(rig, magnet, method)
     own = StageSetup(rig, law.compensator(0.0))
@@ -135,7 +136,7 @@ def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
 
 @dataclass(frozen=True)
 class Trial:
-    """One plant behind one method."""
+    """One plant with one method."""
 
     bench: Bench
     plant: int
@@ -144,9 +145,10 @@ class Trial:
     world: str = ""
 
     def left_on(self) -> tuple[list[Measures], CalibratedMethod]:
-        """Return the figures after the training set-points, and after the test one was repeated.
+        """Return the metrics after training, and after repetitions of the test set-point.
 
-        The stage learns from every motion; what it is corrected by follows at a bounded rate.
+        The stage estimates its parameters from every motion; its correction follows at a bounded
+        rate.
         """
         bench, drift = self.bench, drawn(self.plant)
         learner = ParameterEstimator(WORLDS[""].law(bench), FORGETTING_TIME_S)
@@ -166,7 +168,7 @@ class Trial:
         return self.left_on() if self.world == LEFT_ON else self.calibrated()
 
     def calibrated(self) -> tuple[list[Measures], CalibratedMethod]:
-        """Return the figures before, and after each number of scans, and what was found last."""
+        """Return the metrics before and after each number of scans, and the last calibration."""
         bench, noise = self.bench, 1000 * (self.plant + 1)
         drift = drawn(self.plant).select(ERROR_CASES[self.errors])
         world = WORLDS[self.world]
@@ -191,11 +193,11 @@ class Trial:
 
 
 def training(rig: BodyRig) -> SetPoint:
-    """Return the set-point that is calibrated on."""
+    """Return the set-point for training and calibration."""
     return scan_motion(rig.settings.scan, rig.settings.scan.train_m_per_s2)
 
 
 @cache
 def drawn(plant: int) -> Drift:
-    """Return one of the plants."""
+    """Return a random plant by its number."""
     return sample_drift(read_stage(RIG).settings, np.random.default_rng([SEED, plant]))

@@ -1,8 +1,8 @@
-"""How much faster than real time a controlled bearing is simulated, beside SciPy and numba.
+"""Measure the simulation speed of a controlled bearing against SciPy and numba baselines.
 
-All three take the bearing of ``examples/bearing`` through the same steps for the same simulated
-time, in one run on one core, in processor time. ``python benchmarks/closed_loop.py`` prints more
-than the table does: accuracies, and what each tolerance of ``solve_ivp`` costs.
+All simulators run the bearing of ``examples/bearing`` through the same steps for the same simulated
+time, in one run on one core; the metric is processor time. ``python benchmarks/closed_loop.py``
+prints more than the table: accuracies, and the cost of each tolerance of ``solve_ivp``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Array = FloatArray
 FOLDER = ROOT / "examples" / "bearing"
 
 SECONDS = 0.2
-"""Simulated by everyone."""
+"""Simulated time, s, equal for all simulators."""
 HOLD_S = 0.02
 HEIGHTS = (10e-6, 20e-6, 50e-6, 20e-6, 10e-6)
 REPETITIONS = 40
@@ -45,25 +45,25 @@ TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 
 
 class Flier(Protocol):
-    """What both baselines do."""
+    """Interface of both baselines."""
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hold position; return the pull."""
+        """Hold the position; return the magnet's force, N."""
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
-        """Go on by one tick; gap and force."""
+        """Advance by one tick; return gap, m, and force, N."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """The example as everyone gets it."""
+    """The example with its unchanged files."""
 
     rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
 
     def setup(self, variant: MethodName, number_format: NumberFormat) -> BearingSetup:
-        """Return the example's controller with one of the ways from force to current."""
+        """Return the example's controller with a method from force to current."""
         return make_setup(self.rig, self.controller.settings, self.knowledge, variant, number_format)
 
     def scenario(self) -> Scenario:
@@ -87,7 +87,7 @@ def example() -> Case:
 
 
 def plant_of(rig: BodyRig) -> Plant:
-    """Hand the numbers of a rig file to the baselines."""
+    """Convert the parameters of a rig file for the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
     steel, sensor = rig.settings.steel, rig.settings.gap_sensor
@@ -125,7 +125,7 @@ def plant_of(rig: BodyRig) -> Plant:
 
 
 def control_of(setup: BearingSetup) -> Control:
-    """Hand gains and map to the baselines."""
+    """Convert gains and map for the baselines."""
     gains = setup.controller.pidd2().per_tick
     law, amplifier = setup.compensator.parameters, setup.rig.settings.amplifier
     assert isinstance(law, CurrentMap)
@@ -152,13 +152,13 @@ def control_of(setup: BearingSetup) -> Control:
 
 
 def memory_of(control: Control, gap: float, force: float) -> Array:
-    """Return the memory of a PIDD2 that holds its position and gives a force."""
+    """Return the state of a PIDD2 that holds its position and requests a force."""
     at = control.middle - gap
     return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
 
 
 def hanging(simulator: Flier, gap: float, load: float) -> float:
-    """Put a baseline in balance; return the current."""
+    """Bring a baseline to equilibrium; return the current, A."""
     low, high = 0.0, 10.0
     for _ in range(60):
         current = 0.5 * (low + high)
@@ -167,7 +167,7 @@ def hanging(simulator: Flier, gap: float, load: float) -> float:
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Processor time."""
+    """Return the processor time, s."""
     began = time.process_time()
     work()
     return time.process_time() - began
@@ -179,13 +179,13 @@ class Measured:
 
     name: str
     factor: float
-    """Times real time."""
+    """Ratio of simulated time to processor time."""
     overshoot: float
-    """Of the largest step up, per cent of its height."""
+    """Overshoot of the largest upward step, % of its height."""
 
 
 def overshoot(case: Case, gap: Array) -> float:
-    """Return that of the largest step up, per cent."""
+    """Return the overshoot of the largest upward step, % of its height."""
     place = int(np.argmax(HEIGHTS))
     ticks = round(HOLD_S / case.rig.dt)
     _, upper = step_ends(case.rig.settings.gap_m, HEIGHTS[place])
@@ -194,7 +194,7 @@ def overshoot(case: Case, gap: Array) -> float:
 
 
 def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
-    """Simulate with the plant of this project, everything in it; lift-off is not counted."""
+    """Simulate with the complete plant of this project; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
     start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
     lift = start.lift_off(case.controller.settings).build()
@@ -210,7 +210,7 @@ def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measur
 
 
 def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> Measured:
-    """Simulate with a baseline; compiling is not counted."""
+    """Simulate with a baseline; compilation is not counted."""
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("single-valued", "f64"))
@@ -228,21 +228,21 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
 
 
 def open_loop(simulator: Flier, current: float, load: float, gap: float) -> Array:
-    """Return gap and force at each tick of 3 ms of moving commands."""
+    """Return gap and force at each tick of 3 ms of varying commands."""
     simulator.start(gap, current, load)
     moves = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
     return np.array([simulator.advance(command, load) for command in moves])
 
 
 class Own:
-    """The plant of this project as the baselines are."""
+    """The plant of this project with the interface of the baselines."""
 
     def __init__(self, rig: BodyRig, substeps: int) -> None:
         fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
         self._rig = change_rig(rig, fine)
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hold position, the load given as weight; return the pull."""
+        """Hold the position with the load as weight; return the magnet's force, N."""
         weight = {"body.gravity_m_per_s2": load / self._rig.settings.body.mass_kg}
         self._plant = make_plant(change_rig(self._rig, weight), 0)
         self._plant.place([gap], [0.0])
@@ -250,14 +250,14 @@ class Own:
         return self._plant.force
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
-        """Go on by one tick; the command of the tick before takes effect. Gap and force."""
+        """Advance by one tick with the previous command; return gap, m, and force, N."""
         del load
         self._plant.advance([command], 0.0)
         return self._plant.gap, self._plant.force
 
 
 def errors(rig: BodyRig, fliers: dict[str, Flier]) -> dict[str, float]:
-    """Return the rms error of the force, parts of its range, against 64 sub-steps."""
+    """Return the rms force errors relative to the force range, against 64 sub-steps."""
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     exact = Own(rig, 64)
     current = hanging(exact, gap, load)
@@ -271,14 +271,14 @@ def errors(rig: BodyRig, fliers: dict[str, Flier]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Trial:
-    """A setting of ``solve_ivp``."""
+    """A setting of ``solve_ivp`` and its results."""
 
     method: Method
     tolerance: float
     error: float
-    """Rms of the force, parts of its range."""
+    """Rms force error, relative to the force range."""
     seconds: float
-    """For the same 3 ms."""
+    """Processor time for the same 3 ms, s."""
 
 
 def tried(rig: BodyRig) -> list[Trial]:
@@ -300,7 +300,7 @@ def tried(rig: BodyRig) -> list[Trial]:
 
 
 def strongest(trials: list[Trial], error: float) -> Trial:
-    """Return the fastest setting whose error is no larger; the most accurate if there is none."""
+    """Return the fastest setting with at most this error, or else the most accurate one."""
     good = [trial for trial in trials if trial.error <= error]
     if not good:
         return min(trials, key=lambda trial: trial.error)
@@ -308,7 +308,7 @@ def strongest(trials: list[Trial], error: float) -> Trial:
 
 
 def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
-    """Measure all; return simulators, errors, what was tried of SciPy, and what was taken."""
+    """Measure everything: simulators, errors, all settings of SciPy and the selected setting."""
     case = example()
     substeps = case.rig.settings.timing.substeps
     plant = plant_of(case.rig)
@@ -331,13 +331,14 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
 
 
 def rows() -> list[Row]:
-    """Ours with the compiled `full` compensator beside baselines with a map."""
+    """Return the rows: this project with compiled `full`, and the baselines with a map."""
     found, accuracy, _, taken = measure()
     full, *_, plain, numba, scipy = found
     return [
         Row(
-            "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: times real time",
-            ">= 25 (goal 50), baselines beside it",
+            "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: "
+            "simulated time / processor time",
+            ">= 25 (goal 50), with baselines",
             f"{full.factor:.1f}; with a map as the baselines {plain.factor:.1f}, "
             f"numba {numba.factor:.1f}, SciPy ({taken.method}, {taken.tolerance:g}) "
             f"{scipy.factor:.3f}; `full` against numba {full.factor / numba.factor:.2f}, "
@@ -345,7 +346,7 @@ def rows() -> list[Row]:
             full.factor >= 25.0,
         ),
         Row(
-            "the same: error of the force in open loop, against 64 sub-steps",
+            "open-loop force error against 64 sub-steps",
             "SciPy as accurate as ours",
             f"ours {100 * accuracy['ours']:.4f} % of its range, numba "
             f"{100 * accuracy['numba']:.4f} %, SciPy {100 * taken.error:.4f} %; overshoot with a "

@@ -1,4 +1,4 @@
-"""A scheduler of dask with its workers, as processes; and what a larger one would do, by simulation."""
+"""Run a scheduler of dask and its workers as processes, and simulate larger clusters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 AHEAD = 2
-"""Tasks that dask gives a worker of one thread at a time: one runs, one waits."""
+"""Number of tasks that dask assigns to a worker of one thread: one runs, one waits."""
 PATIENCE_S = 120.0
 
 MANY = """
@@ -28,37 +28,37 @@ async def main(address, count):
     await asyncio.gather(*(worker.finished() for worker in workers))
 asyncio.run(main(sys.argv[1], int(sys.argv[2])))
 """
-"""Many workers of one thread in one process: enough where tasks only sleep."""
+"""Program that runs many workers of one thread in one process; sufficient if tasks only sleep."""
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """A scheduler that runs: its address, and the processes of it and its workers."""
+    """A running scheduler: its address, its process and the processes of its workers."""
 
     address: str
     scheduler: int
     workers: tuple[int, ...]
 
     def processor(self) -> tuple[float, float]:
-        """Return the processor time of the scheduler and of all workers so far, s."""
+        """Return the processor time so far of the scheduler and of all workers, s."""
         return _spent(self.scheduler), sum(map(_spent, self.workers))
 
 
 def _spent(process: int) -> float:
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return TICK_S * sum(map(int, fields[11:15]))  # children that ended included
+    return TICK_S * sum(map(int, fields[11:15]))  # includes children that have ended
 
 
 @contextmanager
 def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
-    """Start a scheduler and workers of one thread each; end them.
+    """Start a scheduler and workers of one thread each; stop them at the end.
 
     Parameters
     ----------
     workers : int
-        How many.
+        Number of workers.
     together : bool
-        All in one process, rather than each in its own.
+        Whether all workers run in one process instead of one process each.
     """
     from distributed import Client
 
@@ -105,23 +105,23 @@ def _address(file: Path) -> str:
 
 @dataclass(frozen=True)
 class Costs:
-    """What a task costs around its work, s: in the scheduler and where it was handed out."""
+    """Overhead of a task, s: in the scheduler and in the client that submits it."""
 
     scheduler: float
     client: float
 
     @property
     def slowest(self) -> float:
-        """The longer of both: no more than one task in this time, however many workers."""
+        """The longer overhead: the least time between two tasks for any number of workers."""
         return max(self.scheduler, self.client)
 
 
 def simulated(durations: Sequence[float], workers: int, costs: Costs) -> float:
-    """Return the time that a cluster needs for tasks, s, by simulation event by event.
+    """Return the time that a cluster needs for given tasks, s, by a discrete-event simulation.
 
-    The scheduler does one thing at a time: half of its cost when it hands a task out, half when the
-    result is there. It gives each worker :data:`AHEAD` tasks, and the next when one is done. The
-    client takes one result after the other.
+    The scheduler handles one event at a time. It spends half of its overhead when it assigns a task
+    and half when the result arrives. It assigns :data:`AHEAD` tasks to each worker, and a further
+    one when a task is done. The client processes the results one by one.
     """
     left = iter(durations)
     busy_until = [0.0] * workers

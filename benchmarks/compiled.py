@@ -1,4 +1,4 @@
-"""Lines of the table: from loops to verified C, and what the compiled compensators cost."""
+"""Measure the path from loops to verified C, and the cost of the compiled compensators."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.compare import BuildFolder
 from anhyst.verification.protocol import COMPENSATOR_RECORD, ON_GRID, START, VECTORS, WINDOW_RECORDS, Request
-from anhyst.verification.targets import offer_cortex_m
+from anhyst.verification.targets import find_cortex_m_builds
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 RATE = 20e3
 ACCURACY = 0.2
-"""Per cent of F_max that formats, tables and iterations of the full law may cost."""
+"""Largest error due to formats, tables and iterations of the full law, % of F_max."""
 
 CONTROLLED_TICKS = 4800
 
 RAMP = 2000
-"""Samples of the slow rise to the first demand."""
+"""Number of samples of the slow ramp to the first demand."""
 
 TARGETS = "cortex-m4,cortex-m0plus,avr,msp430"
 
@@ -51,7 +51,7 @@ def _compiled(model: Path, folder: Path, kind: str) -> Compiled:
 
 
 def chain(folder: Path) -> tuple[Path, list[Row]]:
-    """Whole chain on the bundled example: loops to verified C on host and Cortex-M4."""
+    """Measure the whole path for the bundled example: loops to verified C on host and Cortex-M4."""
     watch = Stopwatch()
     model = folder / "model.toml"
     write_model(identify(read_loops(LOOPS)).model, model)
@@ -69,7 +69,7 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
             seconds,
         ),
         Row(
-            "'full' against double precision, in force, jumps and lost currents included",
+            "'full' against double precision, force error with jumps and lost currents",
             "<= 0.2 % of F_max",
             f"{accuracy['worst_percent']:.3f} %, rms {accuracy['rms_percent']:.3f} %",
             accuracy["worst_percent"] <= 0.2,
@@ -78,7 +78,7 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
 
 
 def _most(found: Verification, target: str, part: str) -> str:
-    """Worst case of a part of a step on the builds of a target."""
+    """Return the worst cost of a part of a step, for each build of a target, as text."""
     texts = []
     for result in found.results:
         cost = result.cost(part)
@@ -88,18 +88,19 @@ def _most(found: Verification, target: str, part: str) -> str:
 
 
 REACH = {"full": (1800, 2300), "cells": (1200, 1200), "simplified": (500, 800)}
-"""Instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header: rounded by a
-converter, and any, with limits and lost currents."""
+"""Targets: instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header; first
+with currents on a converter's grid, then with any current, limits and lost currents."""
 
 CONTROLLED_REACH = {"full": None, "cells": (700, 150), "simplified": None}
-"""The same while the demand moves as a controlled force does: a tick, and its commit alone."""
+"""Targets for the moving demand of a force controller: instructions of a tick, and of its commit.
+"""
 
 MEMORY_REACH = {"full": 2048, "cells": 4096, "simplified": 2048}
-"""Bytes of parameters."""
+"""Targets: bytes of parameters."""
 
 
 def _ticks(found: Verification, kind: str) -> list[Row]:
-    """Solve, PIDD2 and commit of one tick together, at their worst."""
+    """Return the rows of solve, PIDD2 and commit of one tick together, worst case."""
     costs = {
         (result.build, cost.part): cost
         for result in found.results
@@ -109,7 +110,7 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
     rows = []
     for part, what, reach in (
         ("tick, rounded", "on a converter's grid of 12 bits", REACH[kind][0]),
-        ("tick", "limits and lost currents included", REACH[kind][1]),
+        ("tick", "with limits and lost currents", REACH[kind][1]),
     ):
         ported, portable = (costs[build, part] for build in ("port header", "portable"))
         rows.append(
@@ -124,9 +125,9 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
 
 
 def _controlled(folder: Path, kind: str) -> Row:
-    """Ticks of a force that is controlled: 100 Hz over most of the range, with noise, moving gap.
+    """Measure ticks of a controlled force: 100 Hz, most of the range, noise, moving gap.
 
-    It comes up from zero within 480 ticks; every current on the converter's grid.
+    The demand rises from zero within 480 ticks; every current is on the converter's grid.
     """
     ticks = np.arange(CONTROLLED_TICKS)
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, ticks.size))
@@ -136,31 +137,31 @@ def _controlled(folder: Path, kind: str) -> Row:
     codes = np.zeros((ticks.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
     codes[:, 0], codes[:, 1] = np.round(2**15 * demand), np.round(2**15 * gap)
     codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
-    most, total = ported_costs(folder, codes)
-    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, most, total, strict=True)]
+    maxima, means = ported_costs(folder, codes)
+    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, maxima, means, strict=True)]
     reach = CONTROLLED_REACH[kind]
     return Row(
-        f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst of a controlled force",
+        f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst tick with a controlled force",
         f"<= {reach[0]} instructions, commit <= {reach[1]}" if reach else "reported",
         ", ".join(texts),
-        None if reach is None else bool(most[2] <= reach[0] and most[1] <= reach[1]),
+        None if reach is None else bool(maxima[2] <= reach[0] and maxima[1] <= reach[1]),
     )
 
 
 PARTS = ("solve", "commit, rounded", "tick, rounded")
-"""Of a step on the converter's grid."""
+"""Measured parts of a step on the converter's grid."""
 
 
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
-    """Return the most and the mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
+    """Return maximum and mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
     places = [COMPENSATOR_RECORD.sections.index(part) for part in PARTS]
-    most, total = np.zeros(3), np.zeros(3)
+    maxima, means = np.zeros(3), np.zeros(3)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as scratch:
         workshop = BuildFolder.create(read_bundle(folder), Path(scratch))
         ported = next(
-            one
-            for one in (order() for order in offer_cortex_m("cortex-m4", workshop).builds)
-            if one.name == "port header"
+            build
+            for build in (order() for order in find_cortex_m_builds("cortex-m4", workshop).builds)
+            if build.name == "port header"
         )
         requests = [Request(START, seed=1)]
         for first in range(0, len(codes), WINDOW_RECORDS):
@@ -173,14 +174,14 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
     clock = replies[-1].sections[0].minimum
     sections = replies[-1].sections
     for i, (part, place) in enumerate(zip(PARTS, places, strict=True)):
-        own = clock * COMPENSATOR_RECORD.clock_calls.get(part, 1)
-        most[i] = sections[place].maximum - own
-        total[i] = sections[place].total / sections[place].count - own
-    return most, total
+        clock_overhead = clock * COMPENSATOR_RECORD.clock_calls.get(part, 1)
+        maxima[i] = sections[place].maximum - clock_overhead
+        means[i] = sections[place].total / sections[place].count - clock_overhead
+    return maxima, means
 
 
 def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
-    """Instructions, cycles and memory of the kinds on all targets, each of its model."""
+    """Return instructions, cycles and memory of the kinds on all targets, each for its model."""
     rows = []
     for kind, model in models.items():
         compiled = _compiled(model, folder, kind)
@@ -192,29 +193,30 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
                 for part in ("solve", "commit, rounded", "commit, other")
             )
             rows.append(Row(f"'{kind}' on {target}, worst case", "reported", reported, None))
-        estimates = [one for one in found.estimates if one.part == "solve"]
+        estimates = [estimate for estimate in found.estimates if estimate.part == "solve"]
         reported = ", ".join(
-            f"{one.cycles} cycles, {one.rate / 1e3:.1f} kHz ({one.prices})" for one in estimates
+            f"{estimate.cycles} cycles, {estimate.rate / 1e3:.1f} kHz ({estimate.prices})"
+            for estimate in estimates
         )
         rows.append(
             Row(f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)", "reported", reported, None)
         )
-        one = next(r for r in found.results if r.target == "cortex-m4")
+        result = next(r for r in found.results if r.target == "cortex-m4")
         tables = compiled.manifest["memory"]["parameters_bytes"]
         rows.append(
             Row(
                 f"'{kind}': mutable state, parameters with tables, stack",
                 f"<= 128 bytes, <= {MEMORY_REACH[kind]} bytes, reported",
-                f"{one.state_bytes + one.control_bytes} bytes with PIDD2, {tables} bytes, "
-                f"{one.stack_measured} bytes",
-                one.state_bytes + one.control_bytes <= 128 and tables <= MEMORY_REACH[kind],
+                f"{result.state_bytes + result.control_bytes} bytes with PIDD2, {tables} bytes, "
+                f"{result.stack_measured} bytes",
+                result.state_bytes + result.control_bytes <= 128 and tables <= MEMORY_REACH[kind],
             )
         )
     return rows
 
 
 def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Row]:
-    """Compare the closed form with Euler steps of the paper, at the same rate."""
+    """Compare the closed form with the paper's Euler steps at the same rate."""
     limits = find_limits(model)
     scales = find_scales(model, limits)
     sizes = TableSizes()
@@ -224,15 +226,15 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
     reported = []
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
-        off = []
+        errors_percent = []
         for kind in ("simplified", "euler"):
             current = FixedTwin(build_block(model, kind, scales, limits, sizes, closed_form=law)).run(
                 demand, scales.gap_high
             )
-            apart = np.abs(current - wanted)[RAMP:]
-            off.append(100.0 * float(apart.max()) / limits.current[1])
+            deviation = np.abs(current - wanted)[RAMP:]
+            errors_percent.append(100.0 * float(deviation.max()) / limits.current[1])
             exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, closed_form=law))
-        reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
+        reported.append(f"{name}: {errors_percent[0]:.3f} against {errors_percent[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):
         if kind == "euler":
@@ -241,7 +243,7 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
         counts.append(f"{kind} {_most(found, 'cortex-m4', 'solve')}")
     return [
         Row(
-            "closed form against one Euler step a sample: worst error of the current",
+            "closed form against one Euler step per sample: worst current error",
             "reported",
             "; ".join(reported) + " of I_max",
             None,
@@ -251,10 +253,10 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
 
 
 def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
-    """Triangles at several samplings, and full-range jumps; a force the widest gap can give.
+    """Return force demands that every gap reaches, N: triangles and full-range jumps.
 
-    They begin with a slow ramp, which is not counted: an Euler step from nothing to a first demand
-    is wrong for ever.
+    They begin with a slow ramp that is not evaluated, because an Euler step from zero to a first
+    demand has a permanent error.
     """
     top = 0.25 * min(scales.demand, limits.demand[1])
     ramp = np.linspace(0.0, 0.05 * top, RAMP)
@@ -267,7 +269,7 @@ def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
 
 
 def rows() -> list[Row]:
-    """Measure everything of this file."""
+    """Return all rows of this module."""
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as name:
         folder = Path(name)
         path, found = chain(folder)

@@ -1,8 +1,9 @@
-"""Drawn irons that keep no turning points: which law a stage takes for them, and what that leaves.
+"""Test the choice of a law for random irons without return-point memory on the single-axis stage.
 
-Widths and shapes are drawn around those of examples/irons; even numbers were looked at before the
-rule was fixed, odd ones were not. Beside them irons of cells and of Preisach, which keep them all.
-The stage of one axis, gains found on the training set-point, one noise seed.
+The parameters of the irons are random values around those of examples/irons. Even numbers were
+inspected before the selection rule was fixed, odd numbers were not. Irons of play cells and of
+Preisach, which have return-point memory, serve as a comparison. The stage has one axis; the gains
+are found on the training set-point; there is one noise seed.
 """
 
 from __future__ import annotations
@@ -33,50 +34,50 @@ COUNTS = {"duhem": 23, "preisach": 6, "cells": 4}
 
 
 def drawn(family: str, number: int) -> dict[str, Any]:
-    """Return the table of an iron."""
+    """Return the table of a random iron, with the keys of a rig file."""
     rng = np.random.default_rng([SEED, number, list(COUNTS).index(family)])
 
-    def log(low: float, high: float) -> float:
+    def log_uniform(low: float, high: float) -> float:
         return float(low * (high / low) ** rng.random())
 
-    def even(low: float, high: float) -> float:
+    def uniform(low: float, high: float) -> float:
         return float(low + (high - low) * rng.random())
 
-    width = log(20.0, 350.0)
-    curve = {"saturation_slow_T": even(0.45, 0.6), "knee_slow_A_per_m": log(2000.0, 6000.0)}
+    width = log_uniform(20.0, 350.0)
+    curve = {"saturation_slow_T": uniform(0.45, 0.6), "knee_slow_A_per_m": log_uniform(2000.0, 6000.0)}
     if family == "preisach":
         return {
             "family": family,
-            "saturation_T": even(1.1, 1.25),
+            "saturation_T": uniform(1.1, 1.25),
             "pinning_A_per_m": width,
-            "pinning_spread": even(0.35, 0.65),
-            "bias_A_per_m": width * log(0.5, 0.9),
-            "bias_by_pinning": even(0.4, 0.9),
+            "pinning_spread": uniform(0.35, 0.65),
+            "bias_A_per_m": width * log_uniform(0.5, 0.9),
+            "bias_by_pinning": uniform(0.4, 0.9),
             "feedback_A_per_m_T": 0.1 * width,
-            "saturation_sharp_T": even(0.1, 0.2),
-            "knee_sharp_A_per_m": width * log(3.0, 6.0),
+            "saturation_sharp_T": uniform(0.1, 0.2),
+            "knee_sharp_A_per_m": width * log_uniform(3.0, 6.0),
         } | curve
-    own = (
+    family_keys = (
         {
             "family": family,
             "coercivity_A_per_m": width,
-            "turning_T": log(0.08, 0.35),
-            "fading": even(0.2, 0.75),
+            "turning_T": log_uniform(0.08, 0.35),
+            "fading": uniform(0.2, 0.75),
         }
         if family == "duhem"
         else {
             "cells": 30,
             "pinning_scale_A_per_m": width,
-            "reversible_fraction": even(0.05, 0.3),
-            "pinning_shape": log(1.0, 3.0),
+            "reversible_fraction": uniform(0.05, 0.3),
+            "pinning_shape": log_uniform(1.0, 3.0),
         }
     )
-    sharp = {"saturation_sharp_T": even(1.1, 1.4), "knee_sharp_A_per_m": width * log(1.0, 3.0)}
-    return own | sharp | curve
+    sharp = {"saturation_sharp_T": uniform(1.1, 1.4), "knee_sharp_A_per_m": width * log_uniform(1.0, 3.0)}
+    return family_keys | sharp | curve
 
 
 def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
-    """Return the moving average that a method leaves, nm; infinite where the loop is lost."""
+    """Return the moving average of the error with a method, nm; infinite if control is lost."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
     motion = scan_motion(scan, scan.test_m_per_s2)
@@ -84,27 +85,27 @@ def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float
 
 
 def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
-    """Return the law that is taken, whether something was said, and what curve, cells and it leave."""
+    """Return the law, whether a warning was given, and the errors of curve, cells and law, nm."""
     rig = with_iron(read_stage(RIG), drawn(*iron))
     loops = measure_loops(rig)
     cells = identify_magnet(loops, rig.settings.loops)
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warnings_given:
         warnings.simplefilter("always", ReturnPointMemoryWarning)
-        taken = identify_stage_magnet(rig, loops)
-    curve, plain = (average(rig, cells, name) for name in ("single-valued", "full"))
-    own = plain if taken.model.law == cells.model.law else average(rig, taken, "full")
-    return taken.model.law, bool(said), curve, plain, own
+        chosen = identify_stage_magnet(rig, loops)
+    curve_error, cells_error = (average(rig, cells, name) for name in ("single-valued", "full"))
+    chosen_error = cells_error if chosen.model.law == cells.model.law else average(rig, chosen, "full")
+    return chosen.model.law, bool(warnings_given), curve_error, cells_error, chosen_error
 
 
 def rows() -> list[Row]:
-    """Return a line an iron, and one of all."""
+    """Return a row for each iron."""
     irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
-    found = []
+    result_rows = []
     for (family, number), (law, said, curve, plain, own) in zip(
         irons, map_ordered(judged, irons), strict=True
     ):
-        text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, taken {own:.3g} nm"
+        text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, chosen law {own:.3g} nm"
         helped = own <= min(curve, plain) if math.isfinite(own) else None
         what = f"{family} {number}{' (unseen)' * (number % 2)}: moving average"
-        found.append(Row(what, "no worse than curve and cells, or warned", text, helped or said))
-    return found
+        result_rows.append(Row(what, "not worse than curve and cells, or warned", text, helped or said))
+    return result_rows

@@ -1,8 +1,8 @@
-"""Drawn virtual measurements: 200 magnets and rings of six families of iron, and what tests a model.
+"""Generate 200 random virtual measurements of magnets and rings, and noise-free test records.
 
-Ranges and seed stand in ``drawn.toml``, the irons in ``drawn_irons.py``. ``draw(number)`` gives one.
-All are computed at once and kept in ``build/`` under a hash of what they are made from;
-``python benchmarks/drawn.py`` lists those with an even number.
+``drawn.toml`` defines ranges and seed, ``drawn_irons.py`` the six families of iron.
+``draw(number)`` returns one measurement. All are computed together and cached in ``build/`` under a
+hash of their sources. ``python benchmarks/drawn.py`` lists those with an even number.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from rows import ROOT
 COUNT: int = SETTINGS["count"]
 
 CYCLES = 3
-"""Before a record: of all of it, or of the same loop."""
+"""Number of cycles before a record: of the whole range, or of the same loop."""
 
 _MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
 
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """A record to test a model with: what the sensors would read without noise.
+    """A record for testing a model: sensor readings without noise.
 
     Parameters
     ----------
     kind : str
-        ``same``: the loops that were fitted, at a gap between; ``unseen``: random reversals there;
-        ``moving``: a gap that moves under random reversals; ``small``: small cycles about a bias;
-        ``other``: random reversals where loops were measured.
+        ``same``: the fitted loops at a gap between; ``unseen``: random reversals at that gap;
+        ``moving``: a gap that moves during random reversals; ``small``: small cycles about a bias;
+        ``other``: random reversals at measured gaps.
     input, output : ndarray, shape (n,)
-        SI.
+        Input and output, SI units.
     schedule : ndarray, shape (n,), or None
         Gap, m.
     history : History
     counted : ndarray of bool, shape (n,)
-        Where the record is what its kind says, not on the way there.
+        Samples that belong to the kind; False on the way to them.
     """
 
     kind: str
@@ -70,9 +70,9 @@ class Draw:
     number : int
     family : str
     true : mapping of str to Any
-        What was drawn.
+        The sampled parameters.
     loops : Loops
-        As measured.
+        The loops as measured.
     tests : tuple of Test
     """
 
@@ -85,12 +85,12 @@ class Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Record:
-    """What is driven: turning points before, then samples; and how it is called."""
+    """The reversal points before a record, its samples and its name."""
 
     kind: str
     label: str
     lead: tuple[float, ...]
-    history: str  # settled, demagnetised, conditioned; of the lead only what a user would state
+    history: str  # settled, demagnetised or conditioned
     stated: tuple[float, ...]
     current: FloatArray
     gap: FloatArray
@@ -99,7 +99,7 @@ class _Record:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A magnet, its iron, and all its records, before any is computed."""
+    """A magnet, its iron and all its records before their computation."""
 
     number: int
     family: str
@@ -111,15 +111,15 @@ class _Plan:
     def jobs(self) -> list[Job]:
         """Return the paths of all records."""
         found = []
-        for one in self.records:
-            lead = np.array(one.lead)
-            gap = np.concatenate([np.full(lead.size, one.gap[0]), one.gap])
-            found.append(Job(self.iron, self.core, np.concatenate([lead, one.current]), gap))
+        for record in self.records:
+            lead = np.array(record.lead)
+            gap = np.concatenate([np.full(lead.size, record.gap[0]), record.gap])
+            found.append(Job(self.iron, self.core, np.concatenate([lead, record.current]), gap))
         return found
 
 
 def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
-    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops."""
+    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops, m."""
     field = magnet["saturating"] * true["knee_sharp"]
     density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
     area = magnet["force_N"] * MU_0 / density**2
@@ -153,7 +153,7 @@ def _gaps(magnet: dict[str, Any], least: float) -> FloatArray:
 
 
 def _sweep(ends: list[float], step: float) -> FloatArray:
-    """Return straight lines from end to end, evenly sampled."""
+    """Return straight ramps between points, evenly sampled."""
     parts = [np.array(ends[:1])]
     for start, end in pairwise(ends):
         count = max(6, round(abs(end - start) / step))
@@ -164,7 +164,7 @@ def _sweep(ends: list[float], step: float) -> FloatArray:
 def _ranges(
     drive: dict[str, Any], ring: bool, top: float, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Return the ends of the loops at every gap, the largest first."""
+    """Return the limits of the loops at every gap, the largest loop first."""
     both = ring or drive["bipolar"]
     found = [(-top if both else 0.0, top)]
     for _ in range(drive["ring_loops" if ring else "loops"] - 1):
@@ -210,7 +210,7 @@ def _tests(
     plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, top: float,
     rng: np.random.Generator,
 ) -> list[_Record]:  # fmt: skip
-    """Return the records that models are tested with; each after cycles of the whole range."""
+    """Return the test records; each starts after cycles of the whole range."""
     drive, ranges = plan
     tests, (low, high) = SETTINGS["tests"], ranges[0]
     step = (high - low) / tests["samples"]
@@ -229,7 +229,7 @@ def _tests(
     found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
     for gap in unseen:
         found.append(path("unseen", reversals(tests["turns"]), gap))
-        found += [replace(one, kind="same") for one in _measured(drive, ranges, gap, rng)]
+        found += [replace(record, kind="same") for record in _measured(drive, ranges, gap, rng)]
     swing = 0.5 * tests["small"] * top
     for bias in tests["biases"]:
         middle, gap = bias * top, float((unseen or gaps)[-1])
@@ -237,10 +237,10 @@ def _tests(
         ends = [middle - swing, *tests["small_cycles"] * [middle + swing, middle - swing]]
         found.append(path("small", ends, gap, there))
     if gaps.size > 1:
-        one = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
-        turn = 2.0 * np.pi * tests["moving_cycles"] / (one.current.size - 1.0)
-        part = 0.5 - 0.5 * np.cos(turn * np.arange(one.current.size))
-        found.append(replace(one, gap=gaps[0] + (gaps[-1] - gaps[0]) * part))
+        record = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
+        turn = 2.0 * np.pi * tests["moving_cycles"] / (record.current.size - 1.0)
+        part = 0.5 - 0.5 * np.cos(turn * np.arange(record.current.size))
+        found.append(replace(record, gap=gaps[0] + (gaps[-1] - gaps[0]) * part))
     return found
 
 
@@ -252,7 +252,7 @@ def _plan(number: int) -> _Plan:
     core, gaps = _core(magnet, true)
     top = magnet["current_A"]
     ranges = _ranges(drive, core.ring, top, rng)
-    records = [one for gap in gaps for one in _measured(drive, ranges, float(gap), rng)]
+    records = [record for gap in gaps for record in _measured(drive, ranges, float(gap), rng)]
     records += _tests((drive, ranges), gaps, top, rng)
     drawn = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
     return _Plan(number, family, drawn, core, iron, records)
@@ -268,7 +268,7 @@ def _hash() -> str:
 
 @cache
 def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
-    """Return all plans, and what each of their records gives; from ``build/`` where they are kept."""
+    """Return all plans and the responses of their records, cached in ``build/``."""
     plans = [_plan(number) for number in range(COUNT)]
     sizes = [job.current.size for plan in plans for job in plan.jobs()]
     kept = ROOT / "build" / f"drawn-{_hash()}.npy"
@@ -276,7 +276,7 @@ def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
         every = np.load(kept)
     else:
         found = answers([job for plan in plans for job in plan.jobs()])
-        every = np.concatenate([np.stack(one) for one in found], axis=1)
+        every = np.concatenate([np.stack(responses) for responses in found], axis=1)
         kept.parent.mkdir(exist_ok=True)
         np.save(kept, every)
     pieces = iter(np.split(every, np.cumsum(sizes)[:-1], axis=1))
@@ -290,17 +290,17 @@ def draw(number: int) -> Draw:
 
 
 def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> Draw:
-    """Read what a plan gives with its sensors."""
+    """Apply the sensors of a plan to its responses."""
     sensors, magnet, ring = plan.true["sensors"], plan.true["magnet"], plan.core.ring
     field = ring and magnet["ring_flux_density"]
     poles = plan.core.poles
-    unit = poles.turns / poles.iron_length if field else 1.0  # of the input for each A
+    unit = poles.turns / poles.iron_length if field else 1.0  # input per ampere
     outputs, spans = [], []
-    for one, answer in zip(plan.records, found, strict=True):
-        linkage, flux = (values[len(one.lead):] for values in answer)  # fmt: skip
-        output = linkage if ring else plan.core.pull(flux, one.gap)
+    for record, answer in zip(plan.records, found, strict=True):
+        linkage, flux = (values[len(record.lead):] for values in answer)  # fmt: skip
+        output = linkage if ring else plan.core.pull(flux, record.gap)
         outputs.append(output / (poles.turns * poles.area) if field else output)
-        spans.append(float(np.max(np.abs(outputs[-1]))) if not one.kind else 0.0)
+        spans.append(float(np.max(np.abs(outputs[-1]))) if not record.kind else 0.0)
     span, top = max(spans), unit * magnet["current_A"]
     zeros = (sensors["current_offset"] * top * sensors["offsets"],
              sensors["output_offset"] * span * sensors["offsets"])  # fmt: skip
@@ -308,16 +308,16 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
     if sensors["noiseless"]:
         noise = (0.0, 0.0)
     loops, tests, clock = [], [], 0.0
-    for one, output in zip(plan.records, outputs, strict=True):
-        true_input, read = unit * one.current + zeros[0], output + zeros[1]
-        history = History(one.history, tuple(unit * point + zeros[0] for point in one.stated))  # type: ignore[arg-type]
-        gap = None if ring else one.gap
-        if one.kind:
-            counted = np.arange(read.size) >= one.since
-            if one.kind == "moving":
-                where = (float(one.gap[0]),) * len(one.stated)
+    for record, output in zip(plan.records, outputs, strict=True):
+        true_input, read = unit * record.current + zeros[0], output + zeros[1]
+        history = History(record.history, tuple(unit * point + zeros[0] for point in record.stated))  # type: ignore[arg-type]
+        gap = None if ring else record.gap
+        if record.kind:
+            counted = np.arange(read.size) >= record.since
+            if record.kind == "moving":
+                where = (float(record.gap[0]),) * len(record.stated)
                 history = replace(history, schedule=where)
-            tests.append(Test(one.kind, true_input, read, gap, history, counted))
+            tests.append(Test(record.kind, true_input, read, gap, history, counted))
             continue
         seen = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
         read = read + rng.normal(0.0, 1.0, read.size) * noise[1]
@@ -327,7 +327,7 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
             seen = step * np.round(seen / step)
         time = clock + 0.01 * np.arange(read.size) if plan.true["drive"]["clock"] else None
         clock += 0.01 * read.size + 1.0
-        loops.append(Loop(one.label, seen, read, gap, time, history))
+        loops.append(Loop(record.label, seen, read, gap, time, history))
     names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
     read = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])

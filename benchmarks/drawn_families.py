@@ -1,4 +1,4 @@
-"""The irons of drawn magnets: from the ranges of ``drawn.toml`` to what ``drawn_irons.py`` computes."""
+"""Sample random irons from the ranges of ``drawn.toml`` for the models of ``drawn_irons.py``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Numbers = dict[str, float]
 
 
 def from_ranges(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    """Draw all numbers of a table; each takes one number of the generator."""
+    """Sample all parameters of a table; each uses one value of the random generator."""
     found: dict[str, Any] = {}
     for name, rule in table.items():
         (kind, values), part = next(iter(rule.items())), float(rng.random())
@@ -38,17 +38,17 @@ def from_ranges(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str,
 
 
 def _curve(rng: np.random.Generator) -> Numbers:
-    one = from_ranges(SETTINGS["curve"], rng)
+    values = from_ranges(SETTINGS["curve"], rng)
     return {
-        "saturation_sharp": one["saturation_sharp"],
-        "knee_sharp": one["knee_A_per_m"],
-        "saturation_slow": one["saturation_slow"],
-        "knee_slow": one["knee_A_per_m"] * one["slow_by_sharp"],
+        "saturation_sharp": values["saturation_sharp"],
+        "knee_sharp": values["knee_A_per_m"],
+        "saturation_slow": values["saturation_slow"],
+        "knee_slow": values["knee_A_per_m"] * values["slow_by_sharp"],
     }
 
 
 def _keys(curve: Numbers) -> dict[str, Any]:
-    """Return a curve by the keys of a rig file."""
+    """Return the parameters of a curve with the keys of a rig file."""
     return {
         f"{name}_{'T' if name.startswith('saturation') else 'A_per_m'}": value
         for name, value in curve.items()
@@ -56,10 +56,10 @@ def _keys(curve: Numbers) -> dict[str, Any]:
 
 
 def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
-    curve, one = _curve(rng), from_ranges(SETTINGS["cells"], rng)
-    shape = one["shape"]
-    pinning = curve["knee_sharp"] * one["pinning_by_knee"]
-    free, further = one["reversible"], one["further_share"]
+    curve, values = _curve(rng), from_ranges(SETTINGS["cells"], rng)
+    shape = values["shape"]
+    pinning = curve["knee_sharp"] * values["pinning_by_knee"]
+    free, second_fraction = values["reversible"], values["further_share"]
     first = CellSteel(
         cells=_CELLS,
         reversible_fraction=free,
@@ -67,41 +67,41 @@ def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         pinning_shape=shape,
         **_keys(curve),
     )
-    further_pinning = {"pinning_scale_A_per_m": pinning * one["further_by_first"]}
-    other = first.model_copy(update=further_pinning)
-    both = np.concatenate([first.thresholds, other.thresholds[1:]])
+    second_pinning = {"pinning_scale_A_per_m": pinning * values["further_by_first"]}
+    second = first.model_copy(update=second_pinning)
+    thresholds = np.concatenate([first.thresholds, second.thresholds[1:]])
     weights = np.concatenate(
-        [first.weights[:1], (1.0 - further) * first.weights[1:], further * other.weights[1:]]
+        [first.weights[:1], (1.0 - second_fraction) * first.weights[1:], second_fraction * second.weights[1:]]
     )
-    order = np.argsort(both)
-    return Steel(first.plant_parameters(), both[order], weights[order]), curve | one
+    order = np.argsort(thresholds)
+    return Steel(first.plant_parameters(), thresholds[order], weights[order]), curve | values
 
 
 def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
-    one = from_ranges(SETTINGS["preisach"], rng)
-    pinning, relays = one["pinning_A_per_m"], one["saturation"]
-    knee = pinning * one["knee_by_pinning"]
+    values = from_ranges(SETTINGS["preisach"], rng)
+    pinning, relays = values["pinning_A_per_m"], values["saturation"]
+    knee = pinning * values["knee_by_pinning"]
     steel = PreisachSteel(
         family="preisach",
         saturation_T=relays,
         pinning_A_per_m=pinning,
-        pinning_spread=one["pinning_spread"],
-        bias_A_per_m=pinning * one["bias_by_pinning_0"],
-        bias_by_pinning=one["bias_by_pinning"],
+        pinning_spread=values["pinning_spread"],
+        bias_A_per_m=pinning * values["bias_by_pinning_0"],
+        bias_by_pinning=values["bias_by_pinning"],
         feedback_A_per_m_T=0.0,
-        saturation_sharp_T=relays * one["sharp_part"],
+        saturation_sharp_T=relays * values["sharp_part"],
         knee_sharp_A_per_m=knee,
-        saturation_slow_T=relays * one["slow_part"],
-        knee_slow_A_per_m=knee * one["slow_by_sharp"],
+        saturation_slow_T=relays * values["slow_part"],
+        knee_slow_A_per_m=knee * values["slow_by_sharp"],
     )
-    # A part of what it bears: the largest is found by what the steel refuses.
+    # The feedback is a fraction of the largest value that the steel accepts, found by bisection.
     low, high = 0.0, 4.0 * pinning / relays
     for _ in range(6):
         middle = 0.5 * (low + high)
         tried = steel.model_copy(update={"feedback_A_per_m_T": middle})
         low, high = (middle, high) if _bears(tried) else (low, middle)
-    steel = steel.model_copy(update={"feedback_A_per_m_T": one["feedback"] * low})
-    return steel.make_steel(), one | {"knee_sharp": steel.knee, "saturation_sharp": relays}
+    steel = steel.model_copy(update={"feedback_A_per_m_T": values["feedback"] * low})
+    return steel.make_steel(), values | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 
 
 def _bears(steel: PreisachSteel | DuhemSteel) -> bool:
@@ -113,51 +113,51 @@ def _bears(steel: PreisachSteel | DuhemSteel) -> bool:
 
 
 def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
-    while True:  # some numbers make no iron
-        curve, one = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
-        coercivity = one["coercivity_by_knee"] * curve["knee_sharp"]
+    while True:  # some combinations are not a valid iron
+        curve, values = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
+        coercivity = values["coercivity_by_knee"] * curve["knee_sharp"]
         steel = DuhemSteel.model_construct(
             family="duhem",
             coercivity_A_per_m=coercivity,
-            turning_T=one["turning"],
-            fading=one["fading"],
+            turning_T=values["turning"],
+            fading=values["fading"],
             **_keys(curve),
         )
         if _bears(steel):
-            return steel.make_steel(), curve | one
+            return steel.make_steel(), curve | values
 
 
 _PLANT = {"cells": _cells, "preisach": _preisach, "duhem": _duhem}
 
 
 def draw_iron(family: str, rng: np.random.Generator) -> tuple[Iron, dict[str, Any]]:
-    """Draw an iron; what was drawn names a saturation and a knee, which the magnet is sized by."""
+    """Sample an iron; its parameters include saturation and knee, which size the magnet."""
     true: dict[str, Any]
     if family in _PLANT:
         steel, true = _PLANT[family](rng)
         return PlantIron(steel), true
-    one = from_ranges(SETTINGS[family], rng)
+    values = from_ranges(SETTINGS[family], rng)
     if family == "series":
-        (first, core), (second, armature) = (_PLANT[one[name]](rng) for name in ("core", "armature"))
-        true = {"core_iron": core, "armature_iron": armature, **one}
+        (first, core), (second, armature) = (_PLANT[values[name]](rng) for name in ("core", "armature"))
+        true = {"core_iron": core, "armature_iron": armature, **values}
         true["knee_sharp"] = max(core["knee_sharp"], armature["knee_sharp"])
         true["saturation_sharp"] = min(core["saturation_sharp"], armature["saturation_sharp"])
-        return SeriesIron(first, second, one["length_part"], one["area_ratio"]), true
+        return SeriesIron(first, second, values["length_part"], values["area_ratio"]), true
     if family == "tellinen":
         curve = _curve(rng)
-        coercivity = one["coercivity_by_knee"] * curve["knee_sharp"]
+        coercivity = values["coercivity_by_knee"] * curve["knee_sharp"]
         return TellinenIron(
             coercivity, curve["saturation_sharp"], curve["knee_sharp"],
             curve["saturation_slow"], curve["knee_slow"],
-        ), curve | one  # fmt: skip
-    width = one["width_A_per_m"]
-    friction = one["friction_by_width"] * width
+        ), curve | values  # fmt: skip
+    width = values["width_A_per_m"]
+    friction = values["friction_by_width"] * width
     langevin = LangevinIron(
-        narrow=one["saturation"] * (1.0 - one["wide_part"]),
+        narrow=values["saturation"] * (1.0 - values["wide_part"]),
         width=width,
-        wide=one["saturation"] * one["wide_part"],
-        width_wide=width * one["wide_by_narrow"],
+        wide=values["saturation"] * values["wide_part"],
+        width_wide=width * values["wide_by_narrow"],
         friction=friction,
-        way=friction * one["way_by_friction"],
+        way=friction * values["way_by_friction"],
     )
-    return langevin, one | {"knee_sharp": 2.0 * width, "saturation_sharp": one["saturation"]}
+    return langevin, values | {"knee_sharp": 2.0 * width, "saturation_sharp": values["saturation"]}

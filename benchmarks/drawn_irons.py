@@ -1,9 +1,9 @@
-"""Six families of iron in a magnetic circuit, each computed otherwise than by the laws of the package.
+"""Simulate six families of iron in a magnetic circuit, without the laws of the package.
 
-Cells, Preisach and Duhem irons are the plant's; two of these in series, with leakage between them, are
-solved here, and so are an iron of Tellinen's and one of Langevin's curve with friction in the field.
-A path may be of any length without a turn: the last two go along it in fine steps, all paths of all
-magnets together.
+Irons of play cells, Preisach and Duhem are those of the plant. This module computes two of these in
+series with leakage between them, an iron of Tellinen and an iron with Langevin curves and friction
+in the field. Path segments between reversals may have any length. The last two families are
+integrated in fine steps, all paths of all magnets together.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.magnet import Poles, circuit_parameters
 
 FINE = 1500
-"""Steps over the whole range of the excitation, of irons that are integrated."""
+"""Number of integration steps over the whole range of the excitation."""
 
 _COLUMNS = 256
 _CLOSE = 1e-9  # T
@@ -30,13 +30,13 @@ _ITERATIONS = 100
 
 @dataclass(frozen=True)
 class Core:
-    """A two-pole magnet in front of an armature, or, with no reluctance at any gap, a ring."""
+    """A two-pole magnet with an armature or, with zero reluctance at any gap, a ring."""
 
     poles: Poles
     ring: bool = False
 
     def outer(self, gap: FloatArray) -> FloatArray:
-        """Return the reluctance that the flux of the iron passes outside it, 1/H."""
+        """Return the reluctance outside the iron for its flux, 1/H."""
         if self.ring:
             return np.zeros(gap.size)
         poles = self.poles
@@ -48,14 +48,14 @@ class Core:
         return np.asarray(2.0 * gap / (MU_0 * (poles.width + gap) * (poles.depth + gap)))
 
     def pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the force, N, of a flux through the working gaps."""
+        """Return the force of a flux through the working gaps, N."""
         width, depth = self.poles.width, self.poles.depth
         area = (width + gap) * (depth + gap)
         return flux * flux / (MU_0 * area) * (1.0 - gap * (width + depth + 2.0 * gap) / area)
 
 
 class Job(NamedTuple):
-    """A path from the demagnetised state on, of a core with an iron."""
+    """A path of a core with an iron, starting demagnetised."""
 
     iron: Iron
     core: Core
@@ -64,7 +64,7 @@ class Job(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a path gives: flux linkage of the winding, Wb, and flux through the working gaps, Wb."""
+    """The response to a path: flux linkage of the winding and flux through the working gaps, Wb."""
 
     linkage: FloatArray
     flux: FloatArray
@@ -77,7 +77,7 @@ class PlantIron:
     steel: Steel
 
     def answer(self, core: Core, current: FloatArray, gap: FloatArray) -> Answer:
-        """Follow a path."""
+        """Compute the fluxes along a path."""
         poles = core.poles
         if core.ring:
             density = Piece(self.steel).run(poles.turns * current / poles.iron_length)[:, 1]
@@ -90,9 +90,9 @@ class PlantIron:
 
 @dataclass(frozen=True)
 class SeriesIron:
-    """Core and armature of irons of their own; leakage takes its flux between them.
+    """Core and armature of different irons with a leakage path between them.
 
-    The joints are those of the armature.
+    The joints belong to the armature.
     """
 
     first: Steel
@@ -101,7 +101,7 @@ class SeriesIron:
     area_ratio: float
 
     def answer(self, core: Core, current: FloatArray, gap: FloatArray) -> Answer:
-        """Follow a path: at every sample one equation in the field of the armature."""
+        """Compute the fluxes along a path; solve for the armature's field at each sample."""
         poles = core.poles
         area = self.area_ratio * poles.area
         lengths = ((1.0 - self.length_part) * poles.iron_length,
@@ -117,52 +117,52 @@ class SeriesIron:
 
 
 def _in_series(pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float, ...]) -> tuple[float, float]:
-    """Move both pieces to where their fluxes fit together; return their flux densities."""
+    """Solve for fields with consistent fluxes, move both pieces, return flux densities, T."""
     first, second = pieces
     length_1, length_2, area_1, area_2, leakage, outer = circuit
     field, low, high = second.field, -np.inf, np.inf
     stride = 1.0 + abs(field)
     for _ in range(_ITERATIONS):
         density_2, slope_2 = second.flux_density(field)
-        across = length_2 * field + outer * area_2 * density_2
-        other = (driven - across) / length_1
-        density_1, slope_1 = first.flux_density(other)
-        left = area_1 * density_1 - leakage * across - area_2 * density_2
-        if abs(left) <= _CLOSE * area_1:
+        magnetic_voltage = length_2 * field + outer * area_2 * density_2
+        core_field = (driven - magnetic_voltage) / length_1
+        density_1, slope_1 = first.flux_density(core_field)
+        residual = area_1 * density_1 - leakage * magnetic_voltage - area_2 * density_2
+        if abs(residual) <= _CLOSE * area_1:
             break
-        low, high = (field, high) if left > 0.0 else (low, field)
+        low, high = (field, high) if residual > 0.0 else (low, field)
         rises = length_2 + outer * area_2 * slope_2
         falls = rises * (area_1 * slope_1 / length_1 + leakage) + area_2 * slope_2
-        trial = field + left / falls
+        trial = field + residual / falls
         if not low < trial < high:
             ends = (low if np.isfinite(low) else high - stride,
                     high if np.isfinite(high) else low + stride)  # fmt: skip
             trial, stride = 0.5 * (ends[0] + ends[1]), 2.0 * stride
         field = trial
-    first.commit(other)
+    first.commit(core_field)
     second.commit(field)
     return density_1, density_2
 
 
 class Material(Protocol):
-    """Many irons at once, all demagnetised at first."""
+    """Many irons at the same time, all initially demagnetised."""
 
     def polarisation(self, field: FloatArray) -> FloatArray:
-        """Return it where the irons are, T."""
+        """Return the polarisation of the present states at a field, T."""
 
     def slope(self, field: FloatArray, way: FloatArray, ahead: FloatArray) -> FloatArray:
-        """Return that of the polarisation over the field, a little ahead on the way."""
+        """Return the slope of the polarisation over the field, `ahead` (A/m) in a direction."""
 
     def move(self, field: FloatArray, to: FloatArray) -> None:
-        """Go from a field to another without a turn."""
+        """Move from a field to another without a reversal."""
 
 
 @dataclass(frozen=True)
 class TellinenIron:
-    """An iron that follows its outermost branch by as much as it has left of the way to the other.
+    """An iron whose slope is scaled from the major branch by the distance to the other branch.
 
-    After Tellinen (IEEE Trans. Magn. 34, 1998): on a rising field ``dJ/dH = J_up'(H) *
-    (J_down(H) - J)/(J_down(H) - J_up(H))``, and likewise on a falling one. Both branches are one curve,
+    After Tellinen (IEEE Trans. Magn. 34, 1998): on a rising field ``dJ/dH = J_up'(H) * (J_down(H) -
+    J)/(J_down(H) - J_up(H))``, and similarly on a falling one. Both branches are the same curve,
     shifted by the coercivity.
     """
 
@@ -174,7 +174,7 @@ class TellinenIron:
 
 
 class _Tellinen:
-    """Many of them."""
+    """Many irons of Tellinen at the same time."""
 
     def __init__(self, table: FloatArray) -> None:
         self._coercivity, self._sharp, self._knee, self._slow, self._knee_slow = table.T
@@ -188,7 +188,7 @@ class _Tellinen:
         return curve, slope
 
     def _rate(self, field: FloatArray, way: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the other branch, and how fast the way to it is used up, for each A/m."""
+        """Return the opposite branch, T, and the relative decrease of its distance, m/A."""
         other, _ = self._curve(field + way * self._coercivity)
         own, slope = self._curve(field - way * self._coercivity)
         return other, slope / (other - own)
@@ -215,10 +215,10 @@ class _Tellinen:
 
 @dataclass(frozen=True)
 class LangevinIron:
-    """Two of Langevin's curves: a wide one of the field, and one behind friction in the field.
+    """Sum of a wide Langevin curve of the field and a narrow one with friction in the field.
 
-    The friction is Dahl's, ``dz/dH = (sign(dH)*friction - z)/way``: the narrow curve is that of
-    ``H - z``.
+    The friction is that of Dahl, ``dz/dH = (sign(dH)*friction - z)/way``; the argument of the
+    narrow curve is ``H - z``.
     """
 
     narrow: float
@@ -230,7 +230,7 @@ class LangevinIron:
 
 
 class _Langevin:
-    """Many of them."""
+    """Many Langevin irons at the same time."""
 
     def __init__(self, table: FloatArray) -> None:
         (self._narrow, self._width, self._wide, self._width_wide, self._friction,
@@ -262,7 +262,7 @@ Iron = PlantIron | SeriesIron | TellinenIron | LangevinIron
 
 
 def answers(jobs: Sequence[Job]) -> list[Answer]:
-    """Follow all paths, of whatever iron."""
+    """Compute the responses to all paths, for irons of all families."""
     found: dict[int, Answer] = {}
     kinds: tuple[tuple[type, Callable[[FloatArray], Material]], ...] = (
         (TellinenIron, _Tellinen),
@@ -282,7 +282,7 @@ def answers(jobs: Sequence[Job]) -> list[Answer]:
 
 
 def _fine(job: Job) -> tuple[FloatArray, FloatArray]:
-    """Return a path in fine steps of the current, from zero on, and the places of its samples."""
+    """Return sample positions of a path in fine steps from zero, and the samples' indices."""
     whole = float(np.ptp(np.concatenate([[0.0], job.current])))
     steps = np.abs(np.diff(job.current, prepend=0.0))
     counts = np.maximum(1, np.ceil(steps / whole * FINE)).astype(int)
@@ -293,10 +293,10 @@ def _fine(job: Job) -> tuple[FloatArray, FloatArray]:
 
 
 def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job]) -> list[Answer]:
-    """Follow many paths at once.
+    """Integrate many paths at the same time.
 
-    A step goes to where the excitation is met with the slope in its middle; what is left of it is
-    part of the next step.
+    A step reaches the excitation with the slope at its midpoint; the next step includes the
+    residual.
     """
     paths = [_fine(job) for job in jobs]
     most = max(at.size for at, _ in paths)
@@ -312,29 +312,29 @@ def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job])
     length = np.array([job.core.poles.iron_length for job in jobs])
     irons = material(np.array([astuple(job.iron) for job in jobs]))
     density = _follow(irons, length, excitation, outer)
-    found = []
+    results = []
     for column, (job, (_, ends)) in enumerate(zip(jobs, paths, strict=True)):
         core, poles = job.core, job.core.poles
         flux = poles.area * density[ends, column]
-        beside = 1.0 if core.ring else 1.0 / (1.0 + poles.leakage * core.gaps(job.gap))
-        found.append(Answer(poles.turns * flux, flux * beside))
-    return found
+        gap_fraction = 1.0 if core.ring else 1.0 / (1.0 + poles.leakage * core.gaps(job.gap))
+        results.append(Answer(poles.turns * flux, flux * gap_fraction))
+    return results
 
 
 def _follow(irons: Material, length: FloatArray, excitation: FloatArray, outer: FloatArray) -> FloatArray:
     """Return the flux density in the iron at every step, T."""
     field = np.zeros(length.size)
-    found = np.zeros(excitation.shape)
+    densities = np.zeros(excitation.shape)
     for place in range(1, len(excitation)):
-        around = outer[place]
-        left = excitation[place] - length * field
-        left -= around * (MU_0 * field + irons.polarisation(field))
-        way = np.where(left >= 0.0, 1.0, -1.0)
-        ahead = np.zeros(length.size)
+        outer_reluctance = outer[place]
+        residual = excitation[place] - length * field
+        residual -= outer_reluctance * (MU_0 * field + irons.polarisation(field))
+        direction = np.where(residual >= 0.0, 1.0, -1.0)
+        field_step = np.zeros(length.size)
         for part in (0.5, 1.0):
-            slope = MU_0 + irons.slope(field, way, ahead)
-            ahead = part * left / (length + around * slope)
-        irons.move(field, field + ahead)
-        field = field + ahead
-        found[place] = MU_0 * field + irons.polarisation(field)
-    return found
+            slope = MU_0 + irons.slope(field, direction, field_step)
+            field_step = part * residual / (length + outer_reluctance * slope)
+        irons.move(field, field + field_step)
+        field = field + field_step
+        densities[place] = MU_0 * field + irons.polarisation(field)
+    return densities

@@ -1,7 +1,7 @@
-"""The bearing with irons of all families: both laws and the strongest baseline in the same loops.
+"""Compare both laws and the strongest baseline on the bearing, with irons of all families.
 
-The irons are those of ``examples/bearing`` and ``examples/irons``. What a controller knows of each is
-what the rig's own sensors measured of it. ``python benchmarks/families.py`` prints every step.
+The irons are those of ``examples/bearing`` and ``examples/irons``. Each controller knows only the
+loops that the rig's sensors measured. ``python benchmarks/families.py`` prints every step.
 """
 
 from __future__ import annotations
@@ -38,43 +38,44 @@ BUNDLED = "cells"
 CELLS, PAPER = "play-cells", "effective-field"
 
 WORSE = 0.05
-"""Points of overshoot by which `full` may be worse than the strongest baseline."""
+"""Target: percentage points by which the overshoot of `full` may exceed that of the best baseline.
+"""
 
 HALF = 0.5
-"""Force error on the slow triangle over that of the best single-valued curve."""
+"""Target: ratio of the force error on the slow triangle to that of the best single-valued curve."""
 
 DRIFT = 0.05
-"""Of a force that is held for :data:`SECONDS`, % of the largest."""
+"""Target: drift of a force that is held for :data:`SECONDS`, % of the largest force."""
 
 SECONDS = 60
 RATE = 20e3
 LEVELS = (0.2, 0.5, 0.8)
-"""Held forces, in parts of the largest that all gaps reach."""
+"""Held forces, relative to the largest force that all gaps reach."""
 
 NARROW = 0.02
-"""Of the pinning, where hardly any hysteresis is left."""
+"""Factor on the pinning that leaves almost no hysteresis."""
 
 SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
 @dataclass(frozen=True)
 class Tried:
-    """One iron behind the gains of the example.
+    """Results of one iron with the gains of the example.
 
     Parameters
     ----------
     name : str
     steps : mapping of str to sequence of StepCell
         By variant, one for each height. ``paper`` is `full` with the law of the paper; ``without
-        hysteresis`` the best single-valued curve where the iron has hardly any.
+        hysteresis`` is the best single-valued curve on an iron with almost no hysteresis.
     triangle : mapping of str to float
-        Force error on the slow triangle, rms, N; not a number where the armature was lost.
+        Rms force error on the slow triangle, N; NaN if the armature was lost.
     first : mapping of str to float
-        The same where first magnetisation was measured too.
-    drift : mapping of str to tuple of float
-        Of a held force over a minute, % of the largest: of the iron, and of the model instead.
+        The same errors if the initial magnetisation curve was measured too, N.
+    drift : tuple of float
+        Drift of a held force over a minute, % of the largest: of the iron, and of the model.
     refused : str
-        Why the law of the paper could not be compiled; empty where it was.
+        Reason why the law of the paper could not be compiled; empty if it was compiled.
     """
 
     name: str
@@ -86,18 +87,18 @@ class Tried:
 
 
 def rigs() -> dict[str, BodyRig]:
-    """Return the bearing with every iron; the first has its own."""
+    """Return the bearing with every iron; the first has the iron of the example."""
     rig, _ = read()
     others = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
     return {BUNDLED: rig, **others}
 
 
 def with_first(rig: BodyRig, loops: Loops) -> Loops:
-    """Return loops with a record more at every gap, which begins demagnetised."""
+    """Return loops with an additional record at every gap, which begins demagnetised."""
     fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
     more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
-    return loops.with_loops([*loops.loops, *(one for one in more if record in one.label)])
+    return loops.with_loops([*loops.loops, *(loop for loop in more if record in loop.label)])
 
 
 def _setups(
@@ -113,7 +114,7 @@ def _setups(
 
 
 def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> BearingSetup | str:
-    """Fit `full` with the law of the paper, or report why it cannot be."""
+    """Fit `full` with the law of the paper, or return the reason why this is impossible."""
     knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
     try:
         return make_setup(rig, controller.settings, knowledge, "full", "fixed")
@@ -122,7 +123,7 @@ def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Bearing
 
 
 def _unpinned(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
-    """Fit the best single-valued curve to hardly any hysteresis: what the loop itself overshoots."""
+    """Fit the best single-valued curve to an iron with almost no hysteresis, as a reference."""
     soft = change_iron(rig, None, NARROW)
     knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
     return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
@@ -132,7 +133,7 @@ def _triangle(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[s
     still = quiet(rig)
     quieter = {name: BearingSetup(still, s.compensator, s.controller) for name, s in setups.items()}
     tried = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
-    return {name: one.interval("force_error_rms_N").mean for name, one in tried.items()}
+    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in tried.items()}
 
 
 def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
@@ -144,10 +145,10 @@ def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str,
 
 
 def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
-    """Hold forces under noise of demand and gap; return how far iron and model drift, % of F_max.
+    """Hold forces with noise of demand and gap; return the drift of iron and model, % of F_max.
 
-    Noise is that of the compiler's own check. Compared are the means of the first second of noise
-    and of the last one.
+    The noise is that of the compiler's own check. The drift is the difference between the means of
+    the first second and the last second with noise.
     """
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
     scales = plan.block.scales
@@ -190,7 +191,7 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
         triangle["paper"] = _triangle(rig, {"full": paper})["full"]
     more = identify_magnet(with_first(rig, loops), IdentifyTable(law=CELLS))
     names: tuple[MethodName, ...] = ("single-valued", "full")
-    first = {one: make_setup(rig, controller.settings, more, one, "fixed") for one in names}
+    first = {method: make_setup(rig, controller.settings, more, method, "fixed") for method in names}
     return Tried(
         name,
         steps,
@@ -201,113 +202,117 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
     )
 
 
-def _worse(one: Tried, variant: str) -> list[float]:
-    """Points by which a variant certainly overshoots more than the strongest baseline, by height.
+def _worse(result: Tried, variant: str) -> list[float]:
+    """Return the significant excess overshoot against the best baseline, % points, by height.
 
-    Zero where both overshoot by less than three times the rms of their standstill.
+    Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
     """
     found = []
     for place, height in enumerate(HEIGHTS):
-        cells = {name: steps[place] for name, steps in one.steps.items()}
-        own = cells[variant]
-        held = [cells[name] for name in BASELINES if not cells[name].lost]
-        best = min(held, key=lambda cell: cell.interval("overshoot_percent").mean)
-        if own.lost:
+        cells = {name: steps[place] for name, steps in result.steps.items()}
+        cell_of_variant = cells[variant]
+        baseline_cells = [cells[name] for name in BASELINES if not cells[name].lost]
+        best = min(baseline_cells, key=lambda cell: cell.interval("overshoot_percent").mean)
+        if cell_of_variant.lost:
             found.append(float("inf"))
             continue
-        still = max(cell.interval("standstill_rms_m").mean for cell in (own, best))
-        floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * still / height
-        a, b = (cell.interval("overshoot_percent") for cell in (own, best))
-        certain = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
-        small = max(a.mean, b.mean) < floor
-        found.append(0.0 if small else max(certain, 0.0))
+        standstill_rms = max(cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best))
+        floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
+        a, b = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best))
+        significant_excess = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
+        is_within_noise = max(a.mean, b.mean) < floor
+        found.append(0.0 if is_within_noise else max(significant_excess, 0.0))
     return found
 
 
-def _still(one: Tried, variant: str) -> float:
-    """Rms of the gap at rest, nm, in the mean over heights."""
-    cells = [cell for cell in one.steps[variant] if not cell.lost]
+def _still(result: Tried, variant: str) -> float:
+    """Return the standstill rms of the gap, nm, averaged over the heights."""
+    cells = [cell for cell in result.steps[variant] if not cell.lost]
     return 1e9 * float(np.mean([cell.interval("standstill_rms_m").mean for cell in cells]))
 
 
-def _steps_row(one: Tried) -> Row:
+def _steps_row(result: Tried) -> Row:
     shown = {
         name: "/".join(
             "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}" for cell in cells
         )
-        for name, cells in one.steps.items()
+        for name, cells in result.steps.items()
     }
-    worse = _worse(one, "full")
+    worse = _worse(result, "full")
     return Row(
-        f"bearing, iron {one.name}: overshoot, steps of 10/20/50/100 um, same gains",
-        f"full certainly worse than the strongest baseline by <= {WORSE:g} points",
-        f"worse by {max(worse):.2f} at most; "
+        f"bearing, iron {result.name}: overshoot, steps of 10/20/50/100 um, same gains",
+        f"full significantly worse than the strongest baseline by <= {WORSE:g} % points",
+        f"excess at most {max(worse):.2f}; "
         + ", ".join(f"{name} {text} %" for name, text in shown.items())
-        + f"; at rest full {_still(one, 'full'):.0f} nm rms, single-valued "
-        f"{_still(one, 'single-valued'):.0f} nm" + (f"; paper: {one.refused}" if one.refused else ""),
+        + f"; standstill: full {_still(result, 'full'):.0f} nm rms, single-valued "
+        f"{_still(result, 'single-valued'):.0f} nm"
+        + (f"; paper: {result.refused}" if result.refused else ""),
         max(worse) <= WORSE,
     )
 
 
-def _triangle_row(one: Tried) -> Row:
-    own, other = one.triangle["full"], one.triangle["single-valued"]
+def _triangle_row(result: Tried) -> Row:
+    full_error, curve_error = result.triangle["full"], result.triangle["single-valued"]
     return Row(
-        f"bearing, iron {one.name}: force error on the slow triangle",
-        f"<= {HALF:g} of that of the best single-valued curve",
-        f"{own / other:.2f} of it; "
-        + ", ".join(f"{name} {error:.2f} N" for name, error in one.triangle.items())
-        + f"; first magnetisation measured too: full {one.first['full']:.2f} N, single-valued "
-        f"{one.first['single-valued']:.2f} N",
-        own <= HALF * other,
+        f"bearing, iron {result.name}: force error on the slow triangle",
+        f"<= {HALF:g} times that of the best single-valued curve",
+        f"{full_error / curve_error:.2f} times; "
+        + ", ".join(f"{name} {error:.2f} N" for name, error in result.triangle.items())
+        + f"; with measured initial curve: full {result.first['full']:.2f} N, single-valued "
+        f"{result.first['single-valued']:.2f} N",
+        full_error <= HALF * curve_error,
     )
 
 
-def _drift_row(one: Tried) -> Row:
-    iron, model = one.drift
+def _drift_row(result: Tried) -> Row:
+    iron, model = result.drift
     return Row(
-        f"bearing, iron {one.name}: force held for {SECONDS} s, noise of demand and gap: drift",
+        f"bearing, iron {result.name}: drift of a force held for {SECONDS} s with noise of demand and gap",
         f"<= {DRIFT:g} % of F_max without a dead band",
-        f"{iron:.3f} %; of the model in place of the iron {model:.4f} %",
+        f"{iron:.3f} %; model instead of the iron {model:.4f} %",
         iron <= DRIFT,
     )
 
 
 def map_row(found: Benefit) -> Row:
-    """Sum up the map of what compensation gains over 12 irons of cells."""
+    """Return the row of the benefit map over 12 irons of play cells."""
     worse = [0.0]
     marks = []
     for cell in found.cells:
-        one = cell.strongest["overshoot_percent"]
-        marks.append(one.outcome)
-        if one.outcome == "loss":
-            assert one.difference is not None
-            worse.append(-one.difference.mean - one.difference.half_width)
+        comparison = cell.strongest["overshoot_percent"]
+        marks.append(comparison.outcome)
+        if comparison.outcome == "loss":
+            assert comparison.difference is not None
+            worse.append(-comparison.difference.mean - comparison.difference.half_width)
     counts = ", ".join(f"{mark} in {marks.count(mark)}" for mark in dict.fromkeys(marks))
     return Row(
         f"bearing, map of {len(found.cells)} cells, 12 irons of cells: overshoot of full",
-        f"nowhere certainly worse than the strongest baseline by more than {WORSE:g} points",
-        f"{max(worse):.2f} at most, more than that in {sum(one > WORSE for one in worse)}; {counts}",
+        f"nowhere significantly worse than the strongest baseline by more than {WORSE:g} % points",
+        f"at most {max(worse):.2f}; {sum(excess > WORSE for excess in worse)} cells exceed the target; {counts}",
         max(worse) <= WORSE,
     )
 
 
 def rows() -> list[Row]:
-    """All lines: seven irons of three families, and the map of cells."""
+    """Return all rows: seven irons of three families, and the benefit map."""
     watch = Stopwatch()
     rig, controller = read()
-    tried = [measure(name, one, controller) for name, one in rigs().items()]
-    lines = [line(one) for line in (_steps_row, _triangle_row, _drift_row) for one in tried]
+    tried = [measure(name, rig_of_iron, controller) for name, rig_of_iron in rigs().items()]
+    lines = [line(result) for line in (_steps_row, _triangle_row, _drift_row) for result in tried]
     lines.append(map_row(map_bearing_benefit(rig, controller)))
-    return [*lines, Row("the same: time", "minutes", str(watch), None, watch.processor)]
+    return [
+        *lines,
+        Row("bearing, irons of all families: computing time", "minutes", str(watch), None, watch.processor),
+    ]
 
 
 def main(names: Sequence[str]) -> None:
-    """Print the lines of some irons, or of all."""
+    """Print the rows of some irons, or of all."""
     _, controller = read()
     for name, rig in rigs().items():
         if not names or name in names:
-            one = measure(name, rig, controller)
-            for row in (_steps_row(one), _triangle_row(one), _drift_row(one)):
+            result = measure(name, rig, controller)
+            for row in (_steps_row(result), _triangle_row(result), _drift_row(result)):
                 print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
 
 

@@ -1,10 +1,11 @@
-"""Rules that choose among laws where only blocks of samples are left out, on drawn records of few loops.
+"""Compare rules for the choice of a law from few loops, if only blocks of samples can be withheld.
 
     python benchmarks/few_loops.py 0 72
 
-Draws of six kinds by six families of iron, each measured twice: with another noise, or, without noise,
-with one sample less. All laws that ``identify`` compares are run along random reversals that were not
-fitted. What a rule chooses is printed over the law that is best there, and how it moves with the noise.
+The random records are of six kinds with six families of iron. Each is measured twice: with
+different noise or, if there is no noise, with one sample less. All laws that ``identify`` compares
+are evaluated on random reversals that were not fitted. The output shows the ratio of the chosen
+law's error to the error of the best law, and how often the choice changes with the noise.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ from search import deviation
 SEED = 20261126
 
 KINDS = ("ring", "one", "one-two", "two", "coarse", "slow")
-"""A ring; a gap with one loop, and with two; two gaps with one each; 31 samples a way after cycles
-of all of it; two cycles of 200 samples a way at two gaps."""
+"""Kinds of records, in this order: a ring; one gap with one loop; one gap with two loops; two gaps
+with one loop each; 31 samples per branch after cycles of the whole range; two cycles with 200
+samples per branch at two gaps."""
 
 RULES: dict[str, dict[str, Any]] = {
     "two standard errors": {"_CLEAR_SQUARE_RATIO": np.inf},
@@ -49,20 +51,20 @@ RULES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Tried:
-    """One measurement: what each rule chose, and its rms over that of the best law."""
+    """One measurement: the choice of each rule, and the rms error of the chosen law."""
 
     chosen: dict[str, str]
-    missed: dict[str, float]  # rms on runs not fitted, parts of the largest output
-    least: float  # of the best law
+    missed: dict[str, float]  # rms error on records not fitted, relative to the largest output
+    least: float  # rms error of the best law
 
 
-class _Compared(Exception):  # noqa: N818  # no error: all that is wanted is there
+class _Compared(Exception):  # noqa: N818 # not an error: ends the identification early
     def __init__(self, made: model_selection.Selection) -> None:
         self.made = made
 
 
 def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
-    """Draw a magnet and measure it twice."""
+    """Sample a magnet and measure it twice."""
     rng = np.random.default_rng([SEED, number])
     kind, family = KINDS[number % 6], FAMILIES[number // 6 % 6]
     magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
@@ -77,12 +79,12 @@ def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
     iron, true = draw_iron(family, rng)
     core, gaps = drawn._core(magnet, true)
     ranges = drawn._ranges(drive, core.ring, magnet["current_A"], rng)
-    records = [one for gap in gaps for one in drawn._measured(drive, ranges, float(gap), rng)]
+    records = [record for gap in gaps for record in drawn._measured(drive, ranges, float(gap), rng)]
     if kind == "slow":
-        twice = [np.concatenate([one.current, one.current[1:]]) for one in records]
+        twice = [np.concatenate([record.current, record.current[1:]]) for record in records]
         records = [
-            replace(one, current=path, gap=np.full(path.size, one.gap[0]))
-            for one, path in zip(records, twice, strict=True)
+            replace(record, current=path, gap=np.full(path.size, record.gap[0]))
+            for record, path in zip(records, twice, strict=True)
         ]
     records += drawn._tests((drive, ranges), gaps, magnet["current_A"], rng)
     every = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
@@ -92,12 +94,12 @@ def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
 
 
 def _read(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, list[drawn.Test]]:
-    """Read a plan; the second time a sample less where there is no noise."""
-    one = drawn.measured(plan, found, np.random.default_rng(seed))
+    """Read a plan with its sensors; without noise, the second reading has one sample less."""
+    reading = drawn.measured(plan, found, np.random.default_rng(seed))
     if not turn or not plan.true["sensors"]["noiseless"]:
-        return one.loops, list(one.tests)
-    less = [_without(loop, loop.n // 3) for loop in one.loops.loops]
-    return one.loops.with_loops(less), list(one.tests)
+        return reading.loops, list(reading.tests)
+    less = [_without(loop, loop.n // 3) for loop in reading.loops.loops]
+    return reading.loops.with_loops(less), list(reading.tests)
 
 
 def _without(loop: Loop, place: int) -> Loop:
@@ -108,7 +110,7 @@ def _without(loop: Loop, place: int) -> Loop:
 
 
 def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
-    """Compare all laws; None where the first leaves only noise."""
+    """Compare all laws; None if the first law leaves only noise or the identification fails."""
     compare = model_selection.Selection.compare_play_cells
 
     def stop(made: model_selection.Selection, base: ModelCandidate) -> None:
@@ -126,39 +128,46 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
 
 
 def _judged(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tried:
-    missed, all_of_it, loops = {}, made.comparison, made.loopset
-    for one in all_of_it.eligible:
-        model = make_model(all_of_it.fits[one].reduced, loops)
-        off = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
-        missed[one] = float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest_output(loops)
+    missed, comparison, loops = {}, made.comparison, made.loopset
+    for candidate in comparison.eligible:
+        model = make_model(comparison.fits[candidate].reduced, loops)
+        deviations = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
+        missed[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(loops)
     chosen = {}
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
-            again = copy(made)
-            again.comparison = replace(all_of_it, eligible=list(all_of_it.eligible))
-            chosen[name] = again.select()
+            selection = copy(made)
+            selection.comparison = replace(comparison, eligible=list(comparison.eligible))
+            chosen[name] = selection.select()
     return Tried(
-        {name: f"{one.title('effective-field')}, {one.gap_map}" for name, one in chosen.items()},
-        {name: missed[one] for name, one in chosen.items()},
+        {
+            name: f"{candidate.title('effective-field')}, {candidate.gap_map}"
+            for name, candidate in chosen.items()
+        },
+        {name: missed[candidate] for name, candidate in chosen.items()},
         min(missed.values()),
     )
 
 
 def main() -> None:
-    """Try some draws, and print a line a rule."""
+    """Try a range of random draws and print one line for each rule."""
     warnings.simplefilter("ignore")
     first, last = (int(text) for text in sys.argv[1:3])
-    pairs = [[measure(*one) for one in draws(number)] for number in range(first, last)]
-    every = [one for pair in pairs for one in pair if one]
-    both = [(one, two) for one, two in pairs if one and two]
+    pairs = [[measure(*draw) for draw in draws(number)] for number in range(first, last)]
+    every = [measurement for pair in pairs for measurement in pair if measurement]
+    complete_pairs = [(first_run, second_run) for first_run, second_run in pairs if first_run and second_run]
     for name in RULES:
-        over = np.array([max(one.missed[name], 1e-5) / max(one.least, 1e-5) for one in every])
-        rms = 100.0 * np.array([one.missed[name] for one in every])
-        jumps = np.mean([one.chosen[name] != two.chosen[name] for one, two in both])
+        error_ratios = np.array(
+            [max(measurement.missed[name], 1e-5) / max(measurement.least, 1e-5) for measurement in every]
+        )
+        rms = 100.0 * np.array([measurement.missed[name] for measurement in every])
+        jumps = np.mean(
+            [first_run.chosen[name] != second_run.chosen[name] for first_run, second_run in complete_pairs]
+        )
         print(
             f"{name}: missed {np.median(rms):.3f} %, 90 of 100 {np.quantile(rms, 0.9):.2f}, worst "
-            f"{rms.max():.2f}; over the best law {np.exp(np.log(over).mean()):.3f}, 90 of 100 "
-            f"{np.quantile(over, 0.9):.2f}; another law after another noise {100.0 * jumps:.0f} % "
+            f"{rms.max():.2f}; over the best law {np.exp(np.log(error_ratios).mean()):.3f}, 90 of 100 "
+            f"{np.quantile(error_ratios, 0.9):.2f}; another law after another noise {100.0 * jumps:.0f} % "
             f"({len(every)} measurements of {len(pairs)} draws)"
         )
 

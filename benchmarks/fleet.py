@@ -1,6 +1,6 @@
-"""Many magnets on many workers: what was measured here, and what a cluster would do.
+"""Measure many magnets on several workers, and simulate larger clusters.
 
-``python benchmarks/fleet.py`` prints the figures of docs/fleet.md; it takes some minutes.
+``python benchmarks/fleet.py`` prints the results of docs/fleet.md in a few minutes.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SETTINGS = FleetSettings(
     rate=1e4, law="effective-field", gap_map="reluctance", tolerance=0.5, history="settled"
 )
 SHARED, SHARING = bytes(285_000), 300
-"""As large as what a plant of examples/planar shares with all others, and tasks that do so."""
+"""Data of the size that the plants of examples/planar share, and number of tasks that use them."""
 SLEEPS_S = (0.05, 0.2, 1.0)
 SIZES = (1, 10, 100, 1000, 10_000)
 TASKS_A_WORKER = 10
@@ -48,7 +48,7 @@ TASKS_A_WORKER = 10
 
 @dataclass(frozen=True)
 class Spent:
-    """What some tasks took: on the wall, and of processors; s."""
+    """Wall time and processor times of some tasks, s."""
 
     wall: float
     here: float
@@ -57,24 +57,24 @@ class Spent:
 
     @property
     def processor(self) -> float:
-        """All together."""
+        """The sum of all processor times, s."""
         return self.here + self.scheduler + self.workers
 
 
 def best(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
-    """Return the shortest of several: other work on the machine only ever adds."""
-    return min((measure() for _ in range(times)), key=lambda one: one.wall)
+    """Return the measurement with the least wall time, since other work can only add time."""
+    return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall)
 
 
 def here(work: Callable[[], Any]) -> Spent:
-    """Measure work of this process and of processes that it starts."""
+    """Measure work in this process and its child processes."""
     watch = Stopwatch()
     work()
     return Spent(watch.wall, watch.processor)
 
 
 def there(workers: int, work: Callable[[], Any], *, together: bool = False) -> Spent:
-    """Measure work that a cluster does, the best of several."""
+    """Measure work on a cluster, the best of several repetitions."""
     with cluster(workers, together=together) as made:
 
         def once() -> Spent:
@@ -84,11 +84,11 @@ def there(workers: int, work: Callable[[], Any], *, together: bool = False) -> S
             after = made.processor()
             return Spent(watch.wall, watch.processor, after[0] - before[0], after[1] - before[1])
 
-        return best(once)  # what the first must import, others need not
+        return best(once)  # later repetitions do not import again
 
 
 def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
-    """Judge the same magnets by one and two processes, and by one and two workers."""
+    """Process the same magnets with one and two processes, and with one and two workers."""
     count = iter(range(1000))
 
     def run(jobs: int | None) -> Callable[[], Any]:
@@ -103,7 +103,7 @@ def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
 
 
 def fleet_rows(found: dict[str, Spent]) -> list[Row]:
-    """Wall and processor time, and what part of the ideal time the second one saves."""
+    """Return the rows of wall time, processor time and parallel efficiency."""
     rows = []
     for name, spent in found.items():
         alone = found["1 process" if "process" in name else "1 worker"]
@@ -122,12 +122,12 @@ def fleet_rows(found: dict[str, Spent]) -> list[Row]:
 
 
 def nothing(count: int, *, jobs: int | None = None) -> Callable[[], Any]:
-    """Return tasks that do nothing, through the layer that all studies use."""
+    """Return a function that runs empty tasks through the job layer of all studies."""
     return lambda: map_ordered(time.sleep, [0.0] * count, jobs=jobs)
 
 
 def empty_tasks() -> tuple[list[Row], Costs]:
-    """Cost of a task beside its work, by number of tasks and of workers."""
+    """Measure the overhead of a task for several numbers of tasks and workers."""
     rows: list[Row] = []
     spent = best(lambda: here(nothing(TASKS, jobs=2)))
     rows.append(_empty("2 processes of this machine", TASKS, spent))
@@ -145,13 +145,13 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     )
     with threads, use_scheduler(threads.scheduler_address):
         spent = best(lambda: here(nothing(TASKS)))
-    rows.append(_empty("2 workers as threads beside the scheduler", TASKS, spent))
-    worst = Costs(max(one.scheduler for one in costs), max(one.client for one in costs))
+    rows.append(_empty("2 workers as threads in the scheduler's process", TASKS, spent))
+    worst = Costs(max(cost.scheduler for cost in costs), max(cost.client for cost in costs))
     return rows, worst
 
 
 def sharing() -> list[Row]:
-    """Cost of an empty task of a study whose tasks share much, and of one that brings it along."""
+    """Measure an empty task with shared data, and one that receives the data with each task."""
     tried: tuple[tuple[str, Callable[[Any], Any], list[Any]], ...] = (
         ("share", partial(operator.getitem, SHARED), list(range(SHARING))),
         ("bring", operator.itemgetter(1), [(SHARED, place) for place in range(SHARING)]),
@@ -177,45 +177,45 @@ def _empty(name: str, tasks: int, spent: Spent) -> Row:
 
 
 def checked(workers: int) -> list[Row]:
-    """Hold the simulation to tasks that sleep: many workers then fit into few cores."""
+    """Compare the simulation with tasks that sleep, so that many workers fit on few cores."""
     rows = []
     with cluster(workers, together=True) as made, use_scheduler(made.address):
         map_ordered(time.sleep, [0.0] * TASKS)
-        # Scheduler, workers and client share the machine here: one cost for all of them.
+        # Scheduler, workers and client share this machine: one overhead for all of them.
         empty = best(lambda: here(nothing(TASKS))).wall / TASKS
         for sleep in SLEEPS_S:
             tasks = max(6 * workers, 200)
-            found = best(lambda: here(lambda: map_ordered(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
-            told = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
+            measured_wall = best(lambda: here(lambda: map_ordered(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
+            simulated_wall = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
             rows.append(
                 Row(
                     f"{tasks} tasks that sleep {sleep:g} s, {workers} workers in one process",
                     "simulation within 20 %",
-                    f"{tasks / found:.0f} tasks/s, simulated {tasks / told:.0f} "
-                    f"({100 * (found / told - 1.0):+.0f} % of time)",
-                    abs(found / told - 1.0) <= 0.2,
+                    f"{tasks / measured_wall:.0f} tasks/s, simulated {tasks / simulated_wall:.0f} "
+                    f"({100 * (measured_wall / simulated_wall - 1.0):+.0f} % of time)",
+                    abs(measured_wall / simulated_wall - 1.0) <= 0.2,
                 )
             )
     return rows
 
 
 def durations(folder: Path, place: Path) -> dict[str, float]:
-    """Processor time of one task of each study, s: what a worker that is alone on a core takes."""
+    """Measure the processor time of one task of each study, s, for a worker alone on a core."""
     rig, controller = read()
     spent = here(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
     plants = bearing_plants(rig, controller, ("full",))
-    few = [
+    plant_seconds = [
         here(lambda: monte_carlo(plants, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
         for n in (2, 42)
     ]
-    one = [
+    map_seconds = [
         here(lambda: map_bearing_benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
         for part in ([0.2], [0.1, 0.2])
     ]
     return {
         "fleet": spent.processor / MAGNETS,
-        "Monte Carlo": (few[1] - few[0]) / 40,
-        "benefit map": one[1] - one[0],
+        "Monte Carlo": (plant_seconds[1] - plant_seconds[0]) / 40,
+        "benefit map": map_seconds[1] - map_seconds[0],
     }
 
 
@@ -224,18 +224,18 @@ def larger(tasks: dict[str, float], costs: Costs) -> list[Row]:
     rng = np.random.default_rng(1)
     rows = []
     for name, mean in tasks.items():
-        said = []
+        texts = []
         for workers in SIZES:
-            # A tenth of scatter from task to task; the simulation has no other waits than its own.
+            # Durations scatter by 10 % from task to task; the simulation contains no other waiting.
             drawn = mean * (1.0 + 0.1 * rng.standard_normal(TASKS_A_WORKER * workers)).clip(0.5)
             wall = simulated(drawn.tolist(), workers, costs)
             share = float(drawn.sum()) / wall / workers
-            said.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
+            texts.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
         rows.append(
             Row(
-                f"simulated, {name}, {mean:.3g} s a task, {TASKS_A_WORKER} tasks a worker",
+                f"simulated, {name}, {mean:.3g} s per task, {TASKS_A_WORKER} tasks per worker",
                 "reported",
-                f"{'; '.join(said)}; scheduler full at {mean / costs.slowest:.0f} workers",
+                f"{'; '.join(texts)}; scheduler saturated at {mean / costs.slowest:.0f} workers",
                 None,
             )
         )
@@ -243,7 +243,7 @@ def larger(tasks: dict[str, float], costs: Costs) -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """All lines."""
+    """Return all rows about fleets."""
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
         place = Path(folder)
         (place / "magnets").mkdir()
@@ -256,4 +256,4 @@ def rows() -> list[Row]:
 
 if __name__ == "__main__":
     for row in rows():
-        print(f"{row.what}: {row.measured} (to reach: {row.reach})", flush=True)
+        print(f"{row.what}: {row.measured} (target: {row.reach})", flush=True)

@@ -1,4 +1,4 @@
-"""Open-loop force control of the bundled solenoid, firmware in the loop: errors and wall time."""
+"""Measure open-loop force control of the bundled solenoid with the firmware in the loop."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def _run(rig: Path) -> dict[str, Any]:
 
 
 def _told(stage: dict[str, Any]) -> str:
-    parts = [f"{name} {one['worst_percent']:.2f} %" for name, one in stage.items()]
+    parts = [f"{name} {errors['worst_percent']:.2f} %" for name, errors in stage.items()]
     return ", ".join(parts)
 
 
 def rows() -> list[Row]:
-    """Worst errors over the positions, with the armature moving, and of the first version."""
+    """Return the worst errors at rest, in motion and with the first solenoid, and the time."""
     watch = Stopwatch()
     figures = _run(FOLDER / "rig.toml")
     spent, took, seconds = watch.wall, str(watch), watch.processor
@@ -34,29 +34,35 @@ def rows() -> list[Row]:
     differing, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
     return [
         Row(
-            "force control, row of positions: worst error, full",
-            "<= 0.6 % of F_max and a quarter of the single-valued",
-            f"{full['worst_percent']:.2f} %, {full['of_single']:.2f} of it",
+            "force control, fixed positions: worst error, full",
+            "<= 0.6 % of F_max and 1/4 of single-valued",
+            f"{full['worst_percent']:.2f} %, {full['of_single']:.2f} of single-valued",
             full["worst_percent"] <= 0.6 and 4.0 * full["of_single"] <= 1.0,
         ),
         Row(
-            "the same, simplified",
-            "two thirds of the single-valued",
-            f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of it; all: {_told(held)}",
+            "force control, fixed positions: worst error, simplified",
+            "<= 2/3 of single-valued",
+            f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of single-valued; "
+            f"all: {_told(held)}",
             3.0 * simplified["of_single"] <= 2.0,
         ),
         Row(
-            "the same, armature moving",
-            "full: <= 1.5 % and a quarter of the single-valued",
+            "force control, moving armature: worst errors",
+            "full: <= 1.5 % and 1/4 of single-valued",
             _told(summary["moving"]),
             moving["worst_percent"] <= 1.5 and 4.0 * moving["of_single"] <= 1.0,
         ),
-        Row("the same, first version of the solenoid (steel as drawn)", "", _told(drawn["positions"]), None),
+        Row(
+            "force control, first version of the solenoid (cold-drawn steel)",
+            "",
+            _told(drawn["positions"]),
+            None,
+        ),
         Row(
             "firmware over the link against the simulated program",
             "no tick differs",
             f"{differing} of {ticks} differ",
             differing == 0,
         ),
-        Row("whole force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
+        Row("computing time of force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
     ]

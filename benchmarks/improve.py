@@ -1,4 +1,4 @@
-"""From an unknown iron to a model that fits, on a bench that runs; and the watch over it."""
+"""Improve the model of a running bench whose iron is unknown, and detect a change of the iron."""
 
 from __future__ import annotations
 
@@ -29,17 +29,18 @@ from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"
 PINNING = 1.6
-"""Of the unknown iron, over that of the iron whose loops the controller was made from."""
+"""Ratio of the pinning of the unknown iron to that of the iron for which the controller was made.
+"""
 ALL_S = 90.0
 AS_OFF_LINE = 1.1
-"""Force error, over that of the model identified from the same loops off line."""
+"""Largest ratio of the force error to that of a model identified off line from the same loops."""
 LEARNT = 15
-"""Cycles of a second before the iron becomes harder."""
+"""Number of cycles of 1 s before the pinning of the iron increases."""
 HOUR = 3600
 
 
 def rows() -> list[Row]:
-    """Improve the bundled solenoid before another iron, then let that iron become harder."""
+    """Improve the model of the bundled solenoid with another iron; then test the drift monitor."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "rig"
         shutil.copytree(SOLENOID, folder)
@@ -50,24 +51,24 @@ def rows() -> list[Row]:
 
 
 def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
-    """Return the same controller before an iron whose pinning is another."""
+    """Return the same controller on an iron whose pinning is multiplied by a factor."""
     file = prepared.complete_rig.solenoid_file
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
-    other = file.model_copy(update={"iron": iron})
-    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=other))
+    changed_file = file.model_copy(update={"iron": iron})
+    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=changed_file))
 
 
 def improved(unknown: PreparedForce, place: Path) -> list[Row]:
-    """Measure, identify, compile and swap by orders of a page; and the same loops off line."""
+    """Measure, identify, compile and swap with page commands; compare with an off-line model."""
     bench = unknown.open()
     session = LiveSession(bench, improver=Improver(unknown, bench))
     improver = session.improver
     assert improver is not None
     before = session.run_between_chunks(lambda: force_error(bench))
     session.start()
-    took = {}
+    step_seconds = {}
     for step in ("measure", "identify", "compile", "swap"):
         began = time.monotonic()
         order = {"do": "improve", "step": step}
@@ -75,7 +76,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
         while improver.status()["step"]:
             time.sleep(0.02)
         assert step in improver.results, improver.status()["trouble"]
-        took[step] = time.monotonic() - began
+        step_seconds[step] = time.monotonic() - began
     session.pacer.pause()
     slips = session.pacer.pacing().slip_count
     after = session.run_between_chunks(lambda: force_error(bench))
@@ -88,19 +89,18 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     off_line = replace(unknown, program=program).open()
     reference = force_error(off_line)
     off_line.close()
-    whole = sum(took.values())
-    parts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in took.items())
+    total_seconds = sum(step_seconds.values())
+    parts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in step_seconds.items())
     return [
         Row(
-            "virtual solenoid, pinning unknown: measured, identified (auto), compiled, swapped in "
-            "while it runs",
-            f"<= {ALL_S:g} s in all",
-            f"{whole:.0f} s on {os.cpu_count()} cores: {parts}; time given up {slips} times",
-            whole <= ALL_S,
+            "virtual solenoid, unknown pinning: measure, identify (auto), compile, swap during operation",
+            f"<= {ALL_S:g} s in total",
+            f"{total_seconds:.0f} s on {os.cpu_count()} cores: {parts}; {slips} pacing slips",
+            total_seconds <= ALL_S,
         ),
         Row(
-            "its force error afterwards, 7 gaps",
-            f"<= {AS_OFF_LINE:g} times that of the model identified from the same loops off line",
+            "virtual solenoid, force error after the swap, 7 gaps",
+            f"<= {AS_OFF_LINE:g} times that of an off-line model from the same loops",
             f"rms {after:.3f} N, off line {reference:.3f} N; before {before:.3f} N",
             after <= AS_OFF_LINE * reference,
         ),
@@ -108,8 +108,8 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
 
 
 def force_error(bench: ForceBench) -> float:
-    """Return the rms of what the force is off its demand, conditioned first, at several gaps."""
-    gaps = next(one for one in bench.parameters() if one.name == "gap")
+    """Return the rms force error, N, over several gaps; each starts with conditioning."""
+    gaps = next(parameter for parameter in bench.parameters() if parameter.name == "gap")
     errors = []
     for gap in np.linspace(gaps.low, gaps.high, 7):
         if state(bench) is State.RUN:
@@ -127,7 +127,7 @@ def force_error(bench: ForceBench) -> float:
 
 
 def reach(bench: Bench, wanted: State) -> None:
-    """Let time pass until a state is there."""
+    """Advance the bench until it is in a state."""
     for _ in range(400):
         if state(bench) is wanted:
             return
@@ -135,17 +135,17 @@ def reach(bench: Bench, wanted: State) -> None:
 
 
 def state(bench: Bench) -> State:
-    """Go on for a moment and return the state."""
+    """Advance the bench by 50 ticks and return its state."""
     return State(int(column(bench, bench.advance(50), "state")[-1]))
 
 
 def column(bench: Bench, table: FloatArray, name: str) -> FloatArray:
-    """Return a signal of rows."""
+    """Return a signal from rows of the bench."""
     return table[:, 1 + [signal.name for signal in bench.signals].index(name)]
 
 
 def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
-    """Return the rows of a bench whose force goes to and fro once a second."""
+    """Return the rows of a bench whose force alternates between two values once a second."""
     bench = prepared.open()
     bench.advance(50)
     bench.command(Command.DEMAGNETISED)
@@ -162,57 +162,59 @@ def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
 
 
 def found(known: PreparedForce) -> Row:
-    """Watch a bench whose iron becomes harder at a tick."""
+    """Test whether the monitor detects an iron whose pinning increases by 20 % at a tick."""
     rate = known.complete_rig.settings.timing.rate_Hz
     begin = round(LEARNT * rate)
     usual, harder = swung(known, LEARNT + 15), swung(pinned(known, 1.2), LEARNT + 15)
-    fine = BenchMonitor(known.model, ForceBench.signals, rate)
-    fine.add_rows(usual)
-    watch, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
-    watch.add_rows(usual[:begin])
+    monitor_without_drift = BenchMonitor(known.model, ForceBench.signals, rate)
+    monitor_without_drift.add_rows(usual)
+    monitor, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
+    monitor.add_rows(usual[:begin])
     for row in np.array_split(harder[begin:], 15 * 20):
-        watch.add_rows(row)
+        monitor.add_rows(row)
         ticks += len(row)
-        if watch.status()["state"] == "drifted":
+        if monitor.status()["state"] == "drifted":
             break
-    said = watch.status()
+    status = monitor.status()
     seconds = ticks / rate
-    met = said["state"] == "drifted" and seconds <= 10.0 and fine.status()["state"] == "fits"
+    met = (
+        status["state"] == "drifted" and seconds <= 10.0 and monitor_without_drift.status()["state"] == "fits"
+    )
     return Row(
-        "drift watch over the rows of the bench: pinning 20 % larger, swings of 1 Hz",
-        "found within 10 s of motion",
-        f"after {seconds:.1f} s; the model leaves {said['left_N']:.3f} N rms instead of "
-        f"{said['usual_N']:.3f} N; without drift: {fine.status()['text']}",
+        "drift monitor on the rows of the bench: pinning +20 %, cycles of 1 Hz",
+        "detected within 10 s of motion",
+        f"after {seconds:.1f} s; residual {status['left_N']:.3f} N rms instead of "
+        f"{status['usual_N']:.3f} N; without drift: {monitor_without_drift.status()['text']}",
         met,
     )
 
 
 def hour(known: PreparedForce) -> Row:
-    """Watch an hour of one settled cycle with the noise of all sensors."""
+    """Test for false alarms during one hour of a steady-state cycle with noise of all sensors."""
     rate = known.complete_rig.settings.timing.rate_Hz
-    every = round(rate / MONITOR_RATE_HZ)
-    whole = round(rate)
-    cycle = swung(known, 6)[-whole::every]
+    step_ticks = round(rate / MONITOR_RATE_HZ)
+    second_ticks = round(rate)
+    cycle = swung(known, 6)[-second_ticks::step_ticks]
     at = [signal.name for signal in ForceBench.signals].index
-    true = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
-    sensors = read_rig(known.rig).make_sensors([9], every / rate)
+    true_values = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
+    sensors = read_rig(known.rig).make_sensors([9], step_ticks / rate)
     kinds = [sensors[name] for name in ("current", "gap", "force")]
-    read = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
-    watch = BenchMonitor(known.model, ForceBench.signals, rate)
+    read_columns = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
+    monitor = BenchMonitor(known.model, ForceBench.signals, rate)
     alarm = ""
     for second in range(HOUR):
         table = cycle.copy()
-        table[:, 0] = second * whole + every * np.arange(1, len(cycle) + 1)
-        for place, sensor, values in zip(read, kinds, true, strict=True):
+        table[:, 0] = second * second_ticks + step_ticks * np.arange(1, len(cycle) + 1)
+        for place, sensor, values in zip(read_columns, kinds, true_values, strict=True):
             table[:, place] = sensor.read(values)
-        watch.add_rows(table)
-        if watch.status()["state"] == "drifted":
-            alarm = watch.status()["text"]
+        monitor.add_rows(table)
+        if monitor.status()["state"] == "drifted":
+            alarm = monitor.status()["text"]
             break
-    said = watch.status()
+    status = monitor.status()
     return Row(
-        "the same, an hour of noise",
+        "drift monitor, one hour of noise",
         "no false alarm",
-        alarm or f"none in {said['cycles']} cycles; stated: one in {said['run_length']:g}",
-        not alarm and said["cycles"] >= HOUR - 5,
+        alarm or f"none in {status['cycles']} cycles; specified: one in {status['run_length']:g}",
+        not alarm and status["cycles"] >= HOUR - 5,
     )

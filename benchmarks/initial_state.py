@@ -1,9 +1,10 @@
-"""What a wrong idea of the iron's past costs: the paper's claim about its simplified model.
+"""Measure the cost of a wrong initial hysteresis state, to test a claim of the paper.
 
-"The simplified model is more stable and has no initial-value problem." A compensator is started
-with the memory of one past, the iron with another; both then meet the same demand. Counted are the
-samples until the force stays within 1 % of the largest one of what the same compensator reaches
-when it starts with the right memory. ``python benchmarks/initial_state.py`` prints the table.
+The claim is: "The simplified model is more stable and has no initial-value problem." A compensator
+starts with the state of one history, the iron with that of another; both then follow the same
+demand. The metric is the number of samples until the force stays within 1 % of the largest force,
+compared with the same compensator and the right initial state. ``python
+benchmarks/initial_state.py`` prints the table.
 """
 
 from __future__ import annotations
@@ -35,12 +36,13 @@ Array = FloatArray
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 SAMPLES = 200
-"""Of a cycle of the demand."""
+"""Samples per cycle of the demand."""
 
 CYCLES = 12
 
 NEAR = (0.01, 0.002)
-"""Of the largest force: as good as rightly started, and as good as the arithmetic."""
+"""Tolerances relative to the largest force: close to the right start, and close to the arithmetic's
+error."""
 
 PASTS: tuple[tuple[float, ...], ...] = (
     (0.0,),
@@ -55,11 +57,11 @@ PASTS: tuple[tuple[float, ...], ...] = (
     (0.5,),
     (1.0, 0.2, 0.5),
 )
-"""Turning points of the current over its largest. The last three end under current, as when a
-controller is reset while it works."""
+"""Reversal points of the current, relative to the largest. The last three histories end at a
+nonzero current, as after a reset of the controller during operation."""
 
 DEMANDS = {"5-95 %": (0.05, 0.95), "30-70 %": (0.30, 0.70), "45-55 %": (0.45, 0.55)}
-"""Turning points of the triangles, over the largest force."""
+"""Reversal points of the triangles, relative to the largest force."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,9 @@ class Actuator:
     model : Model
         The iron, in double precision.
     gap : float
-        Where everything happens, m.
+        Gap of the whole study, m.
     current, force : float
-        Largest ones, A and N.
+        Largest current, A, and largest force, N.
     blocks : dict
         A parameter block for each kind.
     """
@@ -85,33 +87,33 @@ class Actuator:
     blocks: dict[Kind, Block]
 
     def record(self, past: Sequence[float]) -> Array:
-        """Currents of a past, sample by sample."""
+        """Return the currents of a history, A."""
         corners = [0.0, *(part * self.current for part in past)]
         ways = [np.linspace(a, b, 101)[1:] for a, b in pairwise(corners)]
         return np.concatenate([[0.0], *ways])
 
     def memory(self, kind: Kind, currents: Array) -> NDArray[np.int32]:
-        """Memory of a compensator that saw these currents."""
+        """Return the state of a compensator after these currents."""
         twin = FixedTwin(self.blocks[kind])
         for current in currents.tolist():
             twin.commit(current, self.gap)
         return twin.memory
 
     def force_after(self, past: Array, currents: Array) -> Array:
-        """Force of the iron with that past under these currents, N."""
+        """Return the force of the iron under these currents after a history, N."""
         record = np.concatenate([past, currents])
         answer = self.model.predict(record, np.full(record.size, self.gap), history="demagnetised")
         return answer.output[past.size :]
 
 
 def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: float) -> Actuator:
-    """Compile a model in every form, for triangles of a force that every gap can give."""
+    """Compile a model to every kind, for triangles of a force that every gap can reach."""
     both = np.array([0.0, current])
     top, force = (
         float(model.predict(both, np.full(2, at), history="demagnetised").output[-1]) for at in (gaps[0], gap)
     )
-    force *= 0.98  # what lies beyond is within reach of no compensator
-    # Twice the current, so that pasts beyond the working range are within the numbers.
+    force *= 0.98  # keeps the demand within the range of every compensator
+    # Twice the current, so that histories beyond the working range are within the number range.
     scales = Scales(1.2 * top, 2.1 * current, *gaps)
     limits = DemandLimits((0.0, top), (-0.2 * current, current))
     start = Conditioning(cycles=2, ramp_ticks=SAMPLES)
@@ -127,38 +129,38 @@ def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: fl
 
 
 def triangles(low: float, high: float) -> Array:
-    """Return the demand over the largest force."""
+    """Return the demand relative to the largest force."""
     phase = np.arange(SAMPLES * CYCLES) % SAMPLES / SAMPLES
     return np.asarray(low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
 
 
 def conditioning(actuator: Actuator, cycles: int) -> Array:
-    """Triangles over the whole range of the current, as a controller runs them at start-up."""
+    """Return triangles over the whole current range, as a controller runs them at start-up."""
     corners = [-0.2 * actuator.current, actuator.current] * cycles + [0.0]
     ways = [np.linspace(a, b, SAMPLES + 1)[1:] for a, b in pairwise(corners)]
     return np.concatenate(ways)
 
 
 def samples_until_near(off: Array, near: float) -> int:
-    """Return the number of samples before `off` stays within `near` for good."""
+    """Return the number of samples after which `off` stays within `near` permanently."""
     beyond = np.flatnonzero(np.abs(off) > near)
     return int(beyond[-1]) + 1 if beyond.size else 0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What wrong starts of one compensator cost under one demand.
+    """Errors of one compensator under one demand after wrong initial states.
 
     Parameters
     ----------
     samples : ndarray of int, shape (p, 2)
-        For every pair of pasts: samples until the force is near that of the right start, for both
-        meanings of near.
+        For every pair of histories and for both tolerances `NEAR`: samples until the force stays
+        within the tolerance of the right start.
     largest : float
-        Largest deviation from the right start, over the largest force.
+        Largest deviation from the right start, relative to the largest force.
     settled : float
-        Largest error of the rightly started force against the demand in the last cycle, over the
-        largest force.
+        Largest error of the force after a right start against the demand in the last cycle, relative
+        to the largest force.
     """
 
     samples: NDArray[np.int64]
@@ -167,7 +169,7 @@ class Outcome:
 
 
 def strangers(kind: Kind) -> list[NDArray[np.int32]]:
-    """Return memories drawn at random: what a controller may find in its cells."""
+    """Return random states, as a controller may find them in uninitialised memory."""
     bound = int(0.9 * 2**30)
     drawn = np.random.default_rng(1).integers(-bound, bound, (len(PASTS), 3))
     drawn[:, 2] = drawn[:, 0] if kind == "full" else 0
@@ -177,25 +179,25 @@ def strangers(kind: Kind) -> list[NDArray[np.int32]]:
 def study(
     actuator: Actuator, kind: Kind, demand: Array, prelude: Array | None = None, at_random: bool = False
 ) -> Outcome:
-    """Start a compensator with every past, on an iron with every other one.
+    """Start a compensator with the state of every history, on an iron with every other history.
 
     Parameters
     ----------
     actuator : Actuator
-        What is driven.
+        The actuator that is driven.
     kind : str
-        Which compensator.
+        Kind of the compensator.
     demand : ndarray, shape (n,)
-        Over the largest force.
+        Demand relative to the largest force.
     prelude : ndarray, optional
-        Currents that are applied and committed first, whatever is believed: the conditioning.
+        Currents that are applied and committed first, for any initial state: the conditioning.
     at_random : bool, optional
-        Start with the memories of `strangers` instead of those of other pasts.
+        Whether to start with the states of `strangers` instead of those of other histories.
 
     Returns
     -------
     Outcome
-        Over all pairs.
+        Errors over all pairs of histories.
     """
     wanted = demand * actuator.force
     before = np.empty(0) if prelude is None else prelude
@@ -222,10 +224,11 @@ def study(
 
 
 def explicit_error(actuator: Actuator, samples: int) -> float:
-    """Largest force error in the fourth cycle of the full law integrated as in the paper.
+    """Return the largest force error in the fourth cycle of the full law with explicit Euler steps.
 
-    Euler's explicit step of eqs. 13 to 15, one a sample, in double precision, right start, the
-    triangle of 5 to 95 % in `samples` a cycle; over the largest force.
+    One step of eqs. 13 to 15 of the paper per sample, in double precision, with the right start.
+    The demand is a triangle of 5 to 95 % with `samples` per cycle; the error is relative to the
+    largest force.
     """
     circuit = actuator.model.circuit(np.array([actuator.gap]), np.zeros(1))
     iron = actuator.model.parameters_at(actuator.gap)
@@ -251,17 +254,17 @@ def bundled() -> Actuator:
 
 
 def describe(outcome: Outcome) -> str:
-    """Return how far and how long force is wrong."""
+    """Return the size and the duration of the force error as text."""
     near, nearer = outcome.samples.T
     return (
-        f"up to {100 * outcome.largest:.2g} % of F_max away; within {100 * NEAR[0]:g} % after "
-        f"{np.median(near):.0f} samples (median), {near.max()} (most, {near.max() / SAMPLES:.2f} "
+        f"up to {100 * outcome.largest:.2g} % of F_max error; within {100 * NEAR[0]:g} % after "
+        f"{np.median(near):.0f} samples (median), {near.max()} (largest, {near.max() / SAMPLES:.2f} "
         f"cycles); within {100 * NEAR[1]:g} % after {nearer.max() / SAMPLES:.2f} cycles"
     )
 
 
 def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
-    """All lines about wrong starts."""
+    """Return all rows about wrong initial states."""
     actuator = make()
     lines = []
     for (name, (low, high)), kind in product(DEMANDS.items(), KINDS):
@@ -270,14 +273,14 @@ def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
         lost = study(actuator, kind, demand, at_random=True)
         ready = study(actuator, kind, demand, conditioning(actuator, 1), at_random=True)
         text = (
-            f"another past: {describe(plain)}. Memory at random: {describe(lost)}. After one cycle "
-            f"of conditioning: up to {100 * ready.largest:.2g} %. Rightly started and settled: "
-            f"{100 * plain.settled:.2f} % from the demand"
+            f"state of another history: {describe(plain)}. Random state: {describe(lost)}. After one cycle "
+            f"of conditioning: up to {100 * ready.largest:.2g} %. Right start, steady state: "
+            f"{100 * plain.settled:.2f} % error"
         )
         lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
     errors = {samples: explicit_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}
     text = ", ".join(f"{n} samples {100 * error:.2f} %" for n, error in errors.items())
-    what = "full law by the paper's explicit Euler steps, settled force error by samples a cycle"
+    what = "full law with the paper's explicit Euler steps: steady-state force error by samples per cycle"
     lines.append(Row(what, "reported", text, None))
     return lines
 

@@ -1,17 +1,22 @@
-"""The best fits that are known of the drawn measurements: each law and gap map from random starts.
+"""Find the best fits of each law and gap map to the random measurements, from random starts.
 
-Of each law under each map 64 starts are drawn that know nothing of any other fit: numbers of the law
-evenly in their logarithm, how far it is driven too; the circuit around it is scanned gap by gap. All
-descend a little on few samples, the better ones a little more, the best eight to the end on more
-samples, and the best of these on all.
+For each law and gap map, 64 random starts are sampled without knowledge of other fits. The
+parameters of the law and its largest effective field are log-uniform; the parameters of the circuit
+are scanned gap by gap. All starts descend a few steps on few samples, the better ones some more.
+The best eight continue on more samples until they converge or reach a step limit, and the best
+three of these on all.
 
-    nice python benchmarks/known.py 0-39 60     what is missing of these draws, for up to 60 minutes
+    nice python benchmarks/known.py 0-39 60     missing fits of these draws, for up to 60 minutes
 
-``known_best.json`` is written after each fit, and a run goes on where the last one stopped. Of each
-law and map it holds how many numbers were fitted, the deviation from all loops in % of the largest
-output, how many of the eight ended within 2 % of the best (``near``), and whether the model passes what
-identification asks of one (``usable``); of several ends the best usable one counts. ``through`` tells
-up to which stage all laws and maps of a draw are there.
+``known_best.json`` is written after each fit, and a further run continues from it. For each law and
+map it contains:
+
+- ``numbers``: number of fitted parameters
+- ``rms``: deviation from all loops, % of the largest output
+- ``near``: how many of the eight reached a deviation within 2 % of the best
+- ``usable``: whether the model passes the checks of identification; the best usable fit is stored
+
+``through`` is the last stage for which all laws and maps of a draw are complete.
 """
 
 from __future__ import annotations
@@ -55,11 +60,12 @@ STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
     2: (("langevin", 1), ("langevin", 2)),
     3: (("tanh", 3), ("langevin", 3)),
 }
-"""Play cells of each stage, by curve and populations; Jiles and Atherton's law is of the first."""
+"""Play-cell laws of each stage by curve and populations; stage 1 includes the Jiles-Atherton law.
+"""
 
 STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
 COARSE, FINE = 40, 100
-"""Samples of a loop on which starts descend a little, and on which the best go to the end."""
+"""Samples per loop for the first descents, and for the descents of the best starts."""
 
 _FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
 _SCAN = 24
@@ -74,10 +80,10 @@ _LAW = {
     "pinning": (0.01, 10.0),
     "spread": (0.5, 6.0),
 }
-"""Ranges of the numbers of a law, by how their names begin; all but ``c`` in the logarithm."""
+"""Ranges of the law's parameters, by the first part of their names; log-uniform except ``c``."""
 
 _DRIVEN = (0.5, 40.0)
-"""Largest effective field, in units of the law."""
+"""Range of the largest effective field, in units of the law."""
 
 _OMEGA = (0.02, 500.0)
 _RATIOS = np.geomspace(0.2, 5.0, _SCAN)
@@ -87,21 +93,21 @@ Known = dict[str, float | bool]
 
 @dataclass(frozen=True)
 class Target:
-    """A law under a gap map."""
+    """A law with a gap map."""
 
     gap_map: str
     form: ResponseForm
 
     @property
     def name(self) -> str:
-        """Name it in the file."""
+        """The name of the target in the file."""
         cells = self.form.cells
         count = f"-{cells.population_count}" if isinstance(cells, CellKernel) else ""
         return f"{self.gap_map}/{self.form.law}{count}"
 
 
 def targets(loops: Loops, stage: int) -> Iterator[Target]:
-    """Name the laws and maps that identification compares, of one stage; what costs little first."""
+    """Yield the laws and maps of a stage that identification compares, the cheapest first."""
     gaps = len(loops.schedule_values)
     maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
@@ -112,11 +118,11 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
         law = LAW_BY_SHAPE[shape]
         if LAWS[law].least_slope or not is_electromagnet(loops):
             forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
-    return (Target(one, form) for form in forms for one in maps)
+    return (Target(gap_map, form) for form in forms for gap_map in maps)
 
 
 def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> FloatArray | None:
-    """Return the output for a gain of 1 at a single gap; None where the law has no answer."""
+    """Return the output for a gain of 1 at a single gap; None if the law has no solution."""
     responder = CellResponder() if form.cells else Responder()
     plain = replace(local, gain=1.0, out_0=0.0)
     try:
@@ -126,40 +132,40 @@ def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> Fl
 
 
 class Scan:
-    """What loops at one gap say of a circuit around a law with given numbers."""
+    """Searches the circuit parameters at one gap for given parameters of the law."""
 
     def __init__(self, form: ResponseForm, records: FitRecords) -> None:
         self.form, self.records = form, records
-        weights = [np.full(one.output.size, one.weight) for one in records.loops]
+        weights = [np.full(record.output.size, record.weight) for record in records.loops]
         self.weights = np.concatenate(weights)
-        self.output = np.concatenate([one.output for one in records.loops])
+        self.output = np.concatenate([record.output for record in records.loops])
 
     def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
-        """Return the best of some sets and its cost; with the best gain unless one is given."""
+        """Return the set with the least cost, and the cost; fits the gain unless one is given."""
         found: tuple[ParameterSet, float] | None = None
         for local in ways:
             shape = shape_of(self.form, local, self.records)
             if shape is None:
                 continue
             weighted, wanted = shape * self.weights, self.output * self.weights
-            own = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
-            cost = float(np.sum((own * weighted - wanted) ** 2))
-            if own > 0.0 and (found is None or cost < found[1]):
-                found = replace(local, gain=own), cost
+            set_gain = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
+            cost = float(np.sum((set_gain * weighted - wanted) ** 2))
+            if set_gain > 0.0 and (found is None or cost < found[1]):
+                found = replace(local, gain=set_gain), cost
         return found
 
 
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
-    """Draw a start; None where nothing that was drawn has an answer."""
+    """Sample a start; None if no sampled set has a solution."""
     form, records = space.form, space.records
     home = records.reference_gap
     scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
-        law = tuple(_number(one.name, rng) for one in form.kernel.fit_parameters)
+        law = tuple(_number(parameter.name, rng) for parameter in form.kernel.fit_parameters)
         low, high = _DRIVEN
         driven = low * (high / low) ** rng.random()
-        size = 1.0 + sum(part for one, part in zip(form.kernel.fit_parameters, law, strict=True)
-                         if one.name.startswith("share"))  # fmt: skip
+        size = 1.0 + sum(part for parameter, part in zip(form.kernel.fit_parameters, law, strict=True)
+                         if parameter.name.startswith("share"))  # fmt: skip
         begun = scans[home].best(_homes(space, law, driven, size), None)
         if begun is None:
             continue
@@ -170,7 +176,9 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
                 break
             sets.append(there[0])
         else:
-            return space.pack([form.make_set([*form.named_values(one).values()]) for one in sets])
+            return space.pack(
+                [form.make_set([*form.named_values(parameter_set).values()]) for parameter_set in sets]
+            )
     return None
 
 
@@ -181,18 +189,20 @@ def _number(name: str, rng: np.random.Generator) -> float:
 
 
 def _homes(space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float) -> list[ParameterSet]:
-    """Return sets of one law with more or less reluctance around it, driven as far as each other."""
+    """Return sets of one law with several reluctances and the same largest effective field."""
     top, reached = space.records.input_span, size * driven / (1.0 + driven)
     omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
     found = [ParameterSet(law, omega, top / (driven + omega * reached), 1.0, 0.0, 0.0, 0.0)
              for omega in omegas]  # fmt: skip
     found += [replace(found[0], omega=omega / size) for omega in (-0.3, -0.7)]
-    # h follows from scale and gain where field and flux density are measured.
-    return [replace(one, h=0.0 if space.form.permeability else space.form.h) for one in found]
+    # h follows from scale and gain if field and flux density are measured.
+    return [
+        replace(parameter_set, h=0.0 if space.form.permeability else space.form.h) for parameter_set in found
+    ]
 
 
 def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[ParameterSet], float | None]:
-    """Return what the map lets a set become at another gap, and the gain if it stays."""
+    """Return the sets that the map allows at another gap, and the gain if it is common."""
     if space.gap_map == "scaling":
         return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain
     unscaled = known.scale * (1.0 - known.h * known.omega)
@@ -203,40 +213,42 @@ def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[Parame
 
 
 def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
-    """Fit a law under a map from random starts, then without offsets; None where nothing answers."""
+    """Fit a law and map from random starts, then without offsets; None without a solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
     whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
     coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
-    begun = [descend_from(coarse, one, 1e-4, _FIRST) for one in starts if one is not None]
-    if not begun:
+    first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
+    if not first_fits:
         return {target.name: None}
-    begun.sort(key=lambda one: one.cost)
-    ranked = [descend_from(coarse, one.theta, 1e-4, _SHORT) for one in begun[:RANKED]]
-    ranked.sort(key=lambda one: one.cost)
-    ends = [descend_from(fine, one.theta, 1e-6, _LONG) for one in ranked[:ENDED]]
-    ends.sort(key=lambda one: one.cost)
-    near = sum(bool(one.cost <= _NEAR**2 * ends[0].cost) for one in ends)
-    last = [descend_from(whole, one.theta, 1e-7, _LAST) for one in ends[:FINISHED]]
-    plain, kept = whole.with_fixed(OFFSET_NAMES)
-    without = [descend_from(plain, one.theta[kept], 1e-7, _LAST) for one in last]
+    first_fits.sort(key=lambda fit: fit.cost)
+    ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _SHORT) for fit in first_fits[:RANKED]]
+    ranked_fits.sort(key=lambda fit: fit.cost)
+    ends = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
+    ends.sort(key=lambda fit: fit.cost)
+    near_count = sum(bool(fit.cost <= _NEAR**2 * ends[0].cost) for fit in ends)
+    final_fits = [descend_from(whole, fit.theta, 1e-7, _LAST) for fit in ends[:FINISHED]]
+    space_without_offsets, kept_coordinates = whole.with_fixed(OFFSET_NAMES)
+    final_fits_without_offsets = [
+        descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
+    ]
     return {
-        target.name: best_of(last, loops, near),
-        f"{target.name}/no offsets": best_of(without, loops, near),
+        target.name: best_of(final_fits, loops, near_count),
+        f"{target.name}/no offsets": best_of(final_fits_without_offsets, loops, near_count),
     }
 
 
 def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
-    """Return the best of some ends as the file holds it, one that is usable if there is any."""
+    """Return the best fit in the form of the file; usable fits are preferred."""
     found = []
-    for one in ends:
+    for fit in ends:
         try:
-            rms = 100.0 * loops_rms(make_model(one, loops), loops)
+            rms = 100.0 * loops_rms(make_model(fit, loops), loops)
         except (InputError, NegativeResult):
             continue
-        found.append((not usable(one, loops), rms, one.theta.size))
+        found.append((not usable(fit, loops), rms, fit.theta.size))
     if not found:
         return None
     unusable, rms, numbers = min(found)
@@ -244,7 +256,7 @@ def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None
 
 
 def usable(found: FoundModel, loops: Loops) -> bool:
-    """Whether identification could choose a fit: it can be compiled, and passes its test."""
+    """Whether identification could choose a fit: it compiles and does not fail acceptance."""
     model = replace(make_model(found, loops), valid=valid_range(loops))
     if is_electromagnet(loops) and find_compile_obstacle(model) is not None:
         return False
@@ -252,13 +264,13 @@ def usable(found: FoundModel, loops: Loops) -> bool:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Fit what is missing of some draws, for some minutes; laws with many numbers, odd draws last."""
+    """Run missing fits of some draws for some minutes; expensive laws and odd draws come last."""
     warnings.simplefilter("ignore")
     first, last = (int(end) for end in arguments[0].split("-"))
     until = time.monotonic() + 60.0 * float(arguments[1])
     kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
     for stage in STAGES:
-        for number in sorted(range(first, last + 1), key=lambda one: one % 2):
+        for number in sorted(range(first, last + 1), key=lambda draw_number: draw_number % 2):
             loops = draw(number).loops
             draws = kept["draws"]
             done = draws.setdefault(str(number), {"through": 0, "fits": {}})
@@ -275,13 +287,13 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def write(kept: dict[str, Any]) -> None:
-    """Write the file: a line for each law and map, so that changes of it can be read."""
+    """Write the file with one line for each law and map, so that its changes can be reviewed."""
     lines = []
     for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
-        rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in done["fits"].items()]
+        rows = [f"  {json.dumps(name)}: {json.dumps(fit)}" for name, fit in done["fits"].items()]
         told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
         lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
-    with atomic_writer(KNOWN) as file:  # a search may read it meanwhile
+    with atomic_writer(KNOWN) as file:  # a search may read the file at the same time
         file.write('{"draws": {\n' + ",\n".join(lines) + "\n}}\n")
 
 

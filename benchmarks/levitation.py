@@ -1,4 +1,4 @@
-"""The bearing's firmware in an emulated Cortex-M3: currents against the simulation, faults."""
+"""Run the bearing's firmware in an emulated Cortex-M3, compare with simulation, inject faults."""
 
 from __future__ import annotations
 
@@ -11,20 +11,24 @@ from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 SOFT = 5e-3
-"""Touch-down speed of a landing, m/s."""
+"""Largest touch-down speed that counts as a landing, m/s."""
 
 
 def rows() -> list[Row]:
-    """Run from lift-off to landing, then break everything in the air."""
+    """Run from lift-off to landing, then inject each fault while the armature is levitated."""
     watch = Stopwatch()
     with tempfile.TemporaryDirectory() as place:
         try:
             found = run_board(RIG, Path(place) / "run.json", QEMU)
         except InputError as error:
             return [Row("firmware of the bearing in QEMU", "", str(error), None)]
-    fallen = [one for one in found.outcomes if not one.is_levitating and one.rest_speed > SOFT]
-    fastest = 1e3 * max(one.rest_speed for one in fallen)
-    landed = [one for one in found.outcomes if not one.is_levitating and one.rest_speed <= SOFT]
+    fallen = [
+        outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed > SOFT
+    ]
+    fastest = 1e3 * max(outcome.rest_speed for outcome in fallen)
+    landed = [
+        outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed <= SOFT
+    ]
     return [
         Row(
             "firmware of the bearing in QEMU against the simulation, lift-off to landing",
@@ -35,11 +39,11 @@ def rows() -> list[Row]:
             watch.processor,
         ),
         Row(
-            "everything that goes wrong in the air",
-            "noticed, and nothing pulled into the magnet",
-            f"{len(landed)} of {len(found.outcomes)} landed at most at "
-            f"{1e3 * max(one.rest_speed for one in landed):.1f} mm/s, {len(fallen)} let go, at "
-            f"most {fastest:.0f} mm/s",
-            all(one.is_as_expected and one.magnet_speed == 0.0 for one in found.outcomes),
+            "faults during levitation",
+            "detected, no contact with the magnet",
+            f"{len(landed)} of {len(found.outcomes)} landed with at most "
+            f"{1e3 * max(outcome.rest_speed for outcome in landed):.1f} mm/s, {len(fallen)} released, with "
+            f"at most {fastest:.0f} mm/s",
+            all(outcome.is_as_expected and outcome.magnet_speed == 0.0 for outcome in found.outcomes),
         ),
     ]

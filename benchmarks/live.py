@@ -1,4 +1,4 @@
-"""The virtual bench against the clock: how fast it could go, how late it is, what it loses."""
+"""Measure the virtual bench in real time: largest speed, lateness, and lost ticks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LATE_S = 0.02
 
 
 def rows() -> list[Row]:
-    """Build the firmware of the bundled bearing, and run it on the bench."""
+    """Build the firmware of the bundled bearing and run it on the bench."""
     rig, controller = read_files(RIG, None)
     ready = check_inputs(rig, controller)
     with tempfile.TemporaryDirectory() as place:
@@ -49,7 +49,7 @@ def rows() -> list[Row]:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Let this process and what it starts run on one core alone."""
+    """Restrict this process and its child processes to one core."""
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(cores)})
     try:
@@ -59,7 +59,7 @@ def one_core() -> Iterator[None]:
 
 
 def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
-    """Hover as fast as it goes."""
+    """Hover without pacing and measure the ratio of simulated time to wall time."""
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
     lift(bench)
@@ -72,8 +72,8 @@ def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
     factor = RUN_S / took
     return Row(
         f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {where}",
-        ">= 1 times the clock",
-        f"{factor:.2f} times, {1e6 * took / ticks:.1f} us a tick, "
+        ">= 1 times real time",
+        f"{factor:.2f} times real time, {1e6 * took / ticks:.1f} us per tick, "
         f"{1e6 * watch.processor / bench.tick:.1f} us of processor time of plant and firmware",
         factor >= 1.0,
         watch.processor,
@@ -81,7 +81,7 @@ def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
 
 
 def lift(bench: BearingBench) -> None:
-    """Take it into the air."""
+    """Lift the armature off."""
     bench.advance(200)
     bench.command(Command.DEMAGNETISED)
     bench.command(Command.LIFT)
@@ -89,7 +89,7 @@ def lift(bench: BearingBench) -> None:
 
 
 def paced(setup: BearingSetup, firmware: Path) -> Row:
-    """Hover by the clock, with a recorder and one that looks on."""
+    """Hover in real time with a recorder and a viewer as subscribers."""
     bench = BearingBench(setup, firmware)
     lift(bench)
     first = bench.tick + 1
@@ -105,30 +105,30 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     thread.start()
     began, tick = time.monotonic(), bench.tick
     pacer.resume()
-    seen: list[Pacing] = []
+    pacings: list[Pacing] = []
     while time.monotonic() < began + PACED_S:
         time.sleep(0.5)
-        seen.append(pacer.pacing())
-    took, done = time.monotonic() - began, seen[-1].tick - tick
+        pacings.append(pacer.pacing())
+    elapsed, tick_count = time.monotonic() - began, pacings[-1].tick - tick
     pacer.close()
     thread.join()
     bench.close()
     row = np.concatenate(numbers)
-    whole = bool((row == np.arange(first, first + row.size)).all())
-    worst = max(one.max_lateness for one in seen)
-    factor = done / bench.rate / took
+    is_complete = bool((row == np.arange(first, first + row.size)).all())
+    worst = max(pacing.max_lateness for pacing in pacings)
+    factor = tick_count / bench.rate / elapsed
     return Row(
-        f"the same by the clock for {PACED_S:g} s, recorded",
-        f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{factor:.3f} times, late by {1e3 * float(np.mean([one.mean_lateness for one in seen])):.1f} ms in "
-        f"the mean and {1e3 * worst:.1f} ms at most, {seen[-1].slip_count} times given up, "
-        f"{'none' if whole else 'some'} lost",
-        whole and worst <= LATE_S and factor >= 0.99,
+        f"virtual bearing, paced in real time for {PACED_S:g} s, recorded",
+        f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
+        f"{factor:.3f} times, lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
+        f"mean, {1e3 * worst:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
+        f"{'none' if is_complete else 'some'} lost",
+        is_complete and worst <= LATE_S and factor >= 0.99,
     )
 
 
 def million(setup: BearingSetup, firmware: Path) -> Row:
-    """Run many ticks on the bench, and the same in the simulated loop."""
+    """Run a million ticks on the bench and in the simulated loop, and compare them."""
     script = ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
     landing = script.tick_count(land_time(setup.rig, setup.controller))
     while script.ticks < TICKS - landing:
@@ -155,7 +155,7 @@ def million(setup: BearingSetup, firmware: Path) -> Row:
 
 
 def follow(bench: BearingBench, scenario: Scenario) -> np.ndarray:
-    """Let happen on the bench what a scenario says."""
+    """Apply the commands, set-points and loads of a scenario to the bench and return its rows."""
     events = (scenario.command != 0) | (np.diff(scenario.target, prepend=np.nan) != 0.0)
     events |= np.diff(scenario.load, prepend=np.nan) != 0.0
     begins = np.flatnonzero(events)

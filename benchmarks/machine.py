@@ -1,4 +1,4 @@
-"""The machine that was measured on, and a yardstick to compare machines by."""
+"""Describe the machine that runs the benchmark, and measure its speed with a reference program."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from pathlib import Path
 import numpy as np
 
 from anhyst._core import batch_levels
-from anhyst.identification.screening import batch_level
+from anhyst.identification.screening import batch_instruction_set
 
 SOURCE = Path(__file__).with_name("yardstick.c")
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What figures of speed depend on.
+    """Properties of a machine that determine its measured times.
 
     Parameters
     ----------
     processor : str
-        Its name, as the system gives it.
+        Name that the system reports.
     cores : int
-        How many it shows.
+        Number of cores that the system reports.
     levels : tuple of str
-        Instruction sets that the batch was built for and the processor has.
+        Instruction sets for which the batch code was built and which the processor supports.
     level : str
-        The one in use.
+        The instruction set in use.
     compiler : str
-        The C compiler of this machine, which compiles the yardstick.
+        C compiler of this machine, which compiles ``yardstick.c``.
     system : str
         Operating system, C library, Python and NumPy.
     yardstick : float
-        One step of ``yardstick.c``, s of processor time.
+        Processor time of one step of ``yardstick.c``, s.
     """
 
     processor: str
@@ -49,7 +49,7 @@ class Machine:
     yardstick: float
 
     def lines(self) -> list[str]:
-        """Say it in sentences."""
+        """Describe the machine in sentences."""
         return [
             f"{self.processor}, {self.cores} cores; the batch runs on {self.level} of "
             f"{', '.join(self.levels)}; {self.compiler}; {self.system}.",
@@ -60,7 +60,7 @@ class Machine:
 
 
 def this_machine() -> Machine:
-    """Look at the machine and measure the yardstick.
+    """Describe this machine and measure the time of one step of ``yardstick.c``.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def this_machine() -> Machine:
         processor=_processor(),
         cores=os.cpu_count() or 1,
         levels=tuple(batch_levels()),
-        level=batch_level(),
+        level=batch_instruction_set(),
         compiler=version.stdout.splitlines()[0],
         system=f"{platform.system()}, {libc}, Python {platform.python_version()}, NumPy {np.__version__}",
         yardstick=_yardstick(compiler),

@@ -1,7 +1,8 @@
-"""A meander of 50 fields, 200 mm in x and in y, by the planar stage of the example, the long stroke under it.
+"""Follow a meander of 50 fields, 200 mm in x and y, with the planar stage of the example.
 
-Between two fields, while it turns around in x, the body goes on by a field in y. The mass alone is fed
-forward; plant, iron and layout are those of the example, one noise seed.
+The long stroke moves below the stage. At each turnaround in x, the body steps by one field pitch in
+y. The feedforward contains only the mass. Plant, iron and layout are those of the example; there is
+one noise seed.
 """
 
 from __future__ import annotations
@@ -27,24 +28,25 @@ from rows import Row
 
 FIELDS = 50
 LONG, PITCH = 0.2, 0.004
-"""Of a field along x, with half a turnaround at each end, and from one to the next along y, m."""
+"""Length of a field along x, with half a turnaround at each end, and pitch of the fields along y,
+m."""
 ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
-"""Acceleration, m/s2, and speed, m/s, of a step aside."""
+"""Set-point of a step along y; accelerations in m/s2, speed in m/s."""
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
 PIECE = 20_000
 SETTLED_S = 5e-3
-"""After the acceleration, until what is exposed begins."""
+"""Time from the end of the acceleration to the begin of the exposure, s."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """A way along x and y: places, m, and accelerations, m/s2, a row a time."""
+    """A path along x and y: positions, m, and accelerations, m/s2; one row for each time."""
 
     rig: BodyRig
 
     @property
     def along(self) -> SetPoint:
-        """The way along x."""
+        """The motion along x."""
         scan = self.rig.settings.scan
         turning = 2.0 * scan.speed_m_per_s / max(scan.test_m_per_s2) + scan.jerk_phase_s
         cruise = LONG / scan.speed_m_per_s - turning / 2.0
@@ -52,10 +54,10 @@ class Path:
         return SetPoint((max(scan.test_m_per_s2),) * FIELDS, scan.speed_m_per_s, cruise, *phases)
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return places and accelerations at some times."""
+        """Return positions and accelerations at given times."""
         along, moved = self.along, float(ASIDE.derivatives_at(np.array([ASIDE.duration]))[0][0])
         aside = replace(ASIDE, cruise=(PITCH - moved) / ASIDE.speed)
-        lasts = aside.duration - 2.0 * aside.cruise  # without the cruises around it
+        lasts = aside.duration - 2.0 * aside.cruise  # without the cruise before and after it
         x, y = along.derivatives_at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
         for begin, length, _ in along.pulses[1:]:
             since = begin + 0.5 * (length - lasts) - aside.cruise
@@ -64,7 +66,7 @@ class Path:
         return np.column_stack([x[0], y[0]]), np.column_stack([x[1], y[1]])
 
     def exposed(self, count: int) -> np.ndarray:
-        """Return which ticks are of a field."""
+        """Return the mask of the ticks in which a field is exposed."""
         found, dt = np.zeros(count, dtype=bool), self.rig.dt
         for begin, length, _ in self.along.pulses:
             end = begin + length + self.along.cruise
@@ -73,7 +75,7 @@ class Path:
 
 
 def errors(setup: StageSetup) -> tuple[FloatArray, int]:
-    """Return the errors of all coordinates, a row a tick, and all flags."""
+    """Return the errors of all coordinates, one row for each tick, and the union of all flags."""
     rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
     free, n = file.body.free, round(path.along.duration / rig.dt)
     time, ahead = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
@@ -100,7 +102,7 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
 
 
 def rows() -> list[Row]:
-    """Return a line a method."""
+    """Return a row for each method."""
     rig = read_stage(RIG)
     magnet, found = identify_stage_magnet(rig), []
     for method in METHODS:
@@ -108,7 +110,9 @@ def rows() -> list[Row]:
         ticks = round(rig.settings.scan.slit_s / rig.dt)
         whole = np.convolve(Path(rig).exposed(len(off)), np.ones(ticks), "valid") > ticks - 0.5
         slit = np.ones(ticks) / ticks
-        means = np.column_stack([np.convolve(one, slit, "valid") for one in off.T])
+        means = np.column_stack(
+            [np.convolve(coordinate_errors, slit, "valid") for coordinate_errors in off.T]
+        )
         average = 1e9 * np.abs(means[whole]).max(axis=0)
         peak = 1e9 * np.abs(off[round(0.05 / rig.dt) :]).max(axis=0)
         text = ", ".join(
@@ -116,5 +120,5 @@ def rows() -> list[Row]:
             for axis, p, m in zip(rig.settings.body.free, peak, average, strict=True)
         )
         what = f"meander, {FIELDS} fields, {len(off) * rig.dt:.0f} s, {method}: peak / average"
-        found.append(Row(what, "stated", f"{text} nm, nrad; flags {flags}", True))
+        found.append(Row(what, "reported", f"{text} nm, nrad; flags {flags}", True))
     return found

@@ -1,6 +1,6 @@
-"""How well the law of Jiles and Atherton is identified from real measurements.
+"""Identify the law of Jiles and Atherton from real measurements; compare with published results.
 
-What others reached with it stands beside it; ``laws.py`` sets play cells beside it.
+``laws.py`` compares the law with play cells.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ Array = FloatArray
 LAW = "effective-field"
 
 SAME_ERROR = 0.0227
-"""Sum of squares, T^2, that both sides are timed to on the ferrite loops."""
+"""Sum of squares, T^2, up to which both optimisers are timed on the ferrite loops."""
 
 SEEDS = 10
 
 
 class _Clock:
-    """Writes down, while a search runs, when its objective first came below a sum of squares."""
+    """Records the time at which the objective of a search first falls to a given sum of squares."""
 
     def __init__(self) -> None:
         self.began = time.process_time()
@@ -53,7 +53,7 @@ _normal = Objective.normal_equations
 
 
 def ferrite(folder: Path) -> list[Row]:
-    """Four nested loops of a MnZn ferrite, one parameter set, against differential evolution."""
+    """Fit one set to four nested MnZn ferrite loops; compare with differential evolution."""
     loops = read_loops(folder / baseline.FILE, history="settled")
     records = make_fit_records(loops, "points")
     form = make_response_form(loops.input, loops.output, "effective-field")
@@ -61,7 +61,7 @@ def ferrite(folder: Path) -> list[Row]:
     spent, to_same, sums = [], [], []
     for seed in range(SEEDS):
         clock = _Clock()
-        # A plain function, so that the patched method still gets its objective first.
+        # A lambda, so that the patched method still receives its objective as first argument.
         with patch.object(Objective, "normal_equations", lambda *call, c=clock: c.watch(*call)):
             found = search_one_gap(form, records, seed, frozenset({"in_0", "out_0"}))
         spent.append(time.process_time() - clock.began)
@@ -70,7 +70,7 @@ def ferrite(folder: Path) -> list[Row]:
     baselines = [baseline.run(seed, folder=folder) for seed in range(SEEDS)]
     theirs = [baseline.seconds_to_reach(result, SAME_ERROR) for result in baselines]
     rms = 100.0 * np.sqrt(max(sums) / samples) / records.output_span
-    same = sum(one <= min(sums) * 1.0001 for one in sums)
+    same = sum(square_sum <= min(sums) * 1.0001 for square_sum in sums)
     return [
         Row(
             "MnZn ferrite, 4 loops: rms of one set, worst seed",
@@ -78,17 +78,17 @@ def ferrite(folder: Path) -> list[Row]:
             f"{rms:.3f} % (sum of squares {max(sums):.6f} T^2)",
             bool(rms <= 1.69),
         ),
-        Row("same optimum", f"{SEEDS} of {SEEDS} seeds", f"{same} of {SEEDS}", same == SEEDS),
+        Row("MnZn ferrite, same optimum", f"{SEEDS} of {SEEDS} seeds", f"{same} of {SEEDS}", same == SEEDS),
         Row(
-            "processor time a seed",
+            "MnZn ferrite, processor time per seed",
             "<= 0.2 s",
-            f"median {1e3 * np.median(spent):.0f} ms, most {1e3 * max(spent):.0f} ms",
+            f"median {1e3 * np.median(spent):.0f} ms, largest {1e3 * max(spent):.0f} ms",
             max(spent) <= 0.2,
             float(np.median(spent)),
         ),
         Row(
-            f"against differential evolution, to {SAME_ERROR} T^2",
-            ">= 50 times less",
+            f"MnZn ferrite, against differential evolution, to {SAME_ERROR} T^2",
+            ">= 50 times faster",
             f"{np.median(theirs) / np.median(to_same):.0f} times: median "
             f"{1e3 * np.median(to_same):.1f} ms against {1e3 * np.median(theirs):.0f} ms "
             f"(its best {1e3 * min(theirs):.0f} ms)",
@@ -98,7 +98,7 @@ def ferrite(folder: Path) -> list[Row]:
 
 
 def _single(loop: Loop, loops: Loops) -> float:
-    """Rms of one loop fitted alone, relative to its largest output."""
+    """Return the rms error of one loop fitted alone, relative to its largest output."""
     alone = loops.with_loops([loop])
     fit = identify(alone, law=LAW, offsets=False).model.fit
     assert fit is not None
@@ -106,7 +106,7 @@ def _single(loop: Loop, loops: Loops) -> float:
 
 
 def steel(folder: Path) -> Row:
-    """Four quasi-static loops of a solid steel, one set, every loop by its own largest B."""
+    """Fit one set to four quasi-static steel loops; errors relative to each loop's B_max."""
     path = folder / "steel_core1_dc" / "loops.csv"
     loops = read_loops(path, loop="nominal_Hmax_A_per_m", history="settled")
     fit = identify(loops, law=LAW, weights="relative", offsets=False).model.fit
@@ -116,9 +116,9 @@ def steel(folder: Path) -> Row:
     return Row(
         "solid steel, 4 loops jointly: rms of each loop's B_max",
         "<= 0.75 %",
-        ", ".join(f"{100 * one:.2f}" for one in joint)
-        + " %; each loop by a set of its own: "
-        + ", ".join(f"{100 * one:.2f}" for one in alone)
+        ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in joint)
+        + " %; each loop with a separate set: "
+        + ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in alone)
         + " %",
         max(joint) <= 0.0075,
     )
@@ -130,7 +130,7 @@ def _rmse(loops: Loops, fitted: tuple[Array, ...]) -> float:
 
 
 def gadolinium(folder: Path) -> list[Row]:
-    """Three loops at each of six temperatures: one set each, then a schedule over temperature."""
+    """Fit three loops at each of six temperatures separately, then jointly over the temperature."""
     folder = folder / "gadolinium_temperature"
     with (folder / "published_parameters_per_temperature.csv").open(encoding="utf-8") as file:
         published = {float(row["T_C"]): float(row["RMSE_T"]) for row in csv.DictReader(file)}
@@ -149,12 +149,12 @@ def gadolinium(folder: Path) -> list[Row]:
     return [
         Row(
             "gadolinium, a set for each temperature: RMSE over 3 loops, mT (published)",
-            "no worse than published",
+            "not worse than published",
             ", ".join(parts),
             worse == 0,
         ),
         Row(
-            "gadolinium, schedule over temperature, one left out",
+            "gadolinium, schedule over temperature, one withheld",
             "reported",
             f"mean {100 * left_out:.2f} % of the largest B "
             f"({1e3 * left_out * schedule.fit.largest_output:.0f} mT); fit rms "
@@ -165,7 +165,7 @@ def gadolinium(folder: Path) -> list[Row]:
 
 
 def ferrite_gaps(folder: Path) -> Row:
-    """Fit two gaps of a split ferrite core and predict the third, reluctance map."""
+    """Fit two gaps of a split ferrite core with the reluctance map and predict the third."""
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
     loops = read_loops(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
@@ -183,7 +183,7 @@ def ferrite_gaps(folder: Path) -> Row:
         ]
         between &= heights == sorted(heights, reverse=True)
     return Row(
-        "ferrite core, reluctance map: mean error at the gap left out",
+        "ferrite core, reluctance map: mean error at the withheld gap",
         "reported; loops between their neighbours",
         ", ".join(parts) + f"; loops between their neighbours: {'yes' if between else 'no'}",
         between,
@@ -191,5 +191,5 @@ def ferrite_gaps(folder: Path) -> Row:
 
 
 def rows(folder: Path) -> list[Row]:
-    """All lines about real measurements."""
+    """Return all rows about real measurements."""
     return [*ferrite(folder), steel(folder), *gadolinium(folder), ferrite_gaps(folder)]

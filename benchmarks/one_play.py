@@ -1,7 +1,9 @@
-"""What one play is worth: force errors over the whole loop and over small cycles, against the truth.
+"""Compare a compensator with one play operator with the full law and the single-valued curve.
 
-Each magnet is a virtual one whose iron is no law of anhyst's; every compensator is fitted to its
-loops as they were read and runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
+The metric is the force error over the whole loop and over small cycles, relative to the true force
+of a virtual magnet. The irons of the magnets are not laws of anhyst, except that of the bearing,
+which consists of play cells. Each compensator is fitted to loops read with the simulated sensors
+and runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
 """
 
 from __future__ import annotations
@@ -27,18 +29,18 @@ from tests.foreign.magnets import MAGNETS, ForeignMagnet
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")
 REACHED = 0.95
-"""Of what the current reaches at a gap: the largest demand there."""
+"""Largest demand at a gap, as a fraction of the force at the largest current there."""
 
 
 def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
-    """Return what the sensors would read without noise; the amplifier drives in one direction."""
+    """Return the noise-free sensor readings of force; negative currents are set to zero."""
     sensors = magnet.sensors
     driven = np.maximum(current - sensors.current_offset, 0.0)
     return magnet.force(driven, gap) + sensors.force_offset
 
 
 def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
-    """Return name, loops as read and true answer of each magnet."""
+    """Yield the name, the loops as read and the true force function of each magnet."""
     rig = read_bearing(BEARING / "rig.toml")
 
     def bundled(current: FloatArray, gap: float) -> FloatArray:
@@ -52,7 +54,7 @@ def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
 
 
 def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErrors]]:
-    """Return the largest demand, and by method what is left at three gaps."""
+    """Return the largest demand, N, and the errors of each method over three gaps."""
     gaps = [gap for gap in loops.by_schedule() if gap is not None]
     ends = min(gaps), max(gaps)
     top = max(float(loop.input.max()) for loop in loops.loops)
@@ -72,7 +74,7 @@ def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErr
 
 
 def main() -> None:
-    """Print the table, per cent of the largest force."""
+    """Print the table in per cent of the largest force."""
     print("| magnet | law | whole loop, rms | worst | cycles of 10 %, rms | worst |")
     print("| --- | --- | --- | --- | --- | --- |")
     for name, loops, answer in magnets():

@@ -1,6 +1,7 @@
-"""The live page in a real browser: frames a second, the server's share, delays, and a long run.
+"""Measure the live page in a real browser: frame rate, server load, delays and a long run.
 
-``python benchmarks/page.py`` prints its lines; ``ANHYST_SOAK_S`` says how long the long run takes.
+``python benchmarks/page.py`` prints its rows. ``ANHYST_SOAK_S`` sets the duration of the long run,
+s.
 """
 
 from __future__ import annotations
@@ -76,11 +77,11 @@ with connect(address, origin=origin, max_queue=1):  # never reads
                 while True:
                     line.send('{"do": "load", "value": 150}')
 """
-"""Floods the server with messages, and comes again whenever it is put out."""
+"""Program that floods the server with messages and reconnects after each disconnection."""
 
 
 def rows() -> list[Row]:
-    """Levitate the bundled bearing with a page open."""
+    """Measure the levitated bundled bearing with an open page."""
     with tempfile.TemporaryDirectory() as place, served(Path(place)) as (session, page):
         found = [drawn(session, page), delay(page), soak(session, SOAK_S, "page open")]
         origin = page.url.rstrip("/")
@@ -95,7 +96,7 @@ def rows() -> list[Row]:
 
 @contextmanager
 def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
-    """Serve the bearing, recorded, to a browser that shows many signals, and lift it."""
+    """Serve the bearing, with recording, to a browser that shows many signals, and lift it off."""
     from playwright.sync_api import sync_playwright
 
     bench = open_bench(RIG)
@@ -119,7 +120,7 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
             page = chromium.new_page(viewport={"width": 1440, "height": 860})
             page.add_init_script(f"localStorage.setItem('anhyst.signals.gap', {json.dumps(names)})")
             page.goto(f"http://127.0.0.1:{port}/")
-            # Playwright's own way of waiting is forbidden by the page's policy.
+            # The page's content security policy forbids Playwright's wait functions.
             while not page.evaluate("window.anhyst !== undefined && anhyst.store.count > 0"):
                 time.sleep(0.05)
             session.run_between_chunks(lambda: session.bench.command(Command.DEMAGNETISED))
@@ -145,7 +146,7 @@ def shares() -> dict[str, float]:
 
 
 def drawn(session: LiveSession, page: Page) -> Row:
-    """Draw many signals at full rate."""
+    """Plot many signals at the full rate; measure the frame rate and the processor load."""
     before, began = shares(), time.perf_counter()
     frames = page.evaluate(FRAMES, DRAWN_S)
     took, after = time.perf_counter() - began, shares()
@@ -153,15 +154,15 @@ def drawn(session: LiveSession, page: Page) -> Row:
     server = used["server"] + used["pages"]
     return Row(
         f"{SIGNALS} signals at {session.bench.rate:g} Hz in Chromium",
-        ">= 55 frames a second; server <= 15 % of a core",
-        f"{frames:.1f} frames a second; server {100 * server:.1f} %, recording "
+        ">= 55 frames per second; server <= 15 % of a core",
+        f"{frames:.1f} frames per second; server {100 * server:.1f} %, recording "
         f"{100 * used['recorder']:.1f} %, plant {100 * used['pacer']:.1f} % of a core",
         frames >= 55.0 and server <= 0.15,
     )
 
 
 def delay(page: Page) -> Row:
-    """Change a parameter, until the page shows the tick that used it."""
+    """Measure the time from a parameter change until the page shows the first tick that used it."""
     page.get_by_role("tab", name="4 parameters").click()
     took = []
     for n in range(ORDERS):
@@ -178,33 +179,33 @@ def delay(page: Page) -> Row:
 
 
 def soak(session: LiveSession, seconds: float, beside: str) -> Row:
-    """Levitate for long, recorded."""
+    """Levitate for a long time with recording; measure lateness and memory growth."""
     began, first = time.monotonic(), session.bench.tick
     slips, worst = session.pacer.pacing().slip_count, 0.0
     sizes = []
     while (passed := time.monotonic() - began) < seconds:
         time.sleep(0.5)
         worst = max(worst, session.pacer.pacing().max_lateness)
-        if passed > 0.1 * seconds:  # buffers are full by then
+        if passed > 0.1 * seconds:  # buffers are full from here on
             sizes.append(resident())
     pace = session.pacer.pacing()
     factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
     grown = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
     return Row(
         f"levitates for {seconds:g} s, recorded, {beside}",
-        f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
-        f"{factor:.4f} times, late by {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} times "
-        f"given up; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
+        f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
+        f"{factor:.4f} times, lateness {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} "
+        f"pacing slips; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
         factor >= 0.999 and worst <= LATE_S and abs(grown) <= 0.05,
     )
 
 
 def resident() -> float:
-    """Return the memory in use by this process, MB."""
+    """Return the resident memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 if __name__ == "__main__":
     for row in rows():
-        print(f"{row.what}: {row.measured} (to reach: {row.reach})")
+        print(f"{row.what}: {row.measured} (target: {row.reach})")

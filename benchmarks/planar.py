@@ -1,9 +1,9 @@
-"""A planar stage of six axes on ten magnets: what each variant leaves of the errors of all of them.
+"""Measure the errors of a planar stage of six axes on ten magnets for each compensation method.
 
-Plant, layout, irons and the search of the gains stand in examples/planar and below; they were fixed
-before the first figure. Baselines: the constant ratio, the best curve without memory, the map with
-one play, and the measured flux, each with gains of its own from the same search; beside them the law
-and the measured flux together.
+Plant, layout, irons and gain search were fixed before the first result; they are defined in
+examples/planar and below. The baselines are the constant ratio, the best single-valued curve, the
+map with one play, and the measured flux. The fused method combines the law and the measured flux.
+Each method has its own gains from the same search.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from tracking import with_iron
 RIG = ROOT / "examples" / "planar" / "rig.toml"
 IRONS = ROOT / "examples" / "irons" / "irons.toml"
 NAMES = ("preisach-usual", "preisach-hard", "duhem-usual")
-"""Irons that are no law of the package; the first is that of the example."""
+"""Irons that are not laws of the package; the first is that of the example."""
 MEASURES = (
     ("x, peak", "peak_m", 1e9, "nm", 0.15),
     ("x, moving average", "average_m", 1e9, "nm", 0.15),
@@ -41,39 +41,39 @@ MEASURES = (
     ("ry, peak", "ry_rad", 1e9, "nrad", 0.3),
     ("rz, peak", "rz_rad", 1e9, "nrad", None),
 )
-"""What, name, factor, unit, and what is to be reached in parts of the best curve's."""
+"""Label, name, factor and unit of each metric; target as a fraction of the best curve's value."""
 FAST_HZ, FAST_M = 300.0, 2e-9
-"""The high crossover, and the moving average in the cruise that `full` is to reach there."""
+"""High crossover, Hz, and target of `full` there: moving average of the error in the cruise, m."""
 
 
 def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
-    """Return the lines of one iron."""
-    found = []
+    """Return the rows of one iron."""
+    result_rows = []
     for what, name, factor, unit, reach in MEASURES:
-        means = {variant: one.interval(name).mean for variant, one in study.variants.items()}
+        means = {variant: results.interval(name).mean for variant, results in study.variants.items()}
         share = means["full"] / means["single-valued"]
-        each = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
-        aim = "stated" if reach is None else f"<= {reach:g} of single-valued"
-        text = f"{share:.3g}; {each} {unit}"
-        found.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
-    return found
+        means_text = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
+        aim = "reported" if reach is None else f"<= {reach:g} times single-valued"
+        text = f"{share:.3g}; {means_text} {unit}"
+        result_rows.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
+    return result_rows
 
 
 def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[float, float, float]:
-    """Return moving average and peak along x, m, and the largest ry, rad: means over the seeds."""
+    """Return the means over the seeds: moving average and peak along x, m; largest ry, rad."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
     motion, found = scan_motion(scan, scan.test_m_per_s2), []
     for seed in range(1, rig.settings.noise_seeds + 1):
         run = track(setup, motion, gains, seed)
-        own = measure(run, motion, scan.slit_s)
-        found.append((own.average_m, own.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
-    average, peak, turned = np.mean(found, axis=0).tolist()
-    return average, peak, turned
+        measures = measure(run, motion, scan.slit_s)
+        found.append((measures.average_m, measures.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
+    average, peak, largest_ry = np.mean(found, axis=0).tolist()
+    return average, peak, largest_ry
 
 
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
-    """Return the line of one iron at the high crossover."""
+    """Return the row of one iron at the high crossover."""
     found = dict(
         zip(COMPARED_METHODS, map_ordered(partial(at_300, rig, magnet), COMPARED_METHODS), strict=True)
     )
@@ -86,39 +86,46 @@ def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
 
 
 def lost_rows() -> list[Row]:
-    """Return what became of layouts without each of their magnets."""
-    found = []
+    """Return the outcomes of layouts after the loss of each of their magnets."""
+    result_rows = []
     for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
         for peaks in ((22.0, 10.0, 18.0), (10.0, 8.0)):
             if name == "8" and peaks[0] > 10.0:
-                continue  # what its two magnets along x cannot follow
+                continue  # its two magnets along x cannot follow this motion
             case = LossCase(kind="loss", circuit="open")
-            each = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
-            held = sum(one.outcome in ("flies on", "brakes") for one in each)
-            text = "; ".join(" ".join(one.table_cells()) for one in each)
-            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: losses survived"
-            found.append(Row(what, f"{movable}", f"{held}; {text}", held == movable))
-    return found
+            flights = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
+            survived_count = sum(flight.outcome in ("flies on", "brakes") for flight in flights)
+            text = "; ".join(" ".join(flight.table_cells()) for flight in flights)
+            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
+            result_rows.append(
+                Row(what, f"{movable}", f"{survived_count}; {text}", survived_count == movable)
+            )
+    return result_rows
 
 
 def head_rows() -> list[Row]:
-    """Return how ten magnets are lifted and set down, and what became of them without each head."""
-    found = []
+    """Return the outcomes of lift-off and landing with ten magnets after a fault of each head."""
+    result_rows = []
     for heads in (6, 7):
         case = LossCase(
             kind="loss", circuit="open", magnets=["m0"], heads=["missing", "frozen", "jumps"], lift=True
         )
-        each = LossFlights(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).run_all()[1:]
-        landed = sum(one.outcome == "lands" for one in each)
-        text = "; ".join(" ".join(one.table_cells()) for one in each)
-        most = sum(one.spare for one in each[:-1])
-        row = Row(f"planar, {heads} heads: landed", f"{most}", f"{landed}; {text}", landed == most)
-        found.append(row)
-    return found
+        flights = LossFlights(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).run_all()[1:]
+        landed_count = sum(flight.outcome == "lands" for flight in flights)
+        text = "; ".join(" ".join(flight.table_cells()) for flight in flights)
+        expected_count = sum(flight.spare for flight in flights[:-1])
+        row = Row(
+            f"planar, {heads} heads: landings",
+            f"{expected_count}",
+            f"{landed_count}; {text}",
+            landed_count == expected_count,
+        )
+        result_rows.append(row)
+    return result_rows
 
 
 def rows() -> list[Row]:
-    """Return the lines of this table."""
+    """Return all rows about the planar stage."""
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     found = []
     for name in NAMES:

@@ -1,4 +1,4 @@
-"""What a benchmark line holds, and the two clocks that times are taken with."""
+"""Define the rows of the benchmark table and the stopwatch of wall time and processor time."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: what was measured, what it must reach, what came out."""
+    """A row of the table: the measured quantity, its target and the measured value."""
 
     what: str
     reach: str
     measured: str
     met: bool | None
-    """None where there is nothing to reach, only something to report."""
+    """Whether the target is met; None if there is no target and the value is only reported."""
 
     seconds: float | None = None
-    """Processor time of what the line is about, s; None where it is about no time."""
+    """Processor time of the work that the row measures, s; None if the row measures no time."""
 
 
 class Stopwatch:
-    """Time since it was made."""
+    """Time since the stopwatch was created."""
 
     def __init__(self) -> None:
         self._wall, self._processor = time.perf_counter(), _processor_time()
 
     @property
     def wall(self) -> float:
-        """Time on the wall, s: what else the machine does is in it."""
+        """Wall time, s; it includes the time that other programs take."""
         return time.perf_counter() - self._wall
 
     @property
     def processor(self) -> float:
-        """Time of all cores together, s; of this process and the children that ended."""
+        """Processor time of all cores, s, of this process and of its child processes that ended."""
         return _processor_time() - self._processor
 
     def __str__(self) -> str:
-        """Return both, for a line of the table."""
+        """Return wall time and processor time as text for a row of the table."""
         return f"{self.wall:.3g} s wall, {self.processor:.3g} s of processor time"
 
 
@@ -51,6 +51,6 @@ def _processor_time() -> float:
 
 
 def measurements() -> Path | None:
-    """Folder of real measurements, or None where it is absent."""
+    """Return the folder of real measurements, or None if it does not exist."""
     folder = Path(os.environ.get("ANHYST_DATA", ROOT.parent / "shared" / "data"))
     return folder if folder.is_dir() else None

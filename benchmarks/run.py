@@ -1,9 +1,9 @@
-"""The table of figures: ``make bench``.
+"""Measure and print the benchmark table: ``make bench``.
 
-Each line says what must be reached and what was measured, the baseline in the same run where there is
-one. A timing never decides a test; this table is where timings are looked at. Processor times are
-given in yardsticks too, so that machines can be compared. The table is written to ``build/`` as
-``bench.md`` and ``bench.json``. Names of files of this folder as arguments: their lines alone.
+Each row states a target and the measured value, with the baseline of the same run if there is one.
+Tests do not depend on times; only this table evaluates them. Processor times are also given as
+multiples of one step of ``yardstick.c``, so that machines can be compared. The table is written to
+``build/`` as ``bench.md`` and ``bench.json``. Arguments select modules of this folder by name.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from anhyst.identification import identify
 from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
-sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))  # some take plants from the tests
+sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))  # for plants in the tests
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
            "actuators", "fleet")  # fmt: skip
 ALONE = ("search", "solid", "meander", "creeping")
-"""Lines that take so long that they are measured only where they are named."""
+"""Modules that take so long that they run only if they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
 
@@ -54,7 +54,7 @@ def _demo() -> ModuleType:
 
 
 def bundled_example() -> list[Row]:
-    """Unseen gaps of the bundled example against the noise-free truth; time of identify."""
+    """Measure errors at withheld gaps of the bundled example against its noise-free truth."""
     demo = _demo()
     here = Path(demo.ELECTROMAGNET)
     loops, truth = (read_loops(here / name) for name in ("loops.csv", "unseen_truth.csv"))
@@ -77,7 +77,7 @@ def bundled_example() -> list[Row]:
 
 
 def whole_identify(loops: Path) -> list[Row]:
-    """Identification of four gaps as a call, and as the command with everything it imports."""
+    """Measure the time of identifying four gaps, as a call and as the command with all imports."""
     watch = Stopwatch()
     identify(read_loops(loops))
     call = (str(watch), watch.processor)
@@ -94,7 +94,7 @@ def whole_identify(loops: Path) -> list[Row]:
 
 
 def rows_of(name: str) -> list[Row]:
-    """Measure the lines of one file."""
+    """Measure the rows of one module."""
     if name == "example":
         return bundled_example()
     measure = importlib.import_module(name).rows
@@ -109,19 +109,19 @@ def rows_of(name: str) -> list[Row]:
 
 
 def in_yardsticks(ratio: float) -> str:
-    """Return a number that may be large."""
+    """Format a number that may be large."""
     return f"{ratio:.3g}" if ratio < 1e4 else f"{1e-6 * ratio:.3g} million"
 
 
 def cells(row: Row, machine: Machine) -> list[str]:
-    """Return a line of the table."""
+    """Return the cells of a row of the table."""
     ratio = "" if row.seconds is None else in_yardsticks(row.seconds / machine.yardstick)
     met = "-" if row.met is None else "yes" if row.met else "NO"
     return [row.what, row.reach, row.measured, ratio, met]
 
 
 def markdown(rows: Sequence[Row], machine: Machine) -> str:
-    """Return the table with the machine above it."""
+    """Return the table in Markdown, with the description of the machine above it."""
     lines = [*machine.lines(), ""]
     lines += [f"| {' | '.join(COLUMNS)} |", "| --- " * len(COLUMNS) + "|"]
     lines += [
@@ -131,7 +131,7 @@ def markdown(rows: Sequence[Row], machine: Machine) -> str:
 
 
 def show(rows: Sequence[Row], machine: Machine) -> None:
-    """Print the table: drawn on a terminal, Markdown elsewhere, where nothing may break lines."""
+    """Print the table: drawn on a terminal, else as Markdown, whose lines must not break."""
     if not sys.stdout.isatty():
         print(markdown(rows, machine), end="")
         return

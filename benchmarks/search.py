@@ -1,13 +1,15 @@
-"""The search against the best fit that is known: 200 drawn measurements, not magnets, are tried.
+"""Compare the fits of identification with the best known fits on 200 random measurements.
 
-``make bench WHAT=search`` prints the lines of both halves. Draws with an even number may be looked at,
-and stand one by one in ``build/search.json``; of the odd ones only summary figures are shown.
+``make bench WHAT=search`` prints the rows of both halves. Draws with an even number may be
+inspected; they are stored one by one in ``build/search.json``. Of the odd draws, only summaries are
+shown.
 
-    python benchmarks/search.py --every 5       the even half, every fifth of it, in a few minutes
+    python benchmarks/search.py --every 5       every fifth draw of the even half, in a few minutes
     python benchmarks/search.py --every 1       the even half
-    python benchmarks/search.py --reveal        both halves, the odd one in the file too
+    python benchmarks/search.py --reveal        both halves; the odd draws are stored too
 
-What is drawn stands in ``drawn.toml``, the best known fits in ``known_best.json`` (``known.py``).
+``drawn.toml`` defines the random measurements; ``known_best.json`` has the best known fits, which
+``known.py`` finds.
 """
 
 from __future__ import annotations
@@ -40,22 +42,22 @@ FOUND = ROOT / "build" / "search.json"
 KINDS = ("same", "unseen", "moving", "small", "other")
 
 REACH = 1.1
-"""Deviation of a fit over that of the best known one with no more numbers."""
+"""Largest ratio of the deviation to that of the best known fit with at most as many parameters."""
 
 UNSEEN = 1e-4
-"""Deviation, in parts of the largest output, below which no sensor sees a difference."""
+"""Deviation relative to the largest output below which no sensor shows a difference."""
 
 THROUGH = 1
 """Stage of ``known.py`` up to which the best fits of a draw must be known."""
 
 COVERED = 0.9
-"""Share of intervals that are to hold the truth."""
+"""Target for the fraction of intervals that contain the true value."""
 
 Tried = dict[str, Any]
 
 
 def loops_rms(model: Model, loops: Loops) -> float:
-    """Return the deviation from all loops, each counting the same, in parts of the largest output."""
+    """Return the rms deviation from equally weighted loops, relative to the largest output."""
     off = [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
         for loop in loops.loops
@@ -64,7 +66,7 @@ def loops_rms(model: Model, loops: Loops) -> float:
 
 
 def deviation(model: Model, test: Test) -> FloatArray:
-    """Return what a model misses of a record to test with; infinite where it has no answer."""
+    """Return the deviation of a model from a test record; infinite if the model has no solution."""
     try:
         output = model.predict(test.input, test.schedule, history=test.history).output
     except (InputError, NegativeResult):
@@ -73,7 +75,7 @@ def deviation(model: Model, test: Test) -> FloatArray:
 
 
 def measure(one: Draw) -> Tried:
-    """Identify a draw with default settings; return how far its model is from all there is."""
+    """Identify a draw with default settings; return the errors of its model on all test records."""
     loops, drive = one.loops, one.true["drive"]
     found: Tried = {
         "number": one.number,
@@ -115,16 +117,16 @@ def measure(one: Draw) -> Tried:
 
 
 def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
-    """Return the deviation of the best usable fit that is known with at most so many numbers."""
+    """Return the deviation of the best known usable fit with at most `numbers` parameters."""
     fits = known["fits"].values() if known["through"] >= THROUGH else ()
     able = [one["rms"] for one in fits if one and one["usable"] and one["numbers"] <= numbers]
     return 0.01 * min(able) if able else None
 
 
 def with_known(tried: Sequence[Tried]) -> list[Tried]:
-    """Add how many times the deviation of the best known fit there is, where one is known.
+    """Add the ratio of each deviation to that of the best known fit, if one is known.
 
-    Of those with no more numbers, and of all.
+    One ratio is to the fits with at most as many parameters, one to all fits.
     """
     kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
     found = []
@@ -140,7 +142,7 @@ def with_known(tried: Sequence[Tried]) -> list[Tried]:
 
 
 def _by_family(tried: Sequence[Tried], figure: Callable[[Sequence[Tried]], str]) -> str:
-    """Return a figure of all and of each family."""
+    """Return a metric of all draws and of each family, as text."""
     groups = {name: [one for one in tried if one["family"] == name] for name in FAMILIES}
     texts = [f"{name} {figure(some)}" for name, some in groups.items() if some]
     return "; ".join([f"all {figure(tried)}", *texts])
@@ -202,7 +204,7 @@ def _share(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
 
 
 def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
-    """Return the lines of some draws."""
+    """Return the rows of some draws."""
     tried = with_known(tried)
     ratios = [one for one in tried if "ratio" in one]
     refused = [one for one in tried if "refused" in one]
@@ -214,23 +216,23 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
 
     table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
         (
-            f"fit within {REACH:g} of the best known with as many numbers",
+            f"fit within {REACH:g} times the best known with at most as many parameters",
             "all",
             _near,
             _share(ratios, lambda one: bool(one["ratio"] <= REACH)) == 1.0 if ratios else None,
         ),
-        ("fit over the best known, however many numbers: median", "reported", _of_all, None),
+        ("ratio of fit to best known with any number of parameters: median", "reported", _of_all, None),
         ("unseen gaps, random reversals: mean/worst", "reported", _missed("unseen"), None),
-        ("moving gap over gaps at rest: mean", "reported", _moving, None),
+        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving, None),
         ("cycles of 10 % about a bias: mean/worst", "reported", _missed("small"), None),
-        ("one loop only: rms on other runs over that of the fit", "reported", _single, None),
+        ("one loop only: ratio of rms on other records to that of the fit", "reported", _single, None),
         (
-            "promised interval holds the truth, loops as measured",
+            "predicted interval contains the true error, loops as measured",
             f">= {100.0 * COVERED:.0f} %",
             _covered("same"),
             _share(promised, holds) >= COVERED if promised else None,
         ),
-        ("promised interval holds random reversals", "reported", _covered("unseen"), None),
+        ("predicted interval contains the error with random reversals", "reported", _covered("unseen"), None),
     ]
     rows = [
         Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
@@ -246,7 +248,7 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
 
 
 def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
-    """Try some draws; those that may be looked at are kept in a file as they come."""
+    """Try some draws; draws that may be shown are written to a file after each one."""
     tried: list[Tried] = []
     for place, number in enumerate(numbers, start=1):
         one = measure(draw(number))
@@ -260,16 +262,16 @@ def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
 
 
 def rows() -> list[Row]:
-    """All lines: both halves."""
+    """Return all rows of both halves."""
     even, odd = (run(range(first, COUNT, 2), first == 0) for first in (0, 1))
     return [*lines_of("even half", even), *lines_of("unseen half", odd)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the lines of a part of the even half, or of both halves."""
-    parser = argparse.ArgumentParser(description="The search against the best fits known.")
-    parser.add_argument("--every", type=int, help="only every so many of the even half")
-    parser.add_argument("--reveal", action="store_true", help="keep the odd half one by one too")
+    """Print the rows of a part of the even half, or of both halves."""
+    parser = argparse.ArgumentParser(description="Compare the search with the best known fits.")
+    parser.add_argument("--every", type=int, help="use every N-th draw of the even half")
+    parser.add_argument("--reveal", action="store_true", help="store the draws of the odd half too")
     given = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
     if given.every:

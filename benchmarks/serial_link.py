@@ -1,4 +1,4 @@
-"""The serial link: what it carries on an emulated controller, in a process, and on a real line."""
+"""Measure the throughput of the serial link in emulation and in a process; compute it for lines."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ WINDOW = 24
 COMMANDS_A_TICK = 10
 RATE = 4000.0
 BITS_A_BYTE = 10
-"""Eight, a start and a stop bit."""
+"""Eight data bits, a start bit and a stop bit."""
 
 
 class Coil:
-    """A current that follows its commands; sensors with a little noise."""
+    """A plant whose current follows the command one step later, with noisy sensors."""
 
     def __init__(self) -> None:
         self._random = Random(1)
         self._flows = 0.0
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Show gap, force and current."""
+        """Return the readings of gap, force and current."""
         noise = [self._random.gauss(0.0, 1e-4) for _ in range(3)]
         flows, self._flows = self._flows, currents[0]
         return Reading(0.5 + noise[0], 0.5 * flows + noise[1], flows + noise[2])
 
 
 def rows() -> list[Row]:
-    """Measure the link."""
+    """Measure throughput and memory of the link."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
@@ -67,7 +67,7 @@ def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
     if shutil.which("qemu-system-arm") is None:
         yield Row(
             "link on qemu-mps2",
-            ">= 1000 force commands a second, none lost",
+            ">= 1000 force commands per second, none lost",
             "not measured: apt install qemu-system-arm",
             None,
         )
@@ -77,8 +77,8 @@ def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
         seconds, lost = _stream(board, COMMANDS)
     yield Row(
         f"link on qemu-mps2, {COMMANDS} force commands",
-        ">= 1000 a second, none lost",
-        f"{COMMANDS / seconds:.0f} a second, {lost} lost",
+        ">= 1000 per second, none lost",
+        f"{COMMANDS / seconds:.0f} per second, {lost} lost",
         COMMANDS / seconds >= 1000 and lost == 0,
     )
 
@@ -96,14 +96,14 @@ def _process(compiled: Path, folder: Path) -> Row:
     return Row(
         "link on a pty to the firmware as a process",
         "",
-        f"{ON_HOST / seconds:.0f} force commands a second, {lost} lost; one a tick, each waited "
-        f"for, with the tick in lock-step: {ON_HOST / stepped:.0f} a second",
+        f"{ON_HOST / seconds:.0f} force commands per second, {lost} lost; one per tick with "
+        f"answer, in lock-step: {ON_HOST / stepped:.0f} per second",
         None,
     )
 
 
 def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
-    """Send demands while the plant goes on; return the seconds and how many were lost."""
+    """Stream demands while the plant is stepped; return the duration, s, and the lost frames."""
     with ControllerLink(board.url, timeout=2.0) as controller:
         board.bus.step(40)
         controller.command(Command.ARM)
@@ -123,15 +123,15 @@ def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
 
 
 def _line(baud: int) -> Row:
-    """Compute what a real line carries; both directions at once, the answers are longer."""
+    """Compute the throughput of a full-duplex serial line; the longer answers limit it."""
     demand = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
     status = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
     a_second = baud / BITS_A_BYTE
     return Row(
         f"a real line of {baud} baud, 8N1 (computed)",
         "",
-        f"{a_second / status:.0f} force commands a second, each answered: {demand} bytes out, "
-        f"{status} bytes back; one alone takes {1e3 * (demand + status) / a_second:.2f} ms",
+        f"{a_second / status:.0f} force commands per second, each answered: {demand} bytes out, "
+        f"{status} bytes back; a single one takes {1e3 * (demand + status) / a_second:.2f} ms",
         None,
     )
 
@@ -141,14 +141,14 @@ def _memory(compiled: Path, folder: Path) -> Row:
     return Row(
         "firmware for the Nucleo-F446RE",
         "",
-        f"{sizes.flash} bytes of flash, {sizes.ram} bytes of variables (16384 of them the "
-        f"recorder), {sizes.stack} kept for the stack",
+        f"{sizes.flash} bytes of flash, {sizes.ram} bytes of variables (16384 for the "
+        f"recorder), {sizes.stack} reserved for the stack",
         None,
     )
 
 
 def main() -> None:
-    """Print the lines of this file alone."""
+    """Print the rows of this module only."""
     for row in rows():
         print(f"{row.what}: {row.measured}" + (f" ({row.reach})" if row.reach else ""))
 

@@ -1,8 +1,9 @@
-"""Force control over the serial link with solenoids whose iron is of other families than the example's.
+"""Measure force control over the serial link for solenoids with irons of other families.
 
-Winding, poles and instruments are those of ``examples/solenoid``; the irons stand in
-``examples/irons``. Loops are measured anew for each. Of the positions two are kept, neither of them
-measured. ``python benchmarks/solenoids.py NAME`` prints the lines of one.
+Winding, poles and instruments are those of ``examples/solenoid``; the irons are those of
+``examples/irons``. The loops are measured again for each iron. Only two of the test positions are
+used, neither of which was measured. ``python benchmarks/solenoids.py NAME`` prints the rows of one
+iron.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ POSITIONS = (1.25e-3, 2.6e-3)
 
 CHOSEN, PAPER = "auto", "effective-field"
 REST, MOVING, PART = 0.6, 1.5, 0.25
-"""To reach: % of F_max at rest and with the armature moving, and of the best single-valued curve."""
+"""Targets: error at rest and in motion, % of F_max, and ratio to the error of the best curve."""
 
 REACHED = 0.85
-"""Of the force that every position reaches: the largest demand, if that is below the example's."""
+"""Largest demand relative to the force that every position reaches, if below that of the example.
+"""
 
 
 def _loops_module() -> ModuleType:
@@ -45,7 +47,7 @@ def _loops_module() -> ModuleType:
 
 
 def write_rig(folder: Path, name: str, law: str) -> Path:
-    """Write the rig of the example with another iron and its loops; return the rig file."""
+    """Write the example's rig with another iron and its loops; return the path of the rig file."""
     rig, solenoid = ((FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml"))
     path = tomllib.loads(solenoid)["iron"]
     iron = tomllib.loads(FILE.read_text(encoding="utf-8"))[name]
@@ -67,13 +69,13 @@ def write_rig(folder: Path, name: str, law: str) -> Path:
 
 
 def run(rig: Path) -> dict[str, Any]:
-    """Run everything of a rig and return its figures."""
+    """Run all test cases of a rig and return their metrics."""
     with tempfile.TemporaryDirectory() as place:
         return force_control(rig, Path(place) / "run").figures
 
 
 def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
-    """Report what each law and each curve without memory leaves at a stage."""
+    """Format the errors of each law and of the single-valued curves for a test stage."""
     parts = [f"{law} {summary[stage]['full']['worst_percent']:.2f} %" for law, summary in summaries.items()]
     plain = summaries[CHOSEN][stage]
     parts += [f"{name} {plain[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
@@ -81,7 +83,7 @@ def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
 
 
 def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
-    """Return the lines of one solenoid, by law: at rest and moving."""
+    """Return the rows of one solenoid for each law: at rest and moving."""
     own = summaries[CHOSEN]
     found = []
     for title, stages, most in (
@@ -94,8 +96,8 @@ def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
         found.append(
             Row(
                 f"force control, {what}, {title}: worst force error of full",
-                f"<= {most:g} % of F_max and {PART:g} of the best single-valued",
-                f"{worst:.2f} %, {part:.2f} of it; {told}",
+                f"<= {most:g} % of F_max and {PART:g} times the best single-valued",
+                f"{worst:.2f} %, {part:.2f} times; {told}",
                 worst <= most and part <= PART,
             )
         )
@@ -125,21 +127,24 @@ def bundled() -> list[Row]:
 
 
 def names() -> list[str]:
-    """Return the irons of other families."""
+    """Return the names of the irons of other families."""
     return list(tomllib.loads(FILE.read_text(encoding="utf-8")))
 
 
 def rows() -> list[Row]:
-    """All lines: the example and six other irons."""
+    """Return all rows: the example and six other irons."""
     watch = Stopwatch()
     found = bundled()
     for name in names():
         found += measure(name)
-    return [*found, Row("the same: time", "minutes", str(watch), None, watch.processor)]
+    return [
+        *found,
+        Row("force control, all solenoids: computing time", "minutes", str(watch), None, watch.processor),
+    ]
 
 
 def main(chosen: Sequence[str]) -> None:
-    """Print the lines of some irons, or of all."""
+    """Print the rows of the named irons, or of all."""
     for name in chosen or ["cells", *names()]:
         for row in bundled() if name == "cells" else measure(name):
             print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)

@@ -1,7 +1,8 @@
-"""Solid iron: a model of layers against the same model at rest, on magnets that are not layers.
+"""Compare models with and without eddy-current layers on magnets of solid iron.
 
-``python benchmarks/solid.py FILE.png`` draws docs/img/rate.png. The model at rest is what is identified
-from the slow loops alone. Gaps and speeds that are compared were not fitted.
+The magnets are not simulated with the layer model. The static model is identified from the slow
+loops only. The compared gaps and rates were not fitted. ``python benchmarks/solid.py FILE.png``
+draws docs/img/rate.png.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.force_controller import Io, make_twin
+from anhyst.compensate.force_controller import SignalFormat, make_twin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop
 from anhyst.data.speeds import group_by_speed
@@ -39,37 +40,38 @@ from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron
 
 TICKS, CYCLES, BAND = 20_000.0, 4, (0.1, 0.5)
-"""Of the open loop: ticks a second, cycles, and the forces, in parts of the largest at rest."""
+"""Open loop: ticks per second, number of cycles, and force range relative to the largest static
+force."""
 
 REACH = {"1 Hz": (0.12, 0.6), "20 Hz": (0.35, 1.2), "100 Hz": (0.9, 3.0), "random": (0.4, 2.5)}
-"""Mean and worst deviation to reach, % of the largest force."""
+"""Targets: mean and worst deviation, % of the largest force."""
 
 
 STAGE: tuple[MethodName, ...] = ("single-valued", "at-rest", "full", "flux")
-"""What is compared on a stage; the last reads a probe in the gap."""
+"""Methods that are compared on a stage; the last reads a probe in the gap."""
 STAGE_IRONS = ("cells", "preisach-usual", "duhem-usual")
 STAGE_SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 STAGE_FAST = [45.0, 450.0, 1350.0]  # A/s: full triangles of 5, 50 and 150 Hz
 BEARING_SOLID = ((4e-3, 0.05), (8e-3, 0.05), (6e-3, 0.1), (10e-3, 0.15))
-"""Depth and path of the solid part of the bearing's magnet, m, of 2e6 S/m."""
+"""Depth and path length of the solid part of the bearing's magnet, m; conductivity 2e6 S/m."""
 BEARING_STEP, BEARING_SEEDS = 50e-6, (1, 2, 3)
 
 
 @dataclass(frozen=True)
 class Judged:
-    """One magnet: mean and worst deviation, % of the largest force, at rest and with layers."""
+    """Mean and worst deviation of one magnet, % of the largest force, without and with layers."""
 
     number: int
     at_rest: dict[str, tuple[float, float]]
     layers: dict[str, tuple[float, float]]
-    slow: float  # rms of the slow loops with layers, in parts of that at rest
+    slow: float  # ratio of the rms error of the slow loops with layers to that without
     seconds: float
     chosen: str
-    force: tuple[float, float]  # worst error of an open loop, % of F_max, compiled with rate and at rest
+    force: tuple[float, float]  # worst open-loop error, % of F_max: with layers, static
 
 
 def judge(number: int) -> Judged:
-    """Identify a magnet and run both models over what was not fitted."""
+    """Identify a magnet and evaluate both models on records that were not fitted."""
     magnet = solid_magnet(number)
     loops = magnet.measured()
     speeds = group_by_speed(loops)
@@ -94,10 +96,10 @@ def judge(number: int) -> Judged:
     return Judged(number, at_rest, layers, slow, seconds, chosen, force)
 
 
-def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: Io = "f32") -> float:
-    """Ask for triangles of force of 50 Hz; return the worst error of the last one, % of the largest force.
+def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = "f32") -> float:
+    """Return the worst error of the last of several 50 Hz force triangles, % of the largest force.
 
-    The armature is held, and the current flows as the compensator has computed it.
+    The armature is held, and the current equals the output of the compensator.
     """
     model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS), 0)
@@ -120,7 +122,7 @@ def _missed(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
 
 
 def on_stage(iron: str) -> dict[MethodName, Measures]:
-    """Let the example's stage of solid iron follow its test set-point, gains from the other one."""
+    """Run the test set-point on a stage of solid iron, with gains of the training set-point."""
     rig = read_stage(RIG)
     if iron != "cells":
         rig = with_iron(rig, tomllib.loads(IRONS.read_text(encoding="utf-8"))[iron])
@@ -129,7 +131,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
         {
             "magnet.solid": STAGE_SOLID,
             "measurement.fast_A_per_s": STAGE_FAST,
-            "force_sensor.bandwidth_Hz": 20e3,  # no lag that would be taken for iron
+            "force_sensor.bandwidth_Hz": 20e3,  # no sensor lag that could be attributed to the iron
             "control.format": "f64",
         },
     )
@@ -143,7 +145,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
 
 
 def stage_rows() -> list[Row]:
-    """Return what following solid iron is worth on a stage."""
+    """Return the rows of the benefit of the layer model on a stage."""
     rows = []
     for iron in STAGE_IRONS:
         found = on_stage(iron)
@@ -158,7 +160,7 @@ def stage_rows() -> list[Row]:
             rows.append(
                 Row(
                     f"stage on solid iron, {iron}: {what}",
-                    "<= 1/3 of at-rest",
+                    "<= 1/3 times at-rest",
                     f"{share:.2g}; {told} {unit}",
                     share <= 1.0 / 3.0,
                 )
@@ -167,7 +169,7 @@ def stage_rows() -> list[Row]:
 
 
 def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
-    """Let the example's bearing step with solid iron, its controller in fixed point and untouched."""
+    """Run steps of the bearing with solid iron and its unchanged fixed-point controller."""
     rig, controller = read_files(ROOT / "examples" / "bearing" / "rig.toml", None)
     rig = change_rig(
         rig,
@@ -186,7 +188,7 @@ def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
 
 
 def bearing_rows() -> list[Row]:
-    """Return what following solid iron is worth on a bearing."""
+    """Return the rows of the benefit of the layer model on a bearing."""
     rows = []
     for depth, path in BEARING_SOLID:
         found = on_bearing(depth, path)
@@ -198,9 +200,9 @@ def bearing_rows() -> list[Row]:
         )
         rows.append(
             Row(
-                f"bearing, {1e3 * depth:g} mm deep, {1e3 * path:g} mm of path solid, a step: force, "
-                "rms; overshoot; standstill (nan: levitation lost)",
-                "force <= 0.8 of at-rest",
+                f"bearing, {1e3 * depth:g} mm deep, {1e3 * path:g} mm solid path, one step: "
+                "rms force error; overshoot; standstill (nan: levitation lost)",
+                "force error <= 0.8 times at-rest",
                 told,
                 force["full"] <= 0.8 * force["at-rest"],
             )
@@ -209,7 +211,7 @@ def bearing_rows() -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """Judge all magnets, those that were looked at and the others apart."""
+    """Evaluate all magnets, inspected and not inspected ones separately."""
     judged = [judge(number) for number in range(COUNT)]
     lines = []
     for title, odd in (("looked at", 0), ("not looked at", 1)):
@@ -230,7 +232,7 @@ def rows() -> list[Row]:
             )
         lines.append(
             Row(
-                f"slow loops with layers over at rest, rms, magnets {title}",
+                f"slow loops, ratio of rms errors with layers / static, magnets {title}",
                 "<= 1.2",
                 "; ".join(f"{one.slow:.2f} ({one.chosen})" for one in half),
                 all(one.slow <= 1.2 for one in half),
@@ -240,7 +242,7 @@ def rows() -> list[Row]:
         pairs = [one.force for one in judged if one.number % 2 == odd]
         lines.append(
             Row(
-                f"force over a triangle of 50 Hz, compiled with rate over at rest, magnets {title}",
+                f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
                 "<= 0.2",
                 "; ".join(f"{late:.2f} / {still:.2f} %" for late, still in pairs),
                 all(late <= 0.2 * still for late, still in pairs),
@@ -253,7 +255,7 @@ def rows() -> list[Row]:
 
 
 def draw(path: Path, magnet: SolidMagnet) -> None:
-    """Draw loops at three speeds with the model, and where the flux is at the fastest."""
+    """Draw loops at three rates with the model, and the flux of the layers at the highest rate."""
     import matplotlib as mpl
 
     mpl.use("Agg")

@@ -1,10 +1,11 @@
-"""Eight virtual magnets of solid iron, none of them computed as the package's layers are.
+"""Simulate eight virtual magnets of solid iron without the layer model of the package.
 
-Numbers 0 to 5 have a solid armature through which the field diffuses (a slab of twelve finite volumes,
-finer at the surface, each an iron of the plant) and a laminated yoke of another iron. Numbers 6 and 7
-have laminated iron alone and two shorted rings around it, of which one leaks: a ladder of two resistors
-and an inductance. Even numbers may be looked at while something is built, odd ones are for the end.
-Families, sizes, corners and noise are drawn from the ranges here, with a seed.
+Magnets 0 to 5 have a solid armature with field diffusion and a laminated yoke of another iron. The
+armature is a slab of twelve finite volumes, finer at the surface, each with an iron of the plant.
+Magnets 6 and 7 have only laminated iron with two shorted rings around it, one of them with leakage:
+a ladder of two resistors and an inductance. Even numbers may be inspected during development; odd
+numbers are for the final test. Families, sizes, corner frequencies and noise are random values from
+the ranges in this file, with a fixed seed.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ FAMILIES = ("preisach", "duhem", "cells")
 
 SPEEDS = (0.5, 5.0, 50.0)  # Hz
 GAPS = 3
-SAMPLES = 400  # of a cycle
+SAMPLES = 400  # samples per cycle
 CYCLES = 3  # the last one is recorded
 CELLS = 12
-NOISE = 3e-4  # of the largest force
-SPEED_NOISE = 1e-4  # the same of the current
+NOISE = 3e-4  # force noise, relative to the largest force
+SPEED_NOISE = 1e-4  # current noise, relative to the largest current
 
 _ROUNDS = 60
 _CLOSE = 1e-9
@@ -40,15 +41,15 @@ _CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class SolidMagnet:
-    """A magnet, before anything has flowed."""
+    """A magnet in the demagnetised state."""
 
     number: int
     armature: Steel
     yoke: Steel
-    lengths: tuple[float, float]  # of armature and yoke, m
-    areas: tuple[float, float]  # m^2
-    diffusion: float  # of the slab: A/m of field for each T/s, across the whole depth, inverted
-    rings: tuple[float, float, float]  # conductances, 1/ohm, and the inductance of the second, H
+    lengths: tuple[float, float]  # armature and yoke, m
+    areas: tuple[float, float]  # armature and yoke, m^2
+    diffusion: float  # flux-density rate per field difference over the slab's depth, (T/s)/(A/m)
+    rings: tuple[float, float, float]  # conductances, 1/ohm, and inductance of the second ring, H
     turns: float
     top: float  # current of the largest force, A
     gaps: tuple[float, ...]  # m
@@ -58,11 +59,11 @@ class SolidMagnet:
         return 2.0 * gap / (MU_0 * self.areas[0])
 
     def force(self, density: FloatArray) -> FloatArray:
-        """Return the pull of both gaps, N, at a flux density in the armature, T."""
+        """Return the force of both gaps, N, for a flux density in the armature, T."""
         return density**2 * self.areas[0] / MU_0
 
     def run(self, current: FloatArray, gap: FloatArray, time: FloatArray) -> FloatArray:
-        """Return the force over a record, N, from the demagnetised state on."""
+        """Return the force over a record, N, starting demagnetised."""
         step = _slab(self) if self.number < RINGS_FROM else _ringed(self)
         density = np.empty(current.size)
         before = time[0] - (time[1] - time[0])
@@ -72,7 +73,7 @@ class SolidMagnet:
         return self.force(density)
 
     def cycle(self, rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Loop:
-        """Return the last of some triangles between parts of the largest current, without noise."""
+        """Return the last of several triangles between fractions of `top`, without noise."""
         one = self.top * (low + (high - low) * _triangle(SAMPLES))
         current = np.tile(one, CYCLES)
         time = np.arange(current.size) / (SAMPLES * rate)
@@ -81,7 +82,7 @@ class SolidMagnet:
         return Loop(label, one, force[-SAMPLES:], np.full(SAMPLES, gap), time[:SAMPLES])
 
     def measured(self) -> Loops:
-        """Return what is identified: a full triangle at each speed and gap, with noise."""
+        """Return the loops for identification: a full triangle at each rate and gap, with noise."""
         rng = np.random.default_rng([SEED, self.number, 1])
         plain = [self.cycle(rate, gap) for gap in self.gaps for rate in SPEEDS]
         span = max(float(np.max(loop.output)) for loop in plain)
@@ -100,7 +101,7 @@ class SolidMagnet:
         return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
 
     def random(self, gaps: tuple[float, float], samples: int = 3000) -> Loop:
-        """Return a record of ramps of any speed between any currents while the gap moves."""
+        """Return a record of ramps between random currents at random rates while the gap moves."""
         rng = np.random.default_rng([SEED, self.number, 2])
         ends, time = [0.0], [0.0]
         for _ in range(20):
@@ -119,14 +120,14 @@ def _triangle(samples: int) -> FloatArray:
 
 
 _Step = Callable[[float, float, float], float]
-"""From ampere-turns (A), reluctance outside (1/H) and time step (s) to the flux density, T."""
+"""Function of ampere-turns, A, outer reluctance, 1/H, and time step, s; returns T."""
 
 
 def _ringed(magnet: SolidMagnet) -> _Step:
     iron = Piece(magnet.armature)
     length, area = magnet.lengths[0], magnet.areas[0]
     first, second, inductance = magnet.rings
-    behind = 0.0  # current of the ring that leaks, A
+    behind = 0.0  # current of the ring with leakage, A
 
     def step(driven: float, outside: float, seconds: float) -> float:
         nonlocal behind
@@ -144,7 +145,7 @@ def _ringed(magnet: SolidMagnet) -> _Step:
 def _slab(magnet: SolidMagnet) -> _Step:
     width = np.geomspace(1.0, 6.0, CELLS)
     width /= width.sum()
-    # Conductances to the outside of each cell, the surface first, and none beyond the middle.
+    # Conductances at the outer face of each cell, from the surface; zero at the symmetry plane.
     apart = np.concatenate([[0.5 * width[0]], 0.5 * (width[1:] + width[:-1])])
     outer = np.append(magnet.diffusion / apart, 0.0)
     cells = [Piece(magnet.armature) for _ in range(CELLS)]
@@ -201,7 +202,7 @@ def _slab(magnet: SolidMagnet) -> _Step:
 
 
 def solid_magnet(number: int) -> SolidMagnet:
-    """Draw a magnet, 0 to :data:`COUNT` - 1."""
+    """Sample a magnet by its number, 0 to :data:`COUNT` - 1."""
     rng = np.random.default_rng([SEED, number])
 
     def log(low: float, high: float) -> float:

@@ -1,8 +1,8 @@
-"""How long the law takes, and how far that is from what its arithmetic alone would cost.
+"""Measure the time of one step of each law, and of its elementary functions alone.
 
-Best of several repetitions, in processor time: other work on the machine only ever adds. The
-arithmetic alone is measured too: the same number of exponentials and Langevin functions, one after
-the other over an array, with nothing around them.
+Each time is the least processor time of several repetitions, because other work on the machine can
+only add time. The comparison is the time of the same number of exponentials and Langevin functions,
+evaluated over an array without the rest of the law.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SAMPLES_A_LOOP = 200
 
 
 def best_ns(work: Callable[[], object], items: int) -> float:
-    """Processor time an item, ns, best of several."""
+    """Return the processor time of one item, ns, the least of several repetitions."""
     times = []
     for _ in range(REPETITIONS):
         began = time.process_time_ns()
@@ -40,7 +40,7 @@ def _drive(samples: int) -> Array:
 
 
 def scalar() -> Row:
-    """One forward step of the exact law, solved to rounding."""
+    """Measure one forward step of the implicit law, solved to rounding error."""
     n = 200_000
     r, omega = _drive(n), np.full(n, OMEGA)
     law = Operator(KAPPA, REVERSIBILITY)
@@ -48,7 +48,7 @@ def scalar() -> Row:
     spent = best_ns(lambda: law.run(omega, r, state), n)
     arguments = np.linspace(-4.0, 4.0, n)
     one = best_ns(lambda: langevin(arguments), n)
-    # Start and three to four visits a step, each a Langevin function and all but one an exp.
+    # A step evaluates a start and three to four iterates: 4 Langevin functions, 3 exponentials.
     exponential = best_ns(lambda: np.exp(-np.abs(arguments)), n)
     alone = 4.0 * one + 3.0 * exponential
     return Row(
@@ -61,7 +61,7 @@ def scalar() -> Row:
 
 
 def cells() -> list[Row]:
-    """One step of play cells over whole records, to and fro, beside that of Jiles-Atherton."""
+    """Measure one forward and one inverse step of play cells; Jiles-Atherton on the same drive."""
     n = 200_000
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
     iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
@@ -91,7 +91,7 @@ def cells() -> list[Row]:
 
 
 def batched(level: str) -> list[Row]:
-    """One step of a batch, a parameter set and sample; the best level has aims to reach."""
+    """Measure a step of a batch per parameter set and sample; only the best level has a target."""
     judged = level == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
     rng = np.random.default_rng(0)
@@ -115,7 +115,7 @@ def batched(level: str) -> list[Row]:
             Row(
                 f"forward step, {name}, batched, {level}",
                 f"<= {reach:g} ns" if judged else "reported",
-                f"{spent:.2f} ns a set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
+                f"{spent:.2f} ns per set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
                 spent <= reach if judged else None,
                 1e-9 * spent,
             )
@@ -124,5 +124,5 @@ def batched(level: str) -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """All lines about speed."""
+    """Return all rows about speed."""
     return [scalar(), *cells(), *(row for level in batch_levels() for row in batched(level))]

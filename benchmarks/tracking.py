@@ -1,8 +1,8 @@
-"""A stage that follows set-points with feedforward: what each variant leaves of the error.
+"""Measure the tracking error of a stage with feedforward for each compensation method.
 
-Irons, settings and the search of the gains stand in examples/stage/rig.toml and below; they were
-fixed before the first figure. Baselines: the best curve without memory, the map with one play, and
-the measured flux, each with gains of its own from the same search.
+Irons, settings and gain search were fixed before the first result; they are defined in
+examples/stage/rig.toml and below. The baselines are the best single-valued curve, the map with one
+play, and the measured flux. Each method has its own gains from the same search.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ RIG = ROOT / "examples" / "stage" / "rig.toml"
 IRONS = ROOT / "examples" / "irons" / "irons.toml"
 REVERSIBLE = (0.05, 0.15, 0.3)
 FAMILIES = ("preisach-soft", "preisach-usual", "preisach-hard", "duhem-usual")
-"""Irons that are no law of the package."""
+"""Irons that are not laws of the package."""
 CREEPS = "duhem-usual"
-"""It keeps no turning points: ripple of the current lets its force creep."""
+"""Iron without return-point memory: a ripple of the current makes its force drift."""
 VARIANTS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 
 
 def with_iron(rig: BodyRig, iron: dict[str, object], crossover: float = 130.0) -> BodyRig:
-    """Return the stage with other iron and crossover."""
+    """Return the stage with another iron and another crossover."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     table = schema.validate_python({"name": "own", **iron})
     return change_rig(rig, {"iron": table, "control.crossover_Hz": crossover})
 
 
 def without_noise(rig: BodyRig) -> BodyRig:
-    """Return the stage whose position and gap are read without noise, so that no current ripples."""
+    """Return the stage with noise-free position and gap sensors; the current has no ripple then."""
     return change_rig(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
 def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield the irons that are tried, the three of the requirement first."""
+    """Yield the tested irons; the three irons of the requirement are first."""
     own = rig.settings.steel.model_dump()
     for share in REVERSIBLE:
         yield f"cells, reversible part {share:g}", own | {"reversible_fraction": share}
@@ -59,7 +59,7 @@ def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
 
 
 def said(study: TrackingStudy, name: str, factor: float) -> str:
-    """Return a measure of all variants with its interval."""
+    """Format a metric of all variants with its confidence interval."""
     parts = []
     for variant in VARIANTS:
         one = study.variants[variant].interval(name)
@@ -68,12 +68,12 @@ def said(study: TrackingStudy, name: str, factor: float) -> str:
 
 
 def ratio(study: TrackingStudy, name: str, baseline: MethodName = "single-valued") -> float:
-    """Return a mean measure of the compensator over that of a baseline."""
+    """Return the ratio of the mean metric of the compensator to that of a baseline."""
     return study.variants["full"].interval(name).mean / study.variants[baseline].interval(name).mean
 
 
 def of_iron(title: str, study: TrackingStudy) -> list[Row]:
-    """Return the lines of one iron at the low crossover."""
+    """Return the rows of one iron at the low crossover."""
     found = []
     for what, name, factor, unit, reach in (
         ("peak", "peak_m", 1e9, "nm", 0.4),
@@ -82,13 +82,13 @@ def of_iron(title: str, study: TrackingStudy) -> list[Row]:
     ):
         share = ratio(study, name)
         text = f"{share:.3g}; {said(study, name, factor)} {unit}"
-        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} of single-valued", text, share <= reach)
+        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} times single-valued", text, share <= reach)
         found.append(row)
     own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     found.append(
         Row(
-            f"the same against the map with one play, peak ({title})",
-            "better or equal, with interval",
+            f"tracking, {title}: peak, ratio to the map with one play",
+            "<= 1, with interval",
             f"{own.mean / play.mean:.3g}; moving average {ratio(study, 'average_m', 'play'):.3g}",
             own.mean - own.half_width <= play.mean + play.half_width,
         )
@@ -97,18 +97,18 @@ def of_iron(title: str, study: TrackingStudy) -> list[Row]:
 
 
 def fast(title: str, study: TrackingStudy) -> Row:
-    """Return the line of one iron at the high crossover."""
+    """Return the row of one iron at the high crossover."""
     share = ratio(study, "settling_10_s")
     return Row(
         f"tracking at 300 Hz, {title}: settling to 10 nm",
-        "<= 0.5 of single-valued",
+        "<= 0.5 times single-valued",
         f"{share:.3g}; {said(study, 'settling_10_s', 1e3)} ms; peak {said(study, 'peak_m', 1e9)} nm",
         share <= 0.5,
     )
 
 
 def learning(study: TrackingStudy) -> list[Row]:
-    """Return the lines of learning control."""
+    """Return the rows of iterative learning control."""
     own, plain = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
     return [
         Row(
@@ -118,7 +118,7 @@ def learning(study: TrackingStudy) -> list[Row]:
             5.0 * own[-1] <= own[0],
         ),
         Row(
-            "the same on single-valued",
+            "learning control on single-valued, eight trials: peak",
             "does not converge: last peak above half of the first",
             f"{plain[-1] / plain[0]:.3g}; {1e9 * plain[0]:.4g} to {1e9 * plain[-1]:.4g} nm",
             2.0 * plain[-1] > plain[0],
@@ -127,7 +127,7 @@ def learning(study: TrackingStudy) -> list[Row]:
 
 
 def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
-    """Return what fixed point and the sub-steps of the plant change, with the same noise."""
+    """Return the effect of fixed point and of the plant's sub-steps, with the same noise."""
     table = rig.settings.scan
     motion = scan_motion(table, table.test_m_per_s2)
     gains = study.variants["full"].gains
@@ -147,12 +147,17 @@ def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> lis
             f"{1e9 * fixed:.3g} nm",
             fixed <= 10e-9,
         ),
-        Row("sub-steps of the plant halved, the same", "<= 2 nm", f"{1e9 * halved:.3g} nm", halved <= 2e-9),
+        Row(
+            "twice as many sub-steps of the plant, largest difference of the error",
+            "<= 2 nm",
+            f"{1e9 * halved:.3g} nm",
+            halved <= 2e-9,
+        ),
     ]
 
 
 def rows() -> list[Row]:
-    """Every iron at 130 Hz, those of the requirement at 300 Hz, formats and learning control."""
+    """Return the rows of all irons at 130 Hz, three at 300 Hz, formats and learning control."""
     rig = read_stage(RIG)
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):

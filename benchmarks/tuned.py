@@ -1,6 +1,6 @@
-"""The bearing with every variant tuned for itself, and drifted plants: figures and times.
+"""Tune every variant of the bearing separately, and run the tuned gains on drifted plants.
 
-``python benchmarks/tuned.py`` prints the table of docs/results-bearing.md; it takes a quarter of an hour.
+``python benchmarks/tuned.py`` prints the table of docs/results-bearing.md in about 15 minutes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COMPARED: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "flu
 
 
 def tune(iron: Iron, variant: MethodName) -> BearingFigures:
-    """Tune one variant over 3 gaps, 4 heights and 2 loads."""
+    """Tune one variant for 3 gaps, 4 step heights and 2 loads."""
     loop = BearingLoop(iron.setups[variant], default_conditions(iron.rig))
     found = GainSearch(loop, AIMS).run().figures
     assert isinstance(found, BearingFigures)
@@ -33,7 +33,7 @@ def tune(iron: Iron, variant: MethodName) -> BearingFigures:
 
 
 def rows() -> list[Row]:
-    """Tuned figures of ``full`` with every iron, and the times."""
+    """Return the metrics of ``full`` after tuning for each iron, and the computing times."""
     rig, controller = read()
     found = []
     longest, took, seconds = 0.0, "", 0.0
@@ -45,7 +45,7 @@ def rows() -> list[Row]:
             longest, took, seconds = watch.wall, str(watch), watch.processor
         found.append(
             Row(
-                f"bearing, full tuned for itself, iron {iron.title}",
+                f"bearing, full tuned separately, iron {iron.title}",
                 "overshoot <= 2 % at every height, settling <= 6 ms, peak sensitivity <= 3",
                 f"{reached.overshoot_percent:.2f} %, {1e3 * reached.settling_time_s:.2f} ms, "
                 f"{reached.peak_sensitivity:.2f}; worst of 3 gaps, 2 loads, 4 heights",
@@ -69,7 +69,7 @@ def rows() -> list[Row]:
 
 
 def main() -> None:
-    """Print the table of all variants, each tuned for itself."""
+    """Print the table of all variants, each tuned separately."""
     rig, controller = read()
     print("| iron | variant | overshoot | settling | peak sensitivity | standstill | aims |")
     print("| --- | --- | --- | --- | --- | --- | --- |")

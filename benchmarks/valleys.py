@@ -1,8 +1,8 @@
-"""Draws docs/img/valleys.png: the cost of play cells over two numbers, starts, and where they end.
+"""Draw the cost of a play-cell fit over two parameters, with initial guesses and final fits.
 
-``python benchmarks/valleys.py FILE.png``; the loops are those of the bundled electromagnet, cells of one
-population under the map ``leakage``. At each point of the grid all other numbers are at their best,
-as far as a dozen steps from the best fit go.
+``python benchmarks/valleys.py FILE.png`` draws docs/img/valleys.png. The loops are those of the
+bundled electromagnet. The law has one population of play cells and the gap map ``leakage``. At each
+grid point, at most a dozen steps from the best fit optimise all other parameters.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _STARTS, _SHORT, _LONG, _GRID = 48, 6, 60, 31
 
 
 class _Held(Objective):
-    """An objective with a heavy pull on two coordinates."""
+    """An objective with a strong quadratic penalty that fixes two coordinates."""
 
     def pull_to(self, places: list[int], values: list[float]) -> _Held:
         rows = np.zeros((2, self.space.size))
@@ -45,7 +45,7 @@ class _Held(Objective):
 
 
 def _seen(local: ParameterSet, span: float) -> tuple[float, float]:
-    """Pinning over width, and width in parts of the drive: what the axes show."""
+    """Return the quantities of both axes: pinning / width, and width / range of the drive."""
     return local.law[2], local.scale / span
 
 

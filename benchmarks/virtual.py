@@ -1,4 +1,4 @@
-"""The irons of ``examples/irons``, for the lines that try other families than the examples have."""
+"""Read the irons of ``examples/irons`` for benchmarks with irons of other families."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FILE = ROOT / "examples" / "irons" / "irons.toml"
 
 
 def irons() -> dict[str, PreisachSteel | DuhemSteel]:
-    """Return them by name, as a rig file holds them."""
+    """Return the irons by name, as a rig file defines them."""
     families = {"preisach": PreisachSteel, "duhem": DuhemSteel}
     tables = tomllib.loads(FILE.read_text(encoding="utf-8"))
     return {name: families[table["family"]](**table) for name, table in tables.items()}

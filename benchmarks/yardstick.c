@@ -1,7 +1,8 @@
-/* A fixed piece of scalar double-precision work, to compare processors by: each step is a polynomial
-   of twelve terms and a division, as an exponential and a Langevin function are made of, and waits
-   for the step before. No library, nothing that could be done side by side. Prints nanoseconds of
-   processor time a step, the best of several repetitions: other work on the machine only adds. */
+/* A fixed amount of scalar double-precision work for comparing processors. Each step is a
+ * polynomial of twelve terms and a division, similar to an exponential or a Langevin function. Each
+ * step needs the result of the step before, so that nothing runs in parallel; no library is used.
+ * Prints the processor time of one step in nanoseconds: the least of several repetitions, because
+ * other work on the machine can only add time. */
 #include <stdio.h>
 #include <time.h>
 

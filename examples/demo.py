@@ -1,15 +1,16 @@
-"""The main job on the bundled examples, each against its strongest baseline: ``make demo``.
+"""Run the bundled examples against their strongest baselines: ``make demo``.
 
-- electromagnet: loops at four gaps to a model with report; judged at two gaps it never saw, and by a
-  demand of force between the gaps, whose current the simulated magnet then runs
-- its model as 16-bit fixed-point C, bit for bit on an emulated Cortex-M4
-- bearing: four steps behind position feedback, where compensation gains nothing
-- stage: set-points with feedforward, where it gains most
+- electromagnet: from loops at four gaps to a model with a report; the model is evaluated at two
+  withheld gaps, and by a force demand between the gaps whose current drives the simulated magnet
+- controller: its model as 16-bit fixed-point C, bit for bit on an emulated Cortex-M4
+- bearing: four steps with position feedback, where compensation has no benefit
+- stage: set-points with feedforward, where compensation has the largest benefit
 
-All go into one table and one picture in ``demo/``; longer tables stand there as text. The baseline of
-the electromagnet is the best single-valued curve there can be: fitted to true loops of the very gap it
-is judged at, where the model has to get along with what other gaps show. Bearing and stage run with
-all noise seeds of their rig files, but not with all variants and experiments: ``anhyst simulate``.
+The results form one table and one picture in ``demo/``, with longer tables as text files. The
+baseline of the electromagnet is the best possible single-valued curve: it is fitted to true loops
+of the gap at which it is evaluated, while the model knows only other gaps. Bearing and stage use
+all noise seeds of their rig files, but not all variants and experiments; these need ``anhyst
+simulate``.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ Array = FloatArray
 EXAMPLES = Path(__file__).parent
 ELECTROMAGNET = EXAMPLES / "electromagnet"
 BETWEEN = 0.45e-3
-"""Gap of the demand, m: not measured, the one of the paper's Figs. 2 and 5."""
+"""Gap of the demand, m: not measured; the gap of the paper's Figs. 2 and 5."""
 BEARING: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "play", "full")
 STAGE: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 CURVE = "best curve without memory"
@@ -88,7 +89,7 @@ class Deviation:
 
     @classmethod
     def of(cls, parts: list[Array]) -> Deviation:
-        """Over all samples of several records."""
+        """Compute the metrics over all samples of several records."""
         size = np.abs(np.concatenate(parts))
         return cls(float(size.mean()), float(size.max()))
 
@@ -106,7 +107,7 @@ def load_magnet() -> ModuleType:
 
 
 def unseen_deviation(model: Model, truth: Loops) -> Deviation:
-    """Model against noise-free loops at gaps it has not seen."""
+    """Return the deviation of a model from noise-free loops at withheld gaps."""
     return Deviation.of(
         [
             model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
@@ -116,18 +117,18 @@ def unseen_deviation(model: Model, truth: Loops) -> Deviation:
 
 
 def unseen_single_valued(truth: Loops) -> Deviation:
-    """Judge the best single-valued curves at the same gaps, fitted to these very loops."""
+    """Return the deviation of the best single-valued curves, fitted to these loops themselves."""
     return Deviation.of([residual for _, residual in single_valued_residuals(truth)])
 
 
 def triangle(low: float, high: float, samples: int = 400) -> Array:
-    """One cycle of a triangular demand, from low to high and back."""
+    """Return one cycle of a triangular demand, from low to high and back."""
     up = np.linspace(low, high, samples // 2, endpoint=False)
     return np.concatenate([up, up[::-1] + (high - low) / (samples // 2)])
 
 
 def run_magnet(current: Array, gap: float) -> Array:
-    """Give the true force in the fourth cycle of a current, which the sensor's offset shifts."""
+    """Return the true force, N, in the fourth cycle of a current minus the sensor's offset."""
     magnet, settings = load_magnet().load()
     flowing = np.maximum(current - settings["sensors"]["current_offset_A"], 0.0)
     cycles = settings["drive"]["conditioning_cycles"] + 1
@@ -136,7 +137,7 @@ def run_magnet(current: Array, gap: float) -> Array:
 
 
 def single_valued_inverse(gap: float) -> tuple[Array, Array]:
-    """Best single-valued current over force at a gap, fitted to true loops there."""
+    """Return the best single-valued inverse (force, current), fitted to true loops at a gap."""
     module = load_magnet()
     _, settings = module.load()
     largest = settings["drive"]["current_max_A"]
@@ -154,7 +155,7 @@ def single_valued_inverse(gap: float) -> tuple[Array, Array]:
 
 
 def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
-    """Open loop at a gap between those measured: demand against true force.
+    """Compare the true force with an open-loop demand at a gap between the measured ones.
 
     Returns
     -------
@@ -173,7 +174,7 @@ def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
 
 @dataclass(frozen=True)
 class Line:
-    """One line of the table: what is off with anhyst, what with a baseline, and its name."""
+    """One row of the table: the errors with anhyst and with a baseline, and the baseline's name."""
 
     what: str
     own: str
@@ -191,7 +192,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Piece:
-    """What one example gives: its lines of the table, its panel of the picture, its remarks."""
+    """The results of one example: its rows of the table, its panel of the picture, its remark."""
 
     lines: list[Line]
     draw: Callable[[Axes], None] | None = None
@@ -200,7 +201,7 @@ class Piece:
 
 @contextmanager
 def step(what: str) -> Iterator[None]:
-    """Say what is coming and, once it is there, how long it took."""
+    """Print the name of a step and, at its end, its duration."""
     print(f"demo: {what} ...", end="", flush=True)
     began = time.perf_counter()
     yield
@@ -208,13 +209,13 @@ def step(what: str) -> Iterator[None]:
 
 
 def electromagnet(out: Path) -> Piece:
-    """From loops to a model and its report, judged at gaps that it has not seen."""
+    """Identify a model from loops, write its report and evaluate it at withheld gaps."""
     with step("electromagnet: 16 loops at four gaps to a model, laws and gap maps compared"):
         found = identify(read_loops(ELECTROMAGNET / "loops.csv"))
         write_model(found.model, out / "model.toml")
     with step("its report, and the model at gaps it never saw"):
         write_report(out / "model.toml", out / "report.html")
-        # What is judged is what the file holds, not what is still in memory.
+        # The evaluation uses the model from the file, not the one in memory.
         model = read_model(out / "model.toml")
         truth = read_loops(ELECTROMAGNET / "unseen_truth.csv")
         largest = max(float(np.max(loop.output)) for loop in truth.loops)
@@ -230,7 +231,7 @@ def electromagnet(out: Path) -> Piece:
 
 
 def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
-    """Draw what model and best single-valued curve miss by on the widest loops of an unseen gap."""
+    """Draw the errors of model and single-valued curve on the widest loops of a withheld gap."""
     loop, residual = max(single_valued_residuals(truth), key=lambda pair: float(np.ptp(pair[0].output)))
     predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history).output
     ax.plot(loop.input, residual, label=CURVE, **line_style("single-valued"))
@@ -241,7 +242,7 @@ def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
 
 
 def compiled(model: Path, folder: Path) -> Piece:
-    """Turn a model into C and run that on an emulated Cortex-M4."""
+    """Compile a model to C and run the C on an emulated Cortex-M4."""
     with step("the model to fixed-point C, run on an emulated Cortex-M4"):
         request = CompileRequest("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
         made = compile_model(model, folder, request)
@@ -259,7 +260,7 @@ def compiled(model: Path, folder: Path) -> Piece:
 
 
 def bearing(out: Path) -> Piece:
-    """Let a bearing step behind its position feedback, with every kind of compensation."""
+    """Run steps of the bearing with position feedback and every compensation method."""
     with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
         ready = check_inputs(rig, controller)
@@ -310,18 +311,18 @@ def bearing(out: Path) -> Piece:
 
 @dataclass(frozen=True)
 class Tracked:
-    """A variant on the test set-point: measures of every noise seed, and the run of the first."""
+    """A variant on the test set-point: metrics of every noise seed, run of the first one."""
 
     measures: list[Measures]
     shown: Recording
 
     def of(self, name: str) -> Interval:
-        """Return a measure over the seeds."""
+        """Return the mean of a metric over the seeds, with its interval."""
         return mean_interval([getattr(one, name) for one in self.measures])
 
 
 def follow(setup: StageSetup) -> Tracked:
-    """Find the gains of the feedforward on one set-point and follow another with them."""
+    """Find the feedforward gains on one set-point and follow another set-point with them."""
     table = setup.rig.settings.scan
     gains = find_gains(setup, scan_motion(table, table.train_m_per_s2))
     motion = scan_motion(table, table.test_m_per_s2)
@@ -330,7 +331,7 @@ def follow(setup: StageSetup) -> Tracked:
 
 
 def stage(out: Path) -> Piece:
-    """Let a stage follow set-points with feedforward, with every kind of compensation."""
+    """Follow set-points with a stage with feedforward and every compensation method."""
     with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
         magnet = identify_magnet(rig.measured_loops.read(), rig.settings.loops)
@@ -366,7 +367,7 @@ def stage(out: Path) -> Piece:
 
 
 def write_table(path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]) -> None:
-    """Write what is too long for the one table."""
+    """Write a table that is too long for the common one to a text file."""
     title += ", 95 % interval; 'full' is anhyst"
     table = Table("", *columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for name, values in rows.items():
@@ -376,7 +377,7 @@ def write_table(path: Path, title: str, columns: list[str], rows: Mapping[Method
 
 
 def table_of(pieces: list[Piece]) -> Table:
-    """Put the lines of all examples below each other."""
+    """Return the table with the rows of all examples."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for name in ("error, simulated magnets", "anhyst", "baseline", "", "of it"):
         right = name in {"anhyst", "baseline", "of it"}
@@ -387,7 +388,7 @@ def table_of(pieces: list[Piece]) -> Table:
 
 
 def draw_picture(pieces: list[Piece], path: Path) -> None:
-    """Draw the panels of all examples beside each other."""
+    """Draw the panels of all examples side by side."""
     panels = [piece.draw for piece in pieces if piece.draw is not None]
     figure = Figure(figsize=(4.6 * len(panels), 4.0), layout="constrained")
     for ax, draw in zip(figure.subplots(1, len(panels)), panels, strict=True):

@@ -1,22 +1,24 @@
-"""Figures 1 to 5 of the paper, drawn from the loops of the bundled (simulated) electromagnet.
+"""Draw figures 1 to 5 of the paper from the loops of the bundled (simulated) electromagnet.
 
-The paper's search runs twice on ``electromagnet/loops.csv``: once with the order of the reduction
-found from the costs, once with c_H kept to the last, which is what the paper came to. Then:
+The paper's search runs twice on ``electromagnet/loops.csv``. First, the costs determine the order
+of the reduction; then c_H remains the last free parameter, as in the paper. The figures are:
 
 - ``fig1.png``: k and c_H of the free sets, with ordinary splines between the gaps;
 - ``fig2.png``: loops at the measured gaps and, from those splines, between them;
-- ``fig3.png``: the reduction that was found; ``fig3_c_H.png``: with c_H kept to the last;
+- ``fig3.png``: the reduction that was found; ``fig3_c_H.png``: the reduction with c_H as the last;
 - ``fig4.png``: k and c_H after the reduction;
-- ``fig5.png``: loops at the measured gaps and between them, with c_H alone over the gap.
+- ``fig5.png``: loops at the measured gaps and between them, if only c_H depends on the gap.
 
-What comes out: splines through the free sets fail as in the paper, and after the reduction all
-loops lie between their neighbours. But the reduction that is found ends with alpha, which is a
-reluctance in series, and not with c_H: this magnet's gap is a reluctance, and c_H alone costs half
-as much again. It pays at the knee of the smallest gap, the only one that saturates: means over the
-gaps and a criterion of absolute deviations let that gap go. The default search, which fits what is
-common to all gaps jointly, does not.
+Result: splines through the free sets fail as in the paper. After the reduction, all loops lie
+between their neighbours. But the reduction that is found ends with alpha, which is a reluctance in
+series, and not with c_H. The gap of this magnet is a reluctance, and the error with only c_H is
+half as large again. The error is at the knee of the smallest gap, which is the only one that
+saturates: the search averages over the gaps and minimises absolute deviations, so that this gap has
+little weight. The default search fits the common parameters of all gaps jointly and does not have
+this error.
 
-Usage: python examples/paper_figures.py [--out FOLDER] [--seed N]; takes two processor minutes.
+Usage: python examples/paper_figures.py [--out FOLDER] [--seed N]; takes two minutes of processor
+time.
 """
 
 from __future__ import annotations
@@ -70,7 +72,7 @@ def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
 
 @use_report_style
 def figure_parameters(model: Model, splines: bool) -> Figure:
-    """Draw k and c_H over the gap: at the nodes, and by spline or by the model's own map."""
+    """Draw k and c_H over the gap: at the measured gaps, and between by spline or gap map."""
     figure = new_figure(3.2)
     nodes = np.array(model.nodes)
     gaps = np.linspace(nodes[0], nodes[-1], 301)
@@ -91,7 +93,7 @@ def figure_parameters(model: Model, splines: bool) -> Figure:
 
 @use_report_style
 def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
-    """Draw settled loops at the nodes, and dashed between them where that can be computed."""
+    """Draw steady-state loops at the measured gaps, and dashed between them if possible."""
     assert model.valid is not None
     figure = new_figure(4.6)
     ax = figure.subplots()

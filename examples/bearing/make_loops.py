@@ -1,10 +1,11 @@
-"""Simulate the force-current loops of this folder's bearing.
+"""Simulate the force-current loops of the bearing in this folder.
 
-Magnet, sensors and measurement are described in ``rig.toml``; what they do is in ``anhyst_rigs.rig.parts``
-and ``plant/``: iron of pinned cells, not a Jiles-Atherton material, in a circuit with two gaps. The
-armature is held, so ``gap_m`` is exact; current and force are what the rig's own sensors read.
+``rig.toml`` describes magnet, sensors and measurement; ``anhyst_rigs.rig.parts`` and ``plant/``
+implement them. The iron has pinned cells and is not a Jiles-Atherton material; the circuit has two
+gaps. The armature is fixed, so ``gap_m`` is exact. Current and force are readings of the rig's
+sensors.
 
-Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``.
+``python make_loops.py [--out DIR]`` writes the files; the output is reproducible byte for byte.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ NOTES = """\
 
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
-    """Text of every file of the example that is made, by name."""
+    """Return the text of every generated file of the example, by name."""
     return loop_file_texts(measure_loops(read_bearing(path)), NOTES)
 
 

@@ -1,10 +1,9 @@
-"""Simulate the force-current loops of this folder.
+"""Simulate the force-current loops of the electromagnet in ``magnet.toml``.
 
-The magnet is described in ``magnet.toml``. Its iron is a stack of pinned cells
-(:class:`anhyst_rigs.rig.parts.iron.CellSteel`). Unlike a Jiles-Atherton material this one does not
-creep: a minor loop closes at once and stays.
+The iron is a stack of pinned cells (:class:`anhyst_rigs.rig.parts.iron.CellSteel`). Unlike a
+Jiles-Atherton material, its minor loops do not drift: they close immediately.
 
-Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``.
+``python make_loops.py [--out DIR]`` writes the files; the output is reproducible byte for byte.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ HERE = Path(__file__).resolve().parent
 
 @dataclass(frozen=True)
 class Circuit:
-    """Winding, poles, two gaps in series, leakage between the legs in parallel to them."""
+    """Winding, poles, two gaps in series; a leakage path between the legs, parallel to the gaps."""
 
     turns: int
     pole_width: float  # m
@@ -38,26 +37,27 @@ class Circuit:
 
     @property
     def iron_area(self) -> float:
-        """Cross-section of the core in m^2."""
+        """Cross-section of the core, m^2."""
         return self.pole_width * self.pole_depth
 
     def gap_area(self, gap: float) -> float:
-        """Area of the gap flux in m^2: fringing widens the pole by half a gap on each side."""
+        """Return the area of the gap flux, m^2; fringing adds half a gap to each side of a pole."""
         return (self.pole_width + gap) * (self.pole_depth + gap)
 
     def gap_reluctance(self, gap: float) -> float:
-        """Reluctance of the two gaps in series, in 1/H."""
+        """Return the reluctance of the two gaps in series, 1/H."""
         return 2 * gap / (MU_0 * self.gap_area(gap))
 
     def outer_reluctance(self, gap: float) -> float:
-        """Reluctance the iron flux has to pass outside the iron, leakage included, in 1/H."""
+        """Return the reluctance outside the iron for its flux, leakage included, 1/H."""
         return 1 / (1 / self.gap_reluctance(gap) + self.leakage)
 
     def force(self, iron_flux: float, gap: float) -> float:
-        """Pull on the armature in N, from the flux in the iron in Wb.
+        """Return the force on the armature, N, for a flux in the iron, Wb.
 
-        Maxwell stress over the whole gap flux. The fringes pull less than their flux suggests;
-        virtual work, ``F = (Phi_gap**2/2) * dR_gap/dgap``, counts them correctly.
+        The Maxwell stress over the whole gap flux would be too large, because fringe flux
+        contributes less. Virtual work, ``F = (Phi_gap**2/2) * dR_gap/dgap``, includes the fringes
+        correctly.
         """
         gap_flux = iron_flux * self.outer_reluctance(gap) / self.gap_reluctance(gap)
         area = self.gap_area(gap)
@@ -66,35 +66,35 @@ class Circuit:
 
 
 class Steppable(Protocol):
-    """What loops are recorded from."""
+    """Interface of a magnet whose loops can be recorded."""
 
     def step(self, current: float, gap: float) -> float:
-        """Move to a current (A) at a gap (m) and give the force (N)."""
+        """Move to a current, A, at a gap, m, and return the force, N."""
         ...
 
 
 class Magnet:
-    """Iron and circuit together, with the memory of the iron; starts demagnetised."""
+    """Iron and circuit with the hysteresis state of the iron; initially demagnetised."""
 
     def __init__(self, steel: CellSteel, length: float, circuit: Circuit) -> None:
         self.steel, self.iron = steel, Piece(steel.make_steel())
-        self.length = length  # of the flux path, m
+        self.length = length  # length of the flux path, m
         self.circuit = circuit
 
     @property
     def field(self) -> float:
-        """Field of the iron in A/m."""
+        """Field of the iron, A/m."""
         return self.iron.field
 
     @property
     def flux_density(self) -> float:
-        """Flux density of the iron in T."""
+        """Flux density of the iron, T."""
         return self.iron.flux_density(self.field)[0]
 
     def step(self, current: float, gap: float) -> float:
-        """Move to a current (A) at a gap (m) and give the force (N).
+        """Move to a current, A, at a gap, m, and return the force, N.
 
-        Exact for a step of any size, as long as the current does not turn back within it.
+        Exact for a step of any size if the current does not reverse within it.
         """
         outside = self.circuit.iron_area * self.circuit.outer_reluctance(gap)
 
@@ -102,7 +102,7 @@ class Magnet:
             used = self.length * field + outside * self.iron.flux_density(field)[0]
             return self.circuit.turns * current - used
 
-        # B never falls as H rises, so the field cannot move further than this: a bracket.
+        # B never decreases as H rises, so that this field is a bound: it brackets the root.
         end = self.field + excess(self.field) / self.length
         if end != self.field:
             self.iron.commit(float(brentq(excess, self.field, end, xtol=1e-11)))
@@ -111,19 +111,19 @@ class Magnet:
 
 @dataclass(frozen=True)
 class Record:
-    """One settled loop: what was true and what the sensors said at the same samples."""
+    """One steady-state loop: true values and sensor readings at the same samples."""
 
     label: str
     gap: float  # m
-    time: FloatArray  # s, on the clock of the whole campaign
+    time: FloatArray  # s, since the begin of the whole measurement
     current: FloatArray  # A, true
     force: FloatArray  # N, true
-    read_current: FloatArray  # A, with offset and noise
-    read_force: FloatArray  # N, late, with drift and noise
+    read_current: FloatArray  # A, sensor reading with offset and noise
+    read_force: FloatArray  # N, sensor reading with delay, drift and noise
 
 
 def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
-    """Read the magnet file: a demagnetised magnet, and all settings."""
+    """Read the magnet file; return a demagnetised magnet and all settings."""
     settings = tomllib.loads(path.read_text(encoding="utf-8"))
     iron, circuit = settings["iron"], settings["circuit"]
     return Magnet(
@@ -155,8 +155,8 @@ def settled_loop(
     Returns
     -------
     current, force, late_force : ndarray, shape (n,)
-        Current (A) and force (N) at the samples of the cycle (its end is its first sample),
-        and the force one delay of the force channel earlier.
+        Current (A) and force (N) at the samples of the cycle (its end is its first sample), and the
+        force one delay of the force channel earlier.
     """
     drive = settings["drive"]
     late = settings["sensors"]["force_delay_s"] / drive["sample_s"]
@@ -175,7 +175,7 @@ def settled_loop(
 def measure(part: str, path: Path = HERE / "magnet.toml", other: Steppable | None = None) -> list[Record]:
     """Record all loops of one part of the magnet file, ``identification`` or ``unseen``.
 
-    Of the file's magnet, or of another one with its drive and its sensors.
+    The magnet is that of the file, or another one with the drive and the sensors of the file.
     """
     own, settings = load(path)
     magnet = other or own
@@ -211,20 +211,20 @@ def measure(part: str, path: Path = HERE / "magnet.toml", other: Steppable | Non
 
 
 def csv_text(notes: str, rows: Iterable[str]) -> str:
-    """Lay out one file: notes as comments, the header, the rows."""
+    """Return the text of a file: notes as comments, the header, the rows."""
     comments = [f"# {note}" for note in notes.splitlines()]
     return "\n".join([*comments, "t_s,I_A,F_N,gap_m,loop", *rows, ""])
 
 
 def measured_rows(records: list[Record]) -> Iterable[str]:
-    """Rows as the sensors gave them, to the last digit of their converters."""
+    """Yield the rows with sensor readings, in the resolution of their converters."""
     for r in records:
         for time, current, force in zip(r.time, r.read_current, r.read_force, strict=True):
             yield f"{time:.2f},{current:.4f},{force:.3f},{r.gap:.5f},{r.label}"
 
 
 def true_rows(records: list[Record], offset: float) -> Iterable[str]:
-    """Rows without any dirt but the zero of the current sensor, which a model has to share."""
+    """Yield noise-free rows that include the current sensor's offset, as a model does."""
     for r in records:
         for time, current, force in zip(r.time, r.current + offset, r.force, strict=True):
             yield f"{time:.2f},{current:.6f},{force:.6f},{r.gap:.5f},{r.label}"
@@ -241,7 +241,7 @@ F_N: true force. I_A: true current plus the constant offset of the current senso
 
 
 def files(path: Path = HERE / "magnet.toml") -> dict[str, str]:
-    """Text of every file of the example, by name."""
+    """Return the text of every file of the example, by name."""
     offset = load(path)[1]["sensors"]["current_offset_A"]
     unseen = measure("unseen", path)
     texts = {

@@ -1,9 +1,9 @@
 """
-Loops as they were measured
-===========================
+Measured loops
+==============
 
-Force over current of an electromagnet at four gaps. On the way down the force lies above that on
-the way up: one current has many forces.
+Draw the force of an electromagnet against its current at four gaps. The descending branch is above
+the ascending branch: the force for a current depends on the history.
 """
 
 import anhyst

@@ -1,8 +1,9 @@
 """
-Is a hysteresis model worth it?
-===============================
+Benefit of a hysteresis model
+=============================
 
-What the best curve without memory misses of each loop, beside the noise that no model gets below.
+Compare the error of the best single-valued curve for each loop with the noise, which limits every
+model.
 """
 
 import anhyst

@@ -1,8 +1,8 @@
 """
-The model on the measured loops
-===============================
+Identified model on the measured loops
+======================================
 
-Identified from all loops at all gaps at once, in seconds.
+Identify a model from the loops at all gaps together; this takes seconds.
 """
 
 import anhyst

@@ -1,8 +1,8 @@
 """
-At gaps that nobody measured
-============================
+Prediction at withheld gaps
+===========================
 
-A model from loops at four gaps, held against loops at two others that it has not seen.
+Compare a model from loops at four gaps with loops at two other gaps, which were not fitted.
 """
 
 import anhyst

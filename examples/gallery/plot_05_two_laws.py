@@ -2,7 +2,7 @@
 Two laws on the same loops
 ==========================
 
-What Jiles-Atherton's law and play cells leave of the measured force.
+Compare the residuals of the Jiles-Atherton law and of play cells with the measured force.
 """
 
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
 """
-Loops within loops
-==================
+Minor loops
+===========
 
-The current turns earlier each time, and the model remembers every turn: from demagnetised iron to a
-spiral of smaller and smaller loops.
+Predict the response of demagnetised iron to a current that reverses earlier each time. The model
+stores every reversal point, so that the result is a spiral of smaller and smaller loops.
 """
 
 from itertools import pairwise

@@ -1,9 +1,9 @@
 """
-A straight line out of a loop
-=============================
+Linear output from a hysteretic magnet
+======================================
 
-A force is demanded up and down. The current of a constant ratio gives a loop; that of the inverse
-model gives the demand, on the same magnet.
+Demand a triangular force. If the current is proportional to the square root of the demand, force
+against demand is a loop. With the current of the inverse model, the force equals the demand.
 """
 
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
 """
-What fixed point costs
-======================
+Accuracy budget of fixed point
+==============================
 
-The accuracy budget of a compensator in 16-bit signals: what the model misses, and what tables,
-number formats and the sample rate add.
+Draw the accuracy budget of a compensator with 16-bit signals: the error of the model, and the errors
+that tables, number formats and sample rate add.
 """
 
 import tempfile

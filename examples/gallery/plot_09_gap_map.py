@@ -1,8 +1,9 @@
 """
-One model over the gap
+One model for all gaps
 ======================
 
-The settled loop at every gap, also between those that were measured: the force at three currents.
+Draw the force of a model at three currents on the initial magnetisation curve, for measured gaps and
+for gaps between them.
 """
 
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
 """
-A piezo stack
-=============
+Piezo stack
+===========
 
-Voltage to displacement: the same verbs, another actuator. Loop, lag and creep are identified
-together.
+Identify a model from voltage to displacement with the same functions as for a magnet. The fit
+includes loop, lag and creep.
 """
 
 import anhyst

@@ -1,9 +1,9 @@
 """
-A piezo stage follows a triangle
-================================
+Piezo stage that follows a triangle
+===================================
 
-Behind the same feedback: a constant, the best curve without memory, and the compiled inverse in
-fixed point.
+Compare three inverses with the same feedback: a constant, the best single-valued curve, and the
+compiled inverse in fixed point.
 """
 
 import anhyst

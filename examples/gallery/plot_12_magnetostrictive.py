@@ -1,8 +1,9 @@
 """
-A magnetostrictive rod
-======================
+Magnetostrictive rod
+====================
 
-Strain over field under several prestresses: a butterfly, even in the field.
+Draw the strain against the field under several prestresses. The loops are even in the field
+(butterfly loops).
 """
 
 import anhyst

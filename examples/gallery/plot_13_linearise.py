@@ -1,9 +1,9 @@
 """
-A bearing for small movements
-=============================
+Linearised bearing
+==================
 
-The unstable pole over the gap: what a position controller has to be faster than. The plant is a
-``StateSpace`` of python-control with named signals.
+Draw the unstable pole of a bearing against the gap; a position controller must be faster. The plant
+is a ``StateSpace`` of python-control with named signals.
 """
 
 import matplotlib.pyplot as plt

@@ -1,11 +1,11 @@
 """Simulate force-current loops of the bundled electromagnet with another iron.
 
-Winding, poles, drive and sensors are those of ``../electromagnet/magnet.toml``; the irons stand in
-``irons.toml``. The magnet is the plant's (``anhyst_rigs.rig.parts.magnet``).
+Winding, poles, drive and sensors are those of ``../electromagnet/magnet.toml``; ``irons.toml``
+defines the irons. The magnet is that of the plant (``anhyst_rigs.rig.parts.magnet``).
 
-``python make_loops.py NAME --out DIR`` writes the loops as the sensors read them, and three truths
-without noise: loops at unseen gaps, a gap that moves under random reversals of the current, and small
-cycles about a bias. Run it again and the same bytes come out.
+``python make_loops.py NAME --out DIR`` writes the loops as sensor readings, and three noise-free
+files: loops at unseen gaps, a gap that moves during random reversals of the current, and small
+cycles about a bias. The output is reproducible byte for byte.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 HERE = Path(__file__).resolve().parent
 SEED = 20261122
 MOVING_TURNS = 40
-MOVING_PERIOD = 3.1  # s
+MOVING_PERIOD = 3.1  # period of the gap motion, s
 SMALL_TURNS = 12
-SMALL_BIASES = (0.3, 0.5, 0.7)  # of the largest current
-SMALL_SWING = 0.04  # of the largest current, to either side
+SMALL_BIASES = (0.3, 0.5, 0.7)  # relative to the largest current
+SMALL_SWING = 0.04  # amplitude, relative to the largest current
 
 
 def _bundled() -> ModuleType:
@@ -44,7 +44,7 @@ def _bundled() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look themselves up there
+    sys.modules[spec.name] = module  # its dataclasses look up their module there
     spec.loader.exec_module(module)
     return module
 
@@ -64,7 +64,7 @@ POLES = Poles(
 
 
 def tables(path: Path = HERE / "irons.toml") -> dict[str, NamedIron]:
-    """Return the irons by name, as a rig file holds them."""
+    """Return the irons by name, as a rig file defines them."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     irons = tomllib.loads(path.read_text(encoding="utf-8"))
     return {name: schema.validate_python({"name": name, **table}) for name, table in irons.items()}
@@ -77,18 +77,18 @@ def magnet(name: str) -> Magnet:
 
 @dataclass(frozen=True)
 class Truth:
-    """A path from the demagnetised state on, and the force along it, without noise."""
+    """A path from the demagnetised state and the true force along it, without noise."""
 
     label: str
     time: FloatArray  # s
     current: FloatArray  # A
     gap: FloatArray  # m
     force: FloatArray  # N
-    counted: NDArray[np.bool_]  # where the path is what its name says, not on the way there
+    counted: NDArray[np.bool_]  # samples that belong to the named path, without the lead-in
 
 
 def sweeps(ends: list[float]) -> FloatArray:
-    """Return the samples of straight lines of current from end to end, A."""
+    """Return the samples of straight current ramps between points, A."""
     step = DRIVE["sweep_A_per_s"] * DRIVE["sample_s"]
     parts = [np.array(ends[:1])]
     for start, end in pairwise(ends):
@@ -104,7 +104,7 @@ def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, since: i
 
 
 def moving(name: str) -> Truth:
-    """Let the current turn round anywhere while the gap moves through the measured range."""
+    """Return a record of random current reversals while the gap moves over its range."""
     rng = np.random.default_rng([SEED, 1])
     current = sweeps([0.0, *(LARGEST * rng.random(MOVING_TURNS)).tolist(), 0.0])
     gaps = SETTINGS["identification"]["gaps_m"]
@@ -114,9 +114,9 @@ def moving(name: str) -> Truth:
 
 
 def small_cycles(name: str) -> Iterator[Truth]:
-    """Turn round at random within a few per cent about a bias, at gaps that were not measured.
+    """Yield records of small random reversals about a bias, at gaps that were not measured.
 
-    Each bias is come to from zero and from the largest current.
+    Each bias is reached from zero and from the largest current.
     """
     rng = np.random.default_rng([SEED, 2])
     for gap in SETTINGS["unseen"]["gaps_m"]:
@@ -131,7 +131,7 @@ def small_cycles(name: str) -> Iterator[Truth]:
 
 
 def rows(truths: list[Truth], offset: float) -> Iterator[str]:
-    """Lay out truths one after the other, the current as the sensor's zero moves it."""
+    """Yield the rows of several records; the current includes the sensor's offset."""
     clock = 0.0
     for truth in truths:
         columns = (clock + truth.time, truth.current + offset, truth.force, truth.gap)
@@ -141,18 +141,18 @@ def rows(truths: list[Truth], offset: float) -> Iterator[str]:
 
 
 class Stepped:
-    """A magnet of one iron as the bundled script steps it."""
+    """A magnet with another iron and the interface of the bundled script."""
 
     def __init__(self, name: str) -> None:
         self._coil = Coil(magnet(name))
 
     def step(self, current: float, gap: float) -> float:
-        """Move to a current, A, at a gap, m, and return the pull, N."""
+        """Move to a current, A, at a gap, m, and return the force, N."""
         return self._coil.hold(current, gap)
 
 
 def files(name: str) -> dict[str, str]:
-    """Text of every file of one iron, by name."""
+    """Return the text of every file of one iron, by name."""
     offset = SETTINGS["sensors"]["current_offset_A"]
 
     head = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"

@@ -1,12 +1,12 @@
 """Simulate field-strain loops of a magnetostrictive rod under three prestresses.
 
-``python make_loops.py --out DIR`` writes ``loops.csv`` as sensors read it, and without noise
-``unseen.csv``: a prestress between two of them. Run it again and the same bytes come out.
+``python make_loops.py --out DIR`` writes ``loops.csv`` with sensor readings, and ``unseen.csv`` for
+another prestress without noise. The output is reproducible byte for byte.
 
-The rod is a Preisach iron (``anhyst_rigs.rig.parts.iron``), no law of the package, whose relays are the
-harder to turn, the larger the prestress. Its strain is even in the polarisation J, and no plain
-square: ``lambda_s*(s + tip*s**2)`` with ``s = (J/J_s)**2``. A magnet biases it: the field of the coil
-counts from there.
+The rod is a Preisach iron (``anhyst_rigs.rig.parts.iron``), which is not a law of the package. A
+larger prestress increases the fields at which its relays switch. Its strain is an even function of
+the polarisation J, but not a pure square: ``lambda_s*(s + tip*s**2)`` with ``s = (J/J_s)**2``. A
+magnet provides a bias field, and the field of the coil is relative to it.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ Array = NDArray[np.float64]
 HERE = Path(__file__).resolve().parent
 SEED = 20261124
 LOADS = (6.0, 12.0, 18.0)
-"""Prestress, MPa."""
+"""Prestresses, MPa."""
 BETWEEN = 9.0
 BIAS = 30e3
-"""Field of the magnet, A/m."""
+"""Bias field of the magnet, A/m."""
 SWINGS = (28e3, 20e3, 12e3, 6e3)
-"""Of the coil to either side, A/m."""
+"""Amplitudes of the coil's field, A/m."""
 SAMPLES = 200
-"""A cycle."""
+"""Samples per cycle."""
 SATURATION, LAMBDA, TIP = 1.0, 1.2e-3, -0.12
 NOISE, STEP = 1e-6, 0.5e-6
 
@@ -57,7 +57,7 @@ def rod(load: float) -> PreisachSteel:
 
 
 def strain(load: float, field: Array) -> Array:
-    """Return the strain over a field of the coil, A/m, from the demagnetised rod."""
+    """Return the strain for a field of the coil, A/m, starting from the demagnetised rod."""
     whole = BIAS + field
     lead = np.linspace(0.0, whole[0], 400)
     density = Piece(rod(load).make_steel()).run(np.concatenate([lead, whole]))[lead.size :, 1]
@@ -66,13 +66,13 @@ def strain(load: float, field: Array) -> Array:
 
 
 def swing(size: float) -> Array:
-    """Return three cycles of the coil, A/m, from zero; the first lets the loop close."""
+    """Return three cycles of the coil's field, A/m, from zero; the loop closes in the first one."""
     phase = 2.0 * np.pi * np.arange(3 * SAMPLES + 1) / SAMPLES
     return size * np.sin(phase)
 
 
 def write(path: Path, loads: tuple[float, ...], noise: float) -> None:
-    """Write settled loops, the last of three cycles, the largest first."""
+    """Write steady-state loops (the last of three cycles), the largest first."""
     generator = np.random.default_rng(SEED)
     rows = []
     for load in loads:

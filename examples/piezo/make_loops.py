@@ -1,8 +1,9 @@
 """Simulate voltage-displacement loops of the piezo stage in ``rig.toml``.
 
-``python make_loops.py --out DIR`` writes ``loops.csv`` as the sensor reads it, and without noise:
-``unseen.csv``, random reversals at another pace, and ``rates.csv``, full cycles at rising rates. Run
-it again and the same bytes come out. The stage is that of ``anhyst_rigs.rig.piezo``.
+``python make_loops.py --out DIR`` writes ``loops.csv`` with sensor readings, and two files without
+noise: ``unseen.csv`` with random reversals at another rate, and ``rates.csv`` with full cycles at
+increasing frequencies. The output is reproducible byte for byte. The stage is that of
+``anhyst_rigs.rig.piezo``.
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ DT = 2e-3
 LARGEST = 150.0
 NESTED = ((0.0, 150.0), (0.0, 150.0), (0.0, 120.0), (0.0, 90.0), (0.0, 60.0), (0.0, 30.0),
           (60.0, 120.0), (75.0, 105.0), (0.0, 150.0))  # fmt: skip
-"""Cycles of the drive, V, two of each."""
+"""Limits of the drive cycles, V; two cycles for each entry."""
 PACE = 300.0
-"""Of the loops, V/s: a full cycle takes a second."""
+"""Drive rate of the loops, V/s: a full cycle takes one second."""
 RATES = (1.0, 5.0, 20.0)
-"""Hz."""
+"""Frequencies of the full cycles, Hz."""
 REST = 1000.0
-"""Before each of them, s."""
+"""Rest before each cycle record, s."""
 
 
 def ramps(points: FloatArray, pace: float, dt: float) -> FloatArray:
-    """Return samples of straight ways from point to point at a pace, V/s."""
+    """Return samples of straight ramps between points at a rate, V/s."""
     when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
     return np.interp(np.arange(0.0, when[-1], dt), when, points)
 
 
 def nested() -> FloatArray:
-    """Return the drive of the loops."""
+    """Return the drive of the loops, V."""
     points = [0.0]
     for low, high in NESTED:
         points += [low, high, low, high, low]
@@ -46,19 +47,19 @@ def nested() -> FloatArray:
 
 
 def random_reversals(generator: np.random.Generator) -> FloatArray:
-    """Return a drive that reverses anywhere, at half the pace."""
+    """Return a drive with random reversals at half the rate, V."""
     points = np.concatenate([[0.0], generator.uniform(0.0, LARGEST, 24), [0.0]])
     return ramps(points, 0.5 * PACE, DT)
 
 
 def cycles(rate: float) -> tuple[FloatArray, float]:
-    """Return two full cycles at a rate, Hz, and the step of their samples, s."""
+    """Return two full cycles at a frequency, Hz, and the time step of their samples, s."""
     dt = 1.0 / (400.0 * rate)
     return 0.5 * LARGEST * (1.0 - np.cos(2.0 * np.pi * np.arange(801) / 400.0)), dt
 
 
 def run(rig: PiezoRig, drive: FloatArray, dt: float) -> FloatArray:
-    """Return what the stage does."""
+    """Return the response of the stage to a drive."""
     return rig.make_motion(dt).run(drive)
 
 
@@ -81,13 +82,13 @@ def main() -> None:
 
 
 def write(path: Path, time: FloatArray, drive: FloatArray, x: FloatArray) -> None:
-    """Write one record, rounded as an instrument does, displacement in micrometres."""
+    """Write one record with the resolution of an instrument, displacement in micrometres."""
     columns = {"t_s": np.round(time, 6), "U_V": np.round(drive, 4), "x_um": np.round(1e6 * x, 4)}
     write_csv(path, columns)
 
 
 def with_rates(rig: PiezoRig, path: Path) -> None:
-    """Write full cycles, a loop for each rate, each from rest."""
+    """Write full cycles, one loop for each frequency, each after a rest."""
     lines = ["loop,t_s,U_V,x_um"]
     for place, rate in enumerate(RATES):
         drive, dt = cycles(rate)

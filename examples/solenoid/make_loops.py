@@ -1,12 +1,12 @@
-"""Simulate the force-current loops of this folder's solenoid.
+"""Simulate the force-current loops of the solenoid in this folder.
 
-The solenoid is described in ``solenoid.toml``, its amplifier and sensors in ``rig.toml``; what they
-do is in ``plant/`` (C): iron of pinned cells (play operators with one anhysteretic curve, not a
-Jiles-Atherton material) in a circuit with a control cone. Positions are set with gauge blocks, so
-``gap_m`` is exact; current and force are what the rig's own sensors read.
+``solenoid.toml`` describes the solenoid, ``rig.toml`` its amplifier and sensors; ``plant/`` (C)
+implements them. The iron has pinned cells (play operators with one anhysteretic curve) and is not a
+Jiles-Atherton material; the circuit has a control cone. Gauge blocks set the positions, so
+``gap_m`` is exact. Current and force are readings of the rig's sensors.
 
-Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``; with
-``--rig drawn/rig.toml`` for the solenoid in ``drawn/``.
+``python make_loops.py [--out DIR]`` writes the files; the output is reproducible byte for byte. The
+option ``--rig drawn/rig.toml`` selects the solenoid in ``drawn/``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ t_s,I_A,F_N,gap_m,loop
 
 
 def rows(rig: ForceControlRig) -> Iterator[str]:
-    """Measure every record at every position, in the order of the file."""
+    """Yield the rows of every record at every position, in the order of the file."""
     campaign, solenoid = campaign_of(rig), rig.magnet()
     sample = campaign.sample_s
     step = campaign.sweep_A_per_s * sample
@@ -45,14 +45,14 @@ def rows(rig: ForceControlRig) -> Iterator[str]:
 
 
 def campaign_of(rig: ForceControlRig) -> MeasurementTable:
-    """Return how the loops are to be measured."""
+    """Return the measurement settings of the loops."""
     assert rig.solenoid_file is not None
     assert rig.solenoid_file.measurement is not None
     return rig.solenoid_file.measurement
 
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
-    """Text of every file of the example, by name."""
+    """Return the text of every file of the example, by name."""
     rig = read_rig(path)
     turns = [0.0, *conditioning_path(campaign_of(rig))]
     history = f"conditioned:{','.join(str(turn) for turn in turns)}"

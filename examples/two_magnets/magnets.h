@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Two magnets of different models in one program: wanted forces in, currents out.
+/* Two magnets with different models in one program: converts demanded forces to currents.
 
-   Signals are q31, each magnet's own: what 1.0 means stands in electromagnet_parameters.h and
-   solenoid_parameters.h. */
+   Signals are q31. electromagnet_parameters.h and solenoid_parameters.h define the scale of each
+   magnet. */
 #ifndef MAGNETS_H
 #define MAGNETS_H
 
@@ -10,14 +10,14 @@
 
 enum { ELECTROMAGNET, SOLENOID, MAGNETS };
 
-/* Once, before the interrupt is enabled. Not 1 where parameters were damaged. */
+/* Call once, before the interrupt is enabled. Returns 1, or 0 if parameters are damaged. */
 int magnets_start(void);
 
-/* At every tick: the currents that give the demanded forces, ... */
+/* Returns the currents for the demanded forces. Call at every tick. */
 void magnets_solve(const int32_t demand[MAGNETS], const int32_t gap[MAGNETS],
                    int32_t current[MAGNETS]);
 
-/* ... and those that were really applied. */
+/* Stores the currents that were applied. Call at every tick after magnets_solve. */
 void magnets_commit(const int32_t applied[MAGNETS], const int32_t gap[MAGNETS]);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Plays the golden vectors of both magnets at once and compares every current:
+/* Runs the golden vectors of both magnets at the same time and compares every current:
 
      ./two_magnets electromagnet/vectors.csv solenoid/vectors.csv */
 #include <stdio.h>
@@ -9,7 +9,7 @@
 static FILE *files[MAGNETS];
 static int32_t demand[MAGNETS], gap[MAGNETS], applied[MAGNETS], expected[MAGNETS];
 
-/* Reads a number and what separates it from the next one. */
+/* Reads a number and its separator. */
 static int next_number(FILE *file, int32_t *number)
 {
   long found;
@@ -20,7 +20,7 @@ static int next_number(FILE *file, int32_t *number)
   return 1;
 }
 
-/* Reads the next row of each; 0 where one is at its end. */
+/* Reads the next row of each file. Returns 0 if a file has ended. */
 static int next_rows(void)
 {
   for (int i = 0; i < MAGNETS; i++) {
@@ -37,12 +37,12 @@ int main(int count, char **arguments)
   long rows = 0;
   long wrong = 0;
   if (count != 1 + MAGNETS || !magnets_start()) {
-    puts("give two files; or the parameters are damaged");
+    puts("usage: two_magnets FILE FILE (or the parameters are damaged)");
     return 2;
   }
   for (int i = 0; i < MAGNETS; i++) {
     files[i] = fopen(arguments[1 + i], "r");
-    if (files[i] == NULL || fscanf(files[i], "%*[^\n]") != 0) { /* names of the columns */
+    if (files[i] == NULL || fscanf(files[i], "%*[^\n]") != 0) { /* column names */
       perror(arguments[1 + i]);
       return 2;
     }

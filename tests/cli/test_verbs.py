@@ -20,7 +20,7 @@ from anhyst.cli.docstring import read_docstring, use_option_names
 from anhyst.cli.generate import Verb, add_command, load_verbs
 from anhyst.cli.reading import read_options
 from anhyst.compensate.block import Kind
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compilation.compiled_stage import StageKind
 from anhyst.laws import LAWS
 from anhyst.support.registry import PROJECT_PACKAGES
@@ -70,10 +70,10 @@ def test_options_of_reading_are_those_of_read_loops() -> None:
 
 def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
     for verb, name, words in (
-        ("compile", "Io", Io),
-        ("compile", "Kind", StageKind),
+        ("compile", "SignalFormat", SignalFormat),
+        ("compile", "CompensatorKind", StageKind),
         ("fleet", "Kind", Kind),
-        ("fleet", "Io", Io),
+        ("fleet", "SignalFormat", SignalFormat),
         ("export", "Of", exporter.ExportedPart),
         ("export", "Form", exporter.ExportForm),
     ):

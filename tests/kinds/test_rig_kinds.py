@@ -206,7 +206,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
         ("oven = other:OVEN", "raise SystemExit(3)", "other adds it and cannot be loaded"),
         ("oven = other:OVEN", "OVEN = 1", "other adds it, and its record is not a kind of rig"),
         ("oven = other:OVEN", OVEN.replace('"oven"', '"stove"'), "other adds it, and its record has"),
-        ("oven = other:OVEN", OVEN.replace('"ovens"', "None"), "other adds it, and title or plural"),
+        ("oven = other:OVEN", OVEN.replace('"ovens"', "None"), "other adds it, and its title or its plural"),
         ("oven = other:OVEN", OVEN.replace('("simulate", "export")', '("watch")'), "other adds it, an"),
         ("oven = anhyst_rigs.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
     ],

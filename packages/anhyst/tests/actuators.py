@@ -95,11 +95,11 @@ def compiled(
 
 
 RealKind = Literal["full", "simplified", "cells"]
-RealIo = Literal["f32", "f64"]
+RealSignalFormat = Literal["f32", "f64"]
 
 
 def real_block(
-    io: RealIo,
+    io: RealSignalFormat,
     model: Model,
     kind: RealKind,
     scales: Scales,

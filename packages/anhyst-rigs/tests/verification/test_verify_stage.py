@@ -12,7 +12,7 @@ import pytest
 from anhyst.verification import verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.compare import BuildFolder
-from anhyst.verification.targets import offer_cortex_m
+from anhyst.verification.targets import find_cortex_m_builds
 from anhyst_rigs.study.tracking.compiled import write_stage
 from tests.compilation.test_compile_stage import single
 from tests.refusals import refused
@@ -52,7 +52,7 @@ def test_integers_fly_with_the_same_bits_where_there_is_no_floating_point(
     assert one.stack_static is not None
     assert 200 < one.stack_measured <= one.stack_static < 3_000
     workshop = BuildFolder.create(read_bundle(whole_folder), tmp_path, "stage")
-    (order,) = offer_cortex_m("cortex-m0plus", workshop).builds
+    (order,) = find_cortex_m_builds("cortex-m0plus", workshop).builds
     image = order().image
     assert image is not None
     names = {symbol.name for symbol in image.symbols if symbol.kind == "STT_FUNC"}
@@ -108,7 +108,7 @@ def test_no_double_is_linked_on_a_processor_that_has_none(
 ) -> None:
     bundle = read_bundle(request.getfixturevalue(which))
     workshop = BuildFolder.create(bundle, tmp_path, "stage")
-    (order,) = offer_cortex_m("cortex-m4", workshop).builds
+    (order,) = find_cortex_m_builds("cortex-m4", workshop).builds
     image = order().image
     assert image is not None
     names = {symbol.name for symbol in image.symbols if symbol.kind == "STT_FUNC"}

@@ -107,7 +107,9 @@ def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
     (folder / "demand.csv").write_text("F_N,gap_mm\n50,0.3\n-50,0.3\n900,0.3\n50,0.3\n")
     result = quick("invert", "model.toml", "demand.csv", "-o", "out.csv", "--json", cwd=folder)
     assert result.returncode == 0
-    assert "1 of 4 rows demand an output below that of any drive (first: row 2, -50 N)" in result.stderr
+    assert (
+        "1 of 4 rows demand an output that is too low for every drive (first: row 2, -50 N)" in result.stderr
+    )
     assert "lie outside the valid range of force, 0 to 500 N (first: row 2, -50 N)" in result.stderr
     assert json.loads(result.stdout)["outside"] == 2
     written = np.genfromtxt(folder / "out.csv", delimiter=",", names=True)

@@ -18,14 +18,14 @@ from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.builder import build_block
 from anhyst.compensate.cells import make_cell_rows, merge_cells
 from anhyst.compensate.circuit import CurrentCoefficients, cell_weights, flux_unit
-from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin
+from anhyst.compensate.force_controller import FixedTwin, RealTwin, SignalFormat
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
-from tests.actuators import GAPS, RealIo, RealKind, magnet, real_block
+from tests.actuators import GAPS, RealKind, RealSignalFormat, magnet, real_block
 from tests.oracles.play_cells import PlayCells
 from tests.refusals import refused
 
@@ -170,13 +170,13 @@ def test_the_same_where_iron_counts_against_the_air_and_on_langevin_curves(gap_m
 
 
 @pytest.mark.parametrize("io", ["f32", "f64"])
-def test_floating_point_keeps_the_same_bound(io: RealIo) -> None:
+def test_floating_point_keeps_the_same_bound(io: RealSignalFormat) -> None:
     demand, gap = demands("walk", largest())
     real = real_block(io, cells(), "cells", *ranges("reluctance", "play-cells"), SIZES)
     assert worst(RealTwin(real), DirectSums(cells()), demand, gap) < BOUND * largest()
 
 
-def twin_of(io: Io) -> FixedTwin | RealTwin:
+def twin_of(io: SignalFormat) -> FixedTwin | RealTwin:
     """Return a compensator of the same sizes in any format."""
     match io:
         case "q15" | "q31":
@@ -197,7 +197,7 @@ TURNS = turning(np.random.default_rng(5).uniform(0.15, 0.95, 150))
 
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32", "f64"])
-def test_a_path_that_turns_moves_nothing(io: Io) -> None:
+def test_a_path_that_turns_moves_nothing(io: SignalFormat) -> None:
     """A small way back takes the force of the oracle along by no more than it is long: what rests
     is counted on the side where it was left. Between entries rows are not quite odd, and counted on
     the other side the iron would jump by up to 1.2e-3."""
@@ -214,7 +214,7 @@ def test_a_path_that_turns_moves_nothing(io: Io) -> None:
 
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32"])
-def test_every_format_takes_the_same_way(io: Io) -> None:
+def test_every_format_takes_the_same_way(io: SignalFormat) -> None:
     """The currents differ by rounding only: 16 bits and 24 bits of their range."""
     demand = TURNS * largest()
     one, exact = (twin_of(each).run(demand, np.full(demand.size, GAPS[0])) for each in (io, "f64"))

@@ -26,8 +26,8 @@ from tests.actuators import (
     GAPS,
     SIZES,
     WIDE,
-    RealIo,
     RealKind,
+    RealSignalFormat,
     closed_form,
     compiled,
     largest_force,
@@ -68,7 +68,7 @@ def of_flux(*loop: float, high: float = HIGH) -> ForceController:
     )  # fmt: skip
 
 
-def block_words(kind: RealKind, io: RealIo) -> NDArray[Any]:
+def block_words(kind: RealKind, io: RealSignalFormat) -> NDArray[Any]:
     law = closed_form("reluctance") if kind == "simplified" else None
     return real_block(io, magnet(), kind, *ranges("reluctance"), SIZES, law=law).words
 

@@ -14,7 +14,7 @@ from anhyst.compilation.toolchain import KIND_SOURCES_F32
 from anhyst.model.dynamics import Layers
 from anhyst.support.atomic import core_folder
 from anhyst.support.block_words import Scales, SignalUnits
-from tests.actuators import RealIo, closed_form, magnet, ranges, real_block
+from tests.actuators import RealSignalFormat, closed_form, magnet, ranges, real_block
 from tests.compensate import test_solid
 from tests.core.test_c_core import can_sanitize
 
@@ -27,7 +27,7 @@ precision stay on the loop of the largest noise within 7e-6, even after 2e7 tick
 solid core settle meanwhile."""
 
 
-def block_of(law: str, io: RealIo) -> Block:
+def block_of(law: str, io: RealSignalFormat) -> Block:
     match law:
         case "full" | "simplified":
             form = closed_form("reluctance") if law == "simplified" else None
@@ -40,7 +40,7 @@ def block_of(law: str, io: RealIo) -> Block:
             return real_block(io, model, "cells", scales, limits, SIZES, Conditioning(1, 100, 2e4))
 
 
-def header(block: Block, law: str, io: RealIo) -> str:
+def header(block: Block, law: str, io: RealSignalFormat) -> str:
     """Return block.h: the block, and the names of its format."""
     of, real = f"_{io}", {"f32": "float", "f64": "double"}[io]
     least = {"f32": "FLT_MIN", "f64": "DBL_MIN"}[io]
@@ -69,7 +69,9 @@ def header(block: Block, law: str, io: RealIo) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["f32", "f64"])
 @pytest.mark.parametrize("law", LAWS)
-def test_any_signal_in_any_order_gives_currents_within_limits(law: str, io: RealIo, tmp_path: Path) -> None:
+def test_any_signal_in_any_order_gives_currents_within_limits(
+    law: str, io: RealSignalFormat, tmp_path: Path
+) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or not can_sanitize(compiler, tmp_path):
         pytest.skip("a C compiler with sanitizers is not installed")

@@ -12,8 +12,8 @@ from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     SIZES,
     WIDE,
-    RealIo,
     RealKind,
+    RealSignalFormat,
     closed_form,
     compiled,
     magnet,
@@ -33,7 +33,7 @@ Real = ForceController | ForceControllerF32
 def plain(kind: RealKind, single: bool = False) -> tuple[Real, float]:
     """Return a compensator, and its largest force, N."""
     law = closed_form("reluctance") if kind == "simplified" else None
-    io: RealIo = "f32" if single else "f64"
+    io: RealSignalFormat = "f32" if single else "f64"
     block = real_block(io, magnet(), kind, *ranges("reluctance"), SIZES, law=law)
     made: Real = (
         ForceControllerF32.compensator(kind, block.words)

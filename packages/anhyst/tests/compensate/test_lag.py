@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.budget import measure_budget
-from anhyst.compensate.force_controller import Io, make_twin
+from anhyst.compensate.force_controller import SignalFormat, make_twin
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.model.actuator import Model
 from tests.actuators import magnet
@@ -16,7 +16,7 @@ from tests.compensate.test_solid import magnet as cell_magnet
 from tests.compilation.test_compile import measured
 
 RATE = 2e4
-FORMATS: tuple[Io, ...] = ("q15", "q31", "f32")
+FORMATS: tuple[SignalFormat, ...] = ("q15", "q31", "f32")
 
 
 def late_magnet(gamma: float = 3.0) -> Model:
@@ -32,7 +32,7 @@ def late_cells() -> Model:
     return replace(still, parameters={**still.parameters, "gamma": 1.5})
 
 
-def plan_of(model: Model, io: Io, kind: str = "full") -> Plan:
+def plan_of(model: Model, io: SignalFormat, kind: str = "full") -> Plan:
     return make_plan(model, CompileRequest(kind, io, RATE, accuracy=2.0), 0)  # type: ignore[arg-type]
 
 
@@ -53,7 +53,7 @@ def worst_error(plan: Plan, block: object, frequency: float) -> float:
 
 
 @pytest.mark.parametrize("io", FORMATS)
-def test_a_fast_demand_is_met_with_the_lag_and_missed_without(io: Io) -> None:
+def test_a_fast_demand_is_met_with_the_lag_and_missed_without(io: SignalFormat) -> None:
     plan = plan_of(late_magnet(), io)
     followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.static_block))
     assert still > 2.5

@@ -11,7 +11,7 @@ import pytest
 
 from anhyst.compensate import output_drift
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import FixedTwin, Io, make_twin
+from anhyst.compensate.force_controller import FixedTwin, SignalFormat, make_twin
 from anhyst.compensate.measure import predict_output
 from anhyst.compensate.output_drift import HeldDemand, measure_drift
 from anhyst.compensate.paths import DemandPath as Way
@@ -39,7 +39,7 @@ def model_of(name: str, *, dead_band: bool = True) -> Model:
 
 
 @cache
-def plan_of(name: str, *, dead_band: bool = True, kind: str = "full", io: Io = "q15") -> Plan:
+def plan_of(name: str, *, dead_band: bool = True, kind: str = "full", io: SignalFormat = "q15") -> Plan:
     request = CompileRequest("full" if kind == "full" else "simplified", io, RATE)
     return make_plan(model_of(name, dead_band=dead_band), request, 0)
 
@@ -82,7 +82,7 @@ def test_demand_and_gap_walking_together_stay_within_the_accuracy() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["q15", "f32"])
-def test_the_dead_band_of_an_identified_model_holds_an_output(io: Io) -> None:
+def test_the_dead_band_of_an_identified_model_holds_an_output(io: SignalFormat) -> None:
     assert worst(plan_of("electromagnet", io=io)) < 1e-4
     assert worst(plan_of("bearing", io=io)) < 2e-4
 

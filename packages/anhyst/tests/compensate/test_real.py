@@ -27,8 +27,8 @@ from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
-    RealIo,
     RealKind,
+    RealSignalFormat,
     closed_form,
     compiled,
     largest_force,
@@ -42,7 +42,7 @@ from tests.actuators import (
 from tests.compensate.test_block import sealed
 
 KINDS: tuple[RealKind, ...] = ("full", "simplified")
-IOS: tuple[RealIo, ...] = ("f32", "f64")
+IOS: tuple[RealSignalFormat, ...] = ("f32", "f64")
 FINE = TableSizes(
     gap_segments=6,
     curve_segments=11,
@@ -63,7 +63,7 @@ def real(
     gap_map: GapMap = "reluctance",
     play: float = 0.0,
     sizes: TableSizes = FINE,
-    io: RealIo = "f32",
+    io: RealSignalFormat = "f32",
 ) -> Block:
     scales, limits = ranges(gap_map, play)
     law = closed_form(gap_map) if kind == "simplified" else None
@@ -84,7 +84,9 @@ def moving(samples: int) -> FloatArray:
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("play", [0.0, 40.0])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "circuit"])
-def test_full_with_fine_tables_gives_the_demanded_force(gap_map: GapMap, play: float, io: RealIo) -> None:
+def test_full_with_fine_tables_gives_the_demanded_force(
+    gap_map: GapMap, play: float, io: RealSignalFormat
+) -> None:
     demand = demanding(largest_force(gap_map, play, GAPS[-1]))
     gap = moving(demand.size)
     drive = RealTwin(real("full", gap_map, play, io=io)).run(demand, gap)
@@ -144,7 +146,7 @@ def test_rounding_does_not_add_up_over_a_slow_demand(kind: RealKind) -> None:
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("play", [0.0, 40.0])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_standing_demand_leaves_the_memory_alone(kind: RealKind, play: float, io: RealIo) -> None:
+def test_a_standing_demand_leaves_the_memory_alone(kind: RealKind, play: float, io: RealSignalFormat) -> None:
     twin = RealTwin(real(kind, "reluctance", play if kind == "full" else 0.0, io=io))
     for level in np.random.default_rng(1).uniform(0.05, 0.95, 20).tolist():
         twin.run([level * HIGH] * 4, WIDE)
@@ -172,7 +174,7 @@ def test_solving_touches_no_memory_and_may_be_repeated(kind: RealKind) -> None:
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(
-    kind: RealKind, io: RealIo
+    kind: RealKind, io: RealSignalFormat
 ) -> None:
     """Any other demand in between prevents the shortcut."""
     quick, long = (RealTwin(real(kind, io=io)) for _ in range(2))

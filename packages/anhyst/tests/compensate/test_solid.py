@@ -21,7 +21,7 @@ from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
-from tests.actuators import RealIo, real_block
+from tests.actuators import RealSignalFormat, real_block
 from tests.compensate.test_block import sealed
 from tests.refusals import refused
 
@@ -56,7 +56,7 @@ def magnet(layers: Layers | None, gamma: float = 5.0) -> Model:
     )
 
 
-def block(model: Model, io: RealIo = "f64", *, still: bool = False) -> Block:
+def block(model: Model, io: RealSignalFormat = "f64", *, still: bool = False) -> Block:
     scales = Scales(300.0, 8.0, *GAPS)
     limits = DemandLimits((0.0, TOP), (0.0, 6.0))
     start = Conditioning(1, 100, RATE)
@@ -107,7 +107,7 @@ def check_time_stands_still(once: FixedTwin | RealTwin, often: FixedTwin | RealT
 
 @pytest.mark.parametrize("io", ["f64", "f32"])
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
-def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: RealIo) -> None:
+def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: RealSignalFormat) -> None:
     demand, gap = ramps(1)
     current = RealTwin(block(magnet(layers), io)).run(demand, gap)
     assert np.all((current > 0.0) & (current < 6.0) | (demand == 0.0))

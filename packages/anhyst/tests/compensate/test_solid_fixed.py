@@ -17,7 +17,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.support.block_layout import WORD_INDEX_OF_KIND
 from anhyst.support.block_words import Scales
-from tests.actuators import RealIo, real_block
+from tests.actuators import RealSignalFormat, real_block
 from tests.compensate.test_block import sealed
 from tests.compensate.test_solid import (
     GAPS,
@@ -65,7 +65,7 @@ def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: str) 
 @pytest.mark.parametrize("number_format", ["q31", "f32", "f64"])
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
 def test_a_demand_that_jumps_is_met_and_leaves_nothing_behind(
-    layers: Layers, number_format: RealIo | Literal["q31"]
+    layers: Layers, number_format: RealSignalFormat | Literal["q31"]
 ) -> None:
     model = magnet(layers)
     if number_format == "q31":

@@ -15,8 +15,8 @@ from anhyst.identification.fit_records import FitRecords, make_fit_records
 from anhyst.identification.model_building import make_response_form
 from anhyst.identification.paper_parameters import (
     COMMON_AIR_CORE_SLOPE,
-    NO_ANSWER_COST,
     SEVEN_NAMES,
+    UNSOLVED_COST,
     Criterion,
     Values,
     make_parameter_set,
@@ -359,7 +359,7 @@ def test_what_the_law_cannot_do_costs_a_fortune(loops: Loops, records: FitRecord
     form = make_response_form(loops.input, loops.output, "effective-field")
     criterion = Criterion(form, records.at_gap(0))
     impossible = SET | {"k": 1e-9}
-    assert criterion.cost_of_set(impossible) == NO_ANSWER_COST
+    assert criterion.cost_of_set(impossible) == UNSOLVED_COST
     assert criterion.costs_of_sets({n: np.array([v]) for n, v in impossible.items()})[0] == np.inf
 
 

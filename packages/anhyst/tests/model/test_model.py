@@ -218,7 +218,7 @@ def test_demand_below_what_any_drive_gives_is_flagged() -> None:
     assert result.valid.tolist() == [True, False, True]
     assert result.flux_density[1] == 0.0
     assert result.output[1] == 0.5
-    assert "demand an output below that of any drive (first: sample 1, 0.2 N)" in result.warnings[0]
+    assert "demand an output that is too low for every drive (first: sample 1, 0.2 N)" in result.warnings[0]
 
 
 def test_settling_an_open_record_is_said() -> None:

@@ -23,7 +23,7 @@ from anhyst.model.schema import FitFigures, Provenance, ReductionStep, Uncertain
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
 from anhyst.reports.figures import figure_differences, figure_residuals
-from anhyst.reports.figures_over_schedule import figure_between
+from anhyst.reports.figures_over_schedule import figure_between_gaps
 from anhyst.reports.page import gather_subject, make_headline
 from anhyst.reports.sections_model import section_gap_map
 from anhyst.reports.subject import ModelSubject, current_figures, gather_evidence
@@ -311,7 +311,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     output = check.output.copy()
     output[5:] = np.nan
     stuck = replace(check, output=output, fall=np.inf, gap=float(check.gaps[5]), failure="no root")
-    figure = figure_between(subject.model, stuck)
+    figure = figure_between_gaps(subject.model, stuck)
     assert figure is not None
     assert "cannot be computed" in svg_text(figure, "f")
     assert "no root" in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text

@@ -75,7 +75,7 @@ def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
 def demand_at(folder: Path, step: int, scratch: Path) -> int:
     """Return the demand that the generator of the host gives at a step."""
     program = build_reference(BuildFolder.create(read_bundle(folder), scratch)).program
-    reply = program.run([Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)])[-1]
+    reply = program.run([Request(START, seed=1), Request(RANDOM, steps=step + 1, first_window_step=step)])[-1]
     word = int(reply.window[0, COMPENSATOR_RECORD.record.index("demand")])
     return word - (1 << 32) if word >> 31 else word
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.block import Kind as BlockKind
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
@@ -98,7 +98,7 @@ class FleetSettings:
 
     rate: float  # tick rate of the controllers, Hz
     kind: BlockKind = "full"  # kind of compensator
-    io: Io = "q31"
+    io: SignalFormat = "q31"
     # the same for all magnets; ``auto``: the choice of most of the first magnets
     law: str = "auto"
     gap_map: str = "auto"

@@ -18,7 +18,7 @@ REPORT_NAME = "report.html"
 
 Kind = Literal["full", "simplified"]
 """Kinds of compensator that need only a model."""
-Io = Literal["q15", "q31", "f32"]
+SignalFormat = Literal["q15", "q31", "f32"]
 """Number formats of the demand, the gap and the current."""
 
 
@@ -31,7 +31,7 @@ def fleet(
     law: str = "auto",
     gap_map: str = "auto",
     kind: Kind = "full",
-    io: Io = "q31",
+    io: SignalFormat = "q31",
     on: str = "host",
     seed: int = 1,
     history: HistoryLike | None = None,

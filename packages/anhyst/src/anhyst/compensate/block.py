@@ -119,8 +119,8 @@ class Block:
 
     def table(self, name: str) -> WordArray:
         """Return the entries of a table, by the name of the word that points to it."""
-        first, entries = self.tables[name]
-        return self.words[first : first + entries]
+        first_index, entries = self.tables[name]
+        return self.words[first_index : first_index + entries]
 
 
 def split_single(value: float) -> tuple[int, int]:

@@ -60,12 +60,12 @@ def measure_budget(plan: Plan) -> Budget:
         "sum of compiled, sample rate and model fit: worst errors added, rms added in quadrature",
     )
     accuracy = plan.request.accuracy
-    required = None if accuracy is None else accuracy / 100.0 * plan.reference_output
+    required_error = None if accuracy is None else accuracy / 100.0 * plan.reference_output
     held_demands = tuple(measure_drift(plan))
     return Budget(
         reference_output=plan.reference_output,
         unit=plan.model.output.unit,
-        required=required,
+        required=required_error,
         parts=parts,
         compiled=compiled,
         total=total,
@@ -76,15 +76,15 @@ def measure_budget(plan: Plan) -> Budget:
 
 
 def _drift_part(held_demands: Sequence[HeldDemand], model: Model) -> BudgetPart:
-    drifts = np.array([case.drift for case in held_demands])
-    worst = held_demands[int(np.argmax(drifts))]
+    drifts = np.array([held_demand.drift for held_demand in held_demands])
+    worst_demand = held_demands[int(np.argmax(drifts))]
     return BudgetPart(
         "drift",
         f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",
-        worst.drift,
+        worst_demand.drift,
         rms(drifts),
-        f"in addition to compiled, at standstill and with small movements; worst at {worst.demand:.3g} "
-        f"{model.output.unit} while {worst.title}",
+        f"in addition to compiled, at standstill and with small movements; worst at {worst_demand.demand:.3g} "
+        f"{model.output.unit} while {worst_demand.title}",
     )
 
 
@@ -109,8 +109,8 @@ def is_within_allowance(plan: Plan, budget: Budget) -> bool:
     """Whether formats and tables keep the allowance on the paths of the budget."""
     tables = budget.part("tables")
     assert tables is not None
-    evaluated = budget.compiled if plan.request.kind == "full" else tables
-    return evaluated.worst is not None and evaluated.worst <= plan.allowance
+    evaluated_part = budget.compiled if plan.request.kind == "full" else tables
+    return evaluated_part.worst is not None and evaluated_part.worst <= plan.allowance
 
 
 def is_drift_allowed(plan: Plan, budget: Budget) -> bool:
@@ -166,12 +166,12 @@ def is_accuracy_reached(budget: Budget) -> bool:
 def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
     """Return the error for an accuracy that is not reached, with the largest part and a remedy."""
     assert budget.required is not None
-    reached, part = budget.compiled.worst or 0.0, largest_part(budget)
+    reached_error, part = budget.compiled.worst or 0.0, largest_part(budget)
     advice = f"compile with {better_options}" if better_options else ADVICE[part.name]
-    decade = 10.0 ** np.floor(np.log10(percent(budget, reached)))
-    reachable_percent = np.ceil(percent(budget, reached) / decade * 10.0) / 10.0 * decade
+    decade = 10.0 ** np.floor(np.log10(percent(budget, reached_error)))
+    reachable_percent = np.ceil(percent(budget, reached_error) / decade * 10.0) / 10.0 * decade
     return NegativeResult(
-        f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
+        f"accuracy: {percent(budget, reached_error):.3g} % of the largest output is reached, "
         f"{percent(budget, budget.required):.3g} % was requested; the largest part is "
         f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or request "
         f"{reachable_percent:.3g} %; nothing was written",
@@ -222,13 +222,13 @@ def budget_dict(budget: Budget) -> dict[str, Any]:
         "drift": row(budget.drift),
         "held": [
             {
-                "title": case.title,
-                "demand": case.demand,
-                "seconds": case.seconds,
-                "drift": case.drift,
-                "drift_percent": percent(budget, case.drift),
+                "title": held_demand.title,
+                "demand": held_demand.demand,
+                "seconds": held_demand.seconds,
+                "drift": held_demand.drift,
+                "drift_percent": percent(budget, held_demand.drift),
             }
-            for case in budget.held_demands
+            for held_demand in budget.held_demands
         ],
         "paths": by_path,
     }

@@ -14,7 +14,7 @@ import numpy as np
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
 from anhyst.compensate.cells import make_cell_law
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compensate.full import make_full_law
 from anhyst.compensate.packing import BlockFrame
 from anhyst.compensate.paths import OutputRange, find_output_range
@@ -50,7 +50,7 @@ class BlockBuilder:
 
     model: Model
     kind: Kind
-    io: Io
+    io: SignalFormat
     scales: Scales
     limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)

@@ -1,7 +1,9 @@
 """Make the tables of a parameter block for a law with play cells (block kind "cells").
 
-A play cell is a play operator with its own magnetisation curve. Each table row contains the
-magnetisation of the first 1, 2, ... cells while they move, over the effective field.
+A play cell is a play operator with its own magnetisation curve. Along a monotonic path, the cells
+start to move one after the other, in the order of their thresholds. Each row of the tables contains
+the summed magnetisation of the first cells, 1, 2, ... of them, that move together with the
+effective field, as a function of this field.
 """
 
 from __future__ import annotations
@@ -120,19 +122,19 @@ def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellW
     """
     sums = weights.weights.sum(axis=1)
     reachable = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
-    merged = [(weights.thresholds[i], weights.weights[i]) for i in reachable]
-    while len(merged) > max_cells:
-        row_sums = np.array([row.sum() for _, row in merged])
-        levels = np.array([level for level, _ in merged])
+    merged_cells = [(weights.thresholds[i], weights.weights[i]) for i in reachable]
+    while len(merged_cells) > max_cells:
+        row_sums = np.array([row.sum() for _, row in merged_cells])
+        levels = np.array([level for level, _ in merged_cells])
         cost = row_sums[1:] * row_sums[:-1] / (row_sums[1:] + row_sums[:-1]) * np.diff(levels) ** 2
         index = int(np.argmin(cost))
         pair = slice(index, index + 2)
         threshold = float(np.average(levels[pair], weights=row_sums[pair]))
-        merged[pair] = [(threshold, merged[index][1] + merged[index + 1][1])]
+        merged_cells[pair] = [(threshold, merged_cells[index][1] + merged_cells[index + 1][1])]
     return replace(
         weights,
-        thresholds=np.array([0.0, *(level for level, _ in merged)]),
-        weights=np.vstack([weights.weights[0], *(row for _, row in merged)]),
+        thresholds=np.array([0.0, *(level for level, _ in merged_cells)]),
+        weights=np.vstack([weights.weights[0], *(row for _, row in merged_cells)]),
     )
 
 
@@ -147,8 +149,8 @@ def make_cell_rows(
     """Return the rows of a law for all fields that currents within their limits produce."""
     largest_field = find_max_field(weights, coefficients, limits.current)
     max_field = (SOLID_FIELD_MARGIN if is_solid else FIELD_MARGIN) * largest_field
-    merged = merge_cells(weights, sizes.cells, largest_field)
-    if merged.thresholds.size < 2:
+    merged_weights = merge_cells(weights, sizes.cells, largest_field)
+    if merged_weights.thresholds.size < 2:
         raise InputError(
             "model: no hysteresis within the range of its input, which does not reach the smallest "
             "threshold of its play cells; check the loops, or use a single-valued curve",
@@ -157,7 +159,7 @@ def make_cell_rows(
         )
 
     def magnetisation(field: FloatArray) -> FloatArray:
-        outputs = cell_outputs(merged, field - merged.thresholds[:, None])
+        outputs = cell_outputs(merged_weights, field - merged_weights.thresholds[:, None])
         return np.asarray(np.cumsum(outputs, axis=0) / weights.saturation)
 
     def tabulate(grid: RowGrid) -> tuple[FloatArray, float]:
@@ -165,12 +167,14 @@ def make_cell_rows(
         field = max_field * grid.fields
         ends, middles = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
         deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
-        padded = np.pad(deviation, ((0, 0), (1, 1)), mode="edge")
+        padded_deviation = np.pad(deviation, ((0, 0), (1, 1)), mode="edge")
         # All chords are on one side of the curve. Moving the entries by half the deviation of the
         # chords halves the largest error. With few segments, moved entries may exceed saturation or
         # lose their order.
-        shifted = np.clip(ends - 0.25 * (padded[:, 1:] + padded[:, :-1]), -1.0, 1.0)
-        return np.maximum.accumulate(shifted, axis=1), float(np.abs(deviation).max())
+        shifted_entries = np.clip(
+            ends - 0.25 * (padded_deviation[:, 1:] + padded_deviation[:, :-1]), -1.0, 1.0
+        )
+        return np.maximum.accumulate(shifted_entries, axis=1), float(np.abs(deviation).max())
 
     segment_exponent = sizes.curve_segments
     grids = {
@@ -180,7 +184,7 @@ def make_cell_rows(
         for grid in (RowGrid(segment_exponent, zone_exponent),)
     }
     grid = min(grids, key=lambda size: grids[size][1])
-    return CellRows(max_field, merged.thresholds[1:], grid, grids[grid][0])
+    return CellRows(max_field, merged_weights.thresholds[1:], grid, grids[grid][0])
 
 
 def make_cell_law(frame: BlockFrame, *, is_static: bool) -> LawTables:

@@ -101,13 +101,13 @@ def current_coefficients(model: Model, gaps: FloatArray) -> CurrentCoefficients:
     (1-alpha)*M_s*flux`` follows from section 2 of the theory.
     """
     alpha = iron_parameters(model)["alpha"]
-    turns, rho = (model.interpolate_parameter(name, gaps) for name in ("c_H", "rho"))
-    saturated = flux_unit(model) / MU_0
+    c_h, rho = (model.interpolate_parameter(name, gaps) for name in ("c_H", "rho"))
+    magnetisation_unit = flux_unit(model) / MU_0
     return CurrentCoefficients(
-        air_flux=1.0 / saturated,
+        air_flux=1.0 / magnetisation_unit,
         bias=model.interpolate_parameter("in_0", gaps),
-        flux=np.asarray(saturated * (rho - alpha / (1.0 - alpha)) / turns),
-        field=np.asarray(1.0 / ((1.0 - alpha) * turns)),
+        flux=np.asarray(magnetisation_unit * (rho - alpha / (1.0 - alpha)) / c_h),
+        field=np.asarray(1.0 / ((1.0 - alpha) * c_h)),
     )
 
 
@@ -118,5 +118,5 @@ def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> FloatArray |
     """
     if model.layers is not None or not model.has_eddy_currents:
         return None
-    gamma, turns = (model.interpolate_parameter(name, gaps) for name in ("gamma", "c_H"))
-    return np.asarray(gamma * rate * flux_unit(model) / turns)
+    gamma, c_h = (model.interpolate_parameter(name, gaps) for name in ("gamma", "c_H"))
+    return np.asarray(gamma * rate * flux_unit(model) / c_h)

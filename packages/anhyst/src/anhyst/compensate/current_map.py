@@ -162,8 +162,8 @@ _MAX_ENTRY_SHARE = 1.0 - 2.0**-15
 def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     """Return a constant force-current ratio, fitted to the steady-state loops of a model.
 
-    This is the method ``ratio`` around half of the largest force at the middle gap. Simulated loops
-    replace measured ones.
+    This is the method ``ratio``: one ratio, fitted around half of the largest force at the middle
+    gap. Simulated loops replace measured ones.
     """
     current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
     gap_range = scales.gap_low, scales.gap_high
@@ -227,11 +227,11 @@ class PlayMap:
 
     def block(self, number_format: NumberFormat, model_hash: int = 0) -> Words:
         """Return the parameter block; `model_hash` has 32 bits."""
-        table, fixed = self.map, number_format == "fixed"
+        table, is_fixed = self.map, number_format == "fixed"
         quarter_steepness = 0.25 * self.scales.current / self.radius
         mantissa, shift = to_factor("steepness of the play", quarter_steepness)
         low, high = table.limits
-        if fixed:
+        if is_fixed:
             low, high = (as_word(end / self.scales.current, 2.0**15, "limit") for end in (low, high))
         words = {
             "PLAY_DEMAND_LOW": table.force_low,
@@ -239,30 +239,30 @@ class PlayMap:
             "PLAY_CURRENT_HIGH": high,
             "PLAY_FORCE_SEGMENTS": (self.half_width.shape[1] - 2).bit_length(),
             "PLAY_GAP_SEGMENTS": (self.half_width.shape[0] - 2).bit_length(),
-            "PLAY_STEEPNESS": mantissa if fixed else 0.25 / self.radius,
-            "PLAY_SHIFT": shift if fixed else 0,
+            "PLAY_STEEPNESS": mantissa if is_fixed else 0.25 / self.radius,
+            "PLAY_SHIFT": shift if is_fixed else 0,
             "SCALE_DEMAND": self.scales.demand,
             "SCALE_CURRENT": self.scales.current,
             "SCALE_GAP_LOW": self.scales.gap_low,
             "SCALE_GAP_HIGH": self.scales.gap_high,
         }
         tables = {
-            "PLAY_CURRENT": table.entry_words() if fixed else table.entries,
-            "PLAY_HALF": self.half_width_words() if fixed else self.half_width,
+            "PLAY_CURRENT": table.entry_words() if is_fixed else table.entries,
+            "PLAY_HALF": self.half_width_words() if is_fixed else self.half_width,
         }
         return pack_play(number_format, words, tables, model_hash)
 
     def widened(self, fraction: float) -> PlayMap:
         """Return the map with loops that are wider by a fraction."""
-        rise = (1.0 - 1e-6) * np.diff(self.map.entries)
-        half_width = limit_slope((1.0 + fraction) * self.half_width, rise)
+        entry_steps = (1.0 - 1e-6) * np.diff(self.map.entries)
+        half_width = limit_slope((1.0 + fraction) * self.half_width, entry_steps)
         return replace(self, half_width=half_width, radius=(1.0 + fraction) * self.radius)
 
     def half_width_words(self) -> NDArray[np.int16]:
         """Return the half-widths as words, limited by full scale and by the slope of the map."""
         entries = self.map.entry_words().astype(np.float64)
-        half = table_words(self.half_width, self.scales.current, "half-width")
-        limited = np.minimum(half, _MAX_WORD - np.abs(entries))
+        half_width_table = table_words(self.half_width, self.scales.current, "half-width")
+        limited = np.minimum(half_width_table, _MAX_WORD - np.abs(entries))
         return limit_slope(limited, np.diff(entries)).astype(np.int16)
 
 
@@ -297,9 +297,9 @@ def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
         low, high = current_envelope(members, surface.force)
         half_width = 0.5 * (high - low)
         is_known = np.isfinite(half_width)
-        filled = np.interp(surface.force, surface.force[is_known], half_width[is_known])
+        filled_half_width = np.interp(surface.force, surface.force[is_known], half_width[is_known])
         knots.append(gap)
-        rows.append(savgol_filter(filled, SMOOTHING_LEVELS, 2))
+        rows.append(savgol_filter(filled_half_width, SMOOTHING_LEVELS, 2))
     gaps = np.clip(surface.gap, knots[0], knots[-1])
     half_width = np.maximum(PchipInterpolator(knots, np.array(rows), axis=0)(gaps), 0.0)
     return limit_slope(half_width, (1.0 - 1e-6) * np.diff(surface.current))
@@ -327,13 +327,13 @@ def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> flo
     """
     half_width = measure_half_widths(surface, loops)
     full_gap_range = replace(operating, gap_range=(float(surface.gap[0]), float(surface.gap[-1])))
-    measured = np.concatenate([loop.output for loop in loops.loops])
-    is_within_range = measured <= operating.force_max
+    measured_force = np.concatenate([loop.output for loop in loops.loops])
+    is_within_range = measured_force <= operating.force_max
 
     def mean_squared_error(log_radius: float) -> float:
         play = _make_play_map(surface, half_width, full_gap_range, float(np.exp(log_radius)))
-        predicted = np.concatenate([predict_forces(play, loop) for loop in loops.loops])
-        return float(np.mean((predicted - measured)[is_within_range] ** 2))
+        predicted_force = np.concatenate([predict_forces(play, loop) for loop in loops.loops])
+        return float(np.mean((predicted_force - measured_force)[is_within_range] ** 2))
 
     grid = np.log(np.geomspace(*RADIUS_RANGE, RADIUS_GRID_POINTS) * operating.current_max)
     best_index = int(np.argmin([mean_squared_error(at) for at in grid.tolist()]))
@@ -418,8 +418,8 @@ class SingleValued(Memoryless):
         if self.gaps.size == 1:
             return np.broadcast_to(self.currents[0], (size, self.force_levels.size))
         used_gap = self.gaps[0] if gap is None else gap
-        clipped = np.clip(np.broadcast_to(used_gap, size), self.gaps[0], self.gaps[-1])
-        return np.asarray(PchipInterpolator(self.gaps, self.currents, axis=0)(clipped))
+        clipped_gap = np.clip(np.broadcast_to(used_gap, size), self.gaps[0], self.gaps[-1])
+        return np.asarray(PchipInterpolator(self.gaps, self.currents, axis=0)(clipped_gap))
 
 
 def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
@@ -449,6 +449,6 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
         if not is_known[-1]:
             text = f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             raise InputError(text, code="force-not-reached", key="loops")
-        filled = np.interp(levels, levels[is_known], middle[is_known])
-        table.append(fit_monotone(filled, np.ones(FORCE_LEVEL_COUNT)))
+        filled_middle = np.interp(levels, levels[is_known], middle[is_known])
+        table.append(fit_monotone(filled_middle, np.ones(FORCE_LEVEL_COUNT)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))

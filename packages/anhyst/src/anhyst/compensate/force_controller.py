@@ -157,8 +157,8 @@ class ForceController(Compensator):
 
 
 CodeArray = NDArray[np.int32]
-RealIo = Literal["f32", "f64"]
-Io = Literal["q15", "q31", "f32", "f64"]
+RealSignalFormat = Literal["f32", "f64"]
+SignalFormat = Literal["q15", "q31", "f32", "f64"]
 
 
 class Twin(Compensator):
@@ -359,6 +359,6 @@ class RealTwin(Twin):
         return np.array([self._core.conditioning(tick) for tick in ticks])
 
 
-def make_twin(block: Block, io: Io) -> FixedTwin | RealTwin:
+def make_twin(block: Block, io: SignalFormat) -> FixedTwin | RealTwin:
     """Return a demagnetised compensator for a block."""
     return FixedTwin(block, io) if block.is_fixed else RealTwin(block)

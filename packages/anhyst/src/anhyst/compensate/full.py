@@ -73,7 +73,7 @@ def find_max_field(law: NormalisedLaw, current: tuple[float, float]) -> float:
     """Return the largest ``|x|`` for currents within their limits, over all gaps."""
     drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
     flux_coefficient, field_coefficient = (
-        np.tile(arms, len(current)) for arms in (law.flux_coefficient, law.field_coefficient)
+        np.tile(coefficient, len(current)) for coefficient in (law.flux_coefficient, law.field_coefficient)
     )
     is_negative = flux_coefficient < 0.0
     positive, negative = (
@@ -141,7 +141,7 @@ def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes
     max_field = FIELD_MARGIN * find_max_field(law, limits.current)
     if max_field > MAX_RELATIVE_FIELD:
         raise InputError(
-            f"current: its limits drive the iron to {max_field:.0f} times its shape field a, but above "
+            f"current: at its limits, the field is {max_field:.0f} times the shape field a, but above "
             f"{MAX_RELATIVE_FIELD:.0f} the tables are too steep for 16 bits; narrow the current, or "
             "identify with --law play-cells",
             code="tables-too-steep",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.builder import FINE_SIZES, BlockBuilder
 from anhyst.compensate.circuit import current_coefficients, flux_unit, gap_knots, iron_parameters
-from anhyst.compensate.force_controller import Io, make_twin
+from anhyst.compensate.force_controller import SignalFormat, make_twin
 from anhyst.compensate.paths import DemandPath
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
@@ -51,13 +51,13 @@ class OutputDeviation:
     path: str
 
 
-def run_twin(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
+def run_twin(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents."""
     current = make_twin(block, io).run(path.demand, path.gap)
     return PathRun(path, current, predict_output(model, current, path), np.ones(current.size, bool))
 
 
-def run_with_losses(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
+def run_with_losses(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> PathRun:
     """Run a compensator whose amplifier deviates in some ticks; otherwise as `run_twin`."""
     size = path.demand.size
     is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
@@ -78,18 +78,18 @@ def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> Float
     """
     error = run.output - run.path.demand
     low, high = limits.current
-    bottom, top = run.current <= low + resolution, run.current >= high - resolution
-    error[bottom] = np.minimum(error[bottom], 0.0)
-    error[top] = np.maximum(error[top], 0.0)
+    is_at_low_limit, is_at_high_limit = run.current <= low + resolution, run.current >= high - resolution
+    error[is_at_low_limit] = np.minimum(error[is_at_low_limit], 0.0)
+    error[is_at_high_limit] = np.maximum(error[is_at_high_limit], 0.0)
     return np.where(run.is_evaluated, error, 0.0)
 
 
 def summarise_errors(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
     """Return worst and root-mean-square error over several paths, given with their names."""
     magnitudes = [(name, np.abs(error)) for name, error in errors]
-    worst = max(magnitudes, key=lambda item: float(item[1].max()))
+    worst_path = max(magnitudes, key=lambda item: float(item[1].max()))
     squares = np.concatenate([error for _, error in magnitudes]) ** 2
-    return OutputDeviation(float(worst[1].max()), float(np.sqrt(squares.mean())), worst[0])
+    return OutputDeviation(float(worst_path[1].max()), float(np.sqrt(squares.mean())), worst_path[0])
 
 
 def current_resolution(scales: Scales) -> float:
@@ -98,7 +98,7 @@ def current_resolution(scales: Scales) -> float:
 
 
 def compare_with_demand(
-    model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
+    model: Model, block: Block, io: SignalFormat, paths: Sequence[DemandPath]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
     """Run a compensator along all paths; the first random path is repeated with losses."""
     step = current_resolution(block.scales)
@@ -111,14 +111,19 @@ def compare_with_demand(
 
 
 def compare_compensators(
-    model: Model, tested: tuple[Block, Io], reference: tuple[Block, Io], paths: Sequence[DemandPath]
+    model: Model,
+    tested: tuple[Block, SignalFormat],
+    reference: tuple[Block, SignalFormat],
+    paths: Sequence[DemandPath],
 ) -> OutputDeviation:
     """Return the difference of the model's outputs between two compensators."""
-    first, second = (predict_outputs(model, *each, paths) for each in (tested, reference))
+    first, second = (predict_outputs(model, *compensator, paths) for compensator in (tested, reference))
     return compare_outputs(paths, first, second)
 
 
-def predict_outputs(model: Model, block: Block, io: Io, paths: Sequence[DemandPath]) -> list[FloatArray]:
+def predict_outputs(
+    model: Model, block: Block, io: SignalFormat, paths: Sequence[DemandPath]
+) -> list[FloatArray]:
     """Return the outputs of the model with a compensator, for each path."""
     return [run_twin(model, block, io, path).output for path in paths]
 
@@ -128,7 +133,9 @@ def compare_outputs(
 ) -> OutputDeviation:
     """Return the deviation between outputs of two compensators on the same paths."""
     pairs = zip(paths, tested, reference, strict=True)
-    return summarise_errors((path.name, first - second) for path, first, second in pairs)
+    return summarise_errors(
+        (path.name, tested_output - reference_output) for path, tested_output, reference_output in pairs
+    )
 
 
 def snap_gaps(
@@ -140,11 +147,11 @@ def snap_gaps(
     knots = gap_knots(model, scales, sizes)
     middles = 0.5 * (knots[1:] + knots[:-1])
 
-    def snap(path: DemandPath) -> DemandPath:
+    def move_gap_to_knot(path: DemandPath) -> DemandPath:
         assert path.gap is not None
         return replace(path, gap=knots[np.searchsorted(middles, path.gap)])
 
-    return [snap(path) for path in paths]
+    return [move_gap_to_knot(path) for path in paths]
 
 
 def measure_gap_interpolation(
@@ -170,8 +177,8 @@ def measure_gap_interpolation(
         gain = interpolate((1.0 / circuit.c_out) ** (1.0 / power)) / unit
         flux = gain * (np.sqrt(np.maximum(demand_above_offset, 0.0)) if power == 2 else demand_above_offset)
         exact = model.circuit(gap, np.zeros(gap.size))
-        reached = model.invert(exact.output(flux * unit), gap, history="demagnetised")
-        x = (1.0 - alpha) * reached.field + alpha * reached.flux_density / MU_0
+        reached_record = model.invert(exact.output(flux * unit), gap, history="demagnetised")
+        x = (1.0 - alpha) * reached_record.field + alpha * reached_record.flux_density / MU_0
         current = (
             interpolate(coefficients.bias)
             + interpolate(coefficients.flux) * flux
@@ -249,21 +256,23 @@ class CompensatorTrial:
         builder = self.builder
         if builder.kind == "full":
             return []
-        measured = compare_with_demand(builder.model, builder.exact_block(FINE_SIZES), "f64", self.paths)
-        part = _make_part("law", "straight anhysteretic", *measured)
+        measured_deviation = compare_with_demand(
+            builder.model, builder.exact_block(FINE_SIZES), "f64", self.paths
+        )
+        part = _make_part("law", "straight anhysteretic", *measured_deviation)
         return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
 
     def _measure_tables(self) -> BudgetPart:
         builder, model = self.builder, self.builder.model
-        snapped = snap_gaps(self.paths, model, builder.scales, self.sizes)
+        snapped_paths = snap_gaps(self.paths, model, builder.scales, self.sizes)
         if builder.kind == "full":
             part = _make_part(
-                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped)
+                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped_paths)
             )
             note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
         fine_block = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
-        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), snapped)
+        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), snapped_paths)
         note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 
@@ -296,7 +305,7 @@ class CompensatorTrial:
                 for n in (self.sizes.gap_segments, FINE_SIZES.gap_segments)
             )
             deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
-            note = "selected gap tables compared with those of the fit, everything else fine"
+            note = "selected gap tables compared with those of the fit, with all other tables fine"
         return [BudgetPart("gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note)]
 
     def _measure_sampling(self) -> BudgetPart:
@@ -329,10 +338,10 @@ class CompensatorTrial:
             dynamic_model.dynamics.fastest if dynamic_model.dynamics else 0.0, rate
         )
 
-        def measure(used: Block) -> OutputDeviation:
+        def measure(used_block: Block) -> OutputDeviation:
             errors = []
             for path in paths:
-                current = make_twin(used, builder.io).run(path.demand, path.gap)
+                current = make_twin(used_block, builder.io).run(path.demand, path.gap)
                 # A record begins at rest: one sample without current precedes the first tick.
                 drive, gap = np.append(0.0, current), path.gap
                 gap = gap if gap is None else np.append(gap[0], gap)
@@ -374,13 +383,13 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
     for tick in range(gap.size - 2):
         at_tick, two_ticks_later = slice(tick, tick + 1), slice(tick + 2, tick + 3)
         drive, _, state, _, _ = iron.inverse(flux[at_tick], circuit.rho[at_tick], no_rate, state)
-        # The same current at the later gap, where turns and offset of the current have other
-        # values.
+        # The same current at the later gap, at which the circuit has other values of its current
+        # factor and its offset.
         later_drive = drive * circuit.turns[two_ticks_later] / circuit.turns[at_tick]
         later_drive = later_drive + circuit.turns[two_ticks_later] * (
             circuit.in_0[at_tick] - circuit.in_0[two_ticks_later]
         )
-        reached, *_ = iron.forward(later_drive, circuit.rho[two_ticks_later], no_rate, state)
-        output = circuit.c_out[two_ticks_later] * reached**model.power + circuit.out_0[two_ticks_later]
+        reached_output, *_ = iron.forward(later_drive, circuit.rho[two_ticks_later], no_rate, state)
+        output = circuit.c_out[two_ticks_later] * reached_output**model.power + circuit.out_0[two_ticks_later]
         error[two_ticks_later] = output - demand[two_ticks_later]
     return error

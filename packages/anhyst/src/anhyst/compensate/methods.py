@@ -29,7 +29,13 @@ from anhyst.compensate.current_map import (
     make_current_map,
     table_words,
 )
-from anhyst.compensate.force_controller import REAL_CONTROLLERS, ForceController, Io, MethodParameters, Native
+from anhyst.compensate.force_controller import (
+    REAL_CONTROLLERS,
+    ForceController,
+    MethodParameters,
+    Native,
+    SignalFormat,
+)
 from anhyst.compensate.plan import CompileRequest, make_plan, round_full_scale
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
@@ -50,9 +56,11 @@ def restrict_model(
     if not is_actuator(model):
         text = "model: a bearing needs a model from current to force"
         raise InputError(text, code="not-current-to-force", key="model")
-    covered = model.valid_range.schedule
-    if covered is None or gaps[0] < covered[0] - 1e-9 or gaps[1] > covered[1] + 1e-9:
-        covered_text = "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
+    covered_gaps = model.valid_range.schedule
+    if covered_gaps is None or gaps[0] < covered_gaps[0] - 1e-9 or gaps[1] > covered_gaps[1] + 1e-9:
+        covered_text = (
+            "no gap" if covered_gaps is None else f"gaps of {covered_gaps[0]:g} to {covered_gaps[1]:g} m"
+        )
         raise InputError(
             f"model: is valid for {covered_text}, but needs {gaps[0]:g} to {gaps[1]:g} m; identify it "
             "from loops at more gaps, or narrow the range",
@@ -105,13 +113,13 @@ def compile_inverse(
     model, operating = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
-    restricted = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
-    has_layers = kind == "full" and restricted.has_layers
-    restricted = restricted if has_layers else restricted.at_rest
+    restricted_model = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
+    has_layers = kind == "full" and restricted_model.has_layers
+    restricted_model = restricted_model if has_layers else restricted_model.at_rest
     needs_float_tables = number_format != "fixed" and (has_layers or operating.is_bipolar)
-    io: Io = "f32" if needs_float_tables else "q31"
+    io: SignalFormat = "f32" if needs_float_tables else "q31"
     request = CompileRequest(kind, io, operating.rate)
-    plan = cached_result("plans", lambda: make_plan(restricted, request, 0), restricted, request)
+    plan = cached_result("plans", lambda: make_plan(restricted_model, request, 0), restricted_model, request)
     block = plan.builder.dynamic_block(plan.sizes, number_format)
     return HysteresisInverse(block, plan.sizes.iterations)
 
@@ -122,8 +130,8 @@ class FluxGains:
 
     proportional: float  # proportional gain, A/T
     integral: float  # integral gain per tick, A/T
-    anti_windup: float  # share of a limited current that the integral removes in a tick
-    # share of a step of the demanded flux density that is expected in the next tick
+    anti_windup: float  # fraction of a current's excess that the integral removes per tick
+    # fraction of a step of the demanded flux density that is expected in the next tick
     smoothing: float
     crossover: float  # crossover frequency, rad/s
 
@@ -197,8 +205,8 @@ class FluxLoop:
         """Return table and gains as fixed-point words."""
         flux_per_current = self.full_scale / self.scales.current
         rows = [
-            to_factor("proportional of the flux loop", self.gains.proportional * flux_per_current),
-            to_factor("integral of the flux loop", self.gains.integral * flux_per_current),
+            to_factor("proportional gain of the flux loop", self.gains.proportional * flux_per_current),
+            to_factor("integral gain of the flux loop", self.gains.integral * flux_per_current),
             to_factor("anti-windup of the flux loop", self.gains.anti_windup),
             to_smoothing_factor("delay of the flux loop", self.gains.smoothing),
         ]

@@ -143,20 +143,26 @@ def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: floa
     extreme_gaps = np.array(
         [home_gap - case.gap_amplitude * span, home_gap, home_gap + case.gap_amplitude * span]
     )
-    bottom = float(output_range.demand(np.zeros(3), extreme_gaps, above_remanence=True).max())
-    top = float(output_range.demand(np.ones(3), extreme_gaps).min())
-    demand = bottom + level * (top - bottom)
-    ascending = np.linspace(bottom, demand, 2 * APPROACH_RAMP_TICKS)
+    lowest_demand = float(output_range.demand(np.zeros(3), extreme_gaps, above_remanence=True).max())
+    highest_demand = float(output_range.demand(np.ones(3), extreme_gaps).min())
+    demand = lowest_demand + level * (highest_demand - lowest_demand)
+    ascending = np.linspace(lowest_demand, demand, 2 * APPROACH_RAMP_TICKS)
     descending = np.concatenate(
-        [np.linspace(bottom, top, APPROACH_RAMP_TICKS), np.linspace(top, demand, APPROACH_RAMP_TICKS)]
+        [
+            np.linspace(lowest_demand, highest_demand, APPROACH_RAMP_TICKS),
+            np.linspace(highest_demand, demand, APPROACH_RAMP_TICKS),
+        ]
     )
     drift = max(
-        _max_drift(plan, home_gap, case, approach, top - bottom) for approach in (ascending, descending)
+        _max_drift(plan, home_gap, case, approach_path, highest_demand - lowest_demand)
+        for approach_path in (ascending, descending)
     )
     return HeldDemand(case.title, demand, case.seconds, drift)
 
 
-def _max_drift(plan: Plan, home_gap: float, case: _Case, approach: FloatArray, demand_span: float) -> float:
+def _max_drift(
+    plan: Plan, home_gap: float, case: _Case, approach_path: FloatArray, demand_span: float
+) -> float:
     """Return the largest change of the output since the first return, in its unit.
 
     A periodic movement ends early if compensator and model have returned to the same states.
@@ -165,9 +171,9 @@ def _max_drift(plan: Plan, home_gap: float, case: _Case, approach: FloatArray, d
     rate = min(plan.request.rate, MAX_SIMULATED_RATE_HZ)
     ticks = max(round(RETURN_PERIOD_S * rate), MIN_RETURN_TICKS)
     pair = _CompensatedModel(plan, home_gap)
-    pair.run(approach, np.full(approach.size, home_gap))
-    demand, span = float(approach[-1]), plan.block.scales.gap_span
-    first: float | None = None
+    pair.run(approach_path, np.full(approach_path.size, home_gap))
+    demand, span = float(approach_path[-1]), plan.block.scales.gap_span
+    first_output: float | None = None
     drift, memory = 0.0, pair.memory
     for _ in range(max(round(case.seconds * rate / (RETURNS_PER_BATCH * ticks)), 1)):
         demand_change, gap_change = np.hstack(
@@ -176,8 +182,8 @@ def _max_drift(plan: Plan, home_gap: float, case: _Case, approach: FloatArray, d
         returned = pair.run(demand + demand_span * demand_change, home_gap + span * gap_change)[
             ticks - 1 :: ticks
         ]
-        first = float(returned[0]) if first is None else first
-        drift = max(drift, float(np.abs(returned - first).max()))
+        first_output = float(returned[0]) if first_output is None else first_output
+        drift = max(drift, float(np.abs(returned - first_output).max()))
         if case.is_periodic and pair.has_returned(memory):
             break
         memory = pair.memory

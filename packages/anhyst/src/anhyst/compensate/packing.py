@@ -121,10 +121,10 @@ class Packer:
         """Set a limit of a signal; rounded word times rounded scale never exceeds the limit."""
         self.put_number(name, value / scale, key)
         if not self.is_fixed:
-            real = np.float32 if self.number_format == "f32" else np.float64
-            word, full = real(value / scale), real(scale)
-            while abs(float(word * full)) > abs(float(real(value))):
-                word = np.nextafter(word, real(0.0))
+            float_type = np.float32 if self.number_format == "f32" else np.float64
+            word, full_value = float_type(value / scale), float_type(scale)
+            while abs(float(word * full_value)) > abs(float(float_type(value))):
+                word = np.nextafter(word, float_type(0.0))
             self._head[WORD_INDEX_OF_KIND[self.kind][name]] = word
 
     def put_weight(self, name: str, factor: float, key: str) -> None:
@@ -144,9 +144,9 @@ class Packer:
         if self.is_fixed:
             words = np.maximum(np.rint(words * code_of_one), min_word)
             if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
-                largest = float(np.abs(values).max())
+                largest_value = float(np.abs(values).max())
                 raise InputError(
-                    f"table {name.lower()}: {largest:.3g} exceeds the range of its 16-bit words, "
+                    f"table {name.lower()}: {largest_value:.3g} exceeds the range of its 16-bit words, "
                     f"{32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
                     code="too-large-for-fixed-point",
                 )
@@ -165,15 +165,15 @@ class Packer:
         parts = [self._head]
         end = MIN_BLOCK_WORDS
         for name, values in self._tables.items():
-            duplicate = next(
+            duplicate_word = next(
                 (n for n, v in self._tables.items() if n in tables and np.array_equal(v, values)), None
             )
-            if duplicate is None:
+            if duplicate_word is None:
                 tables[name] = (end, values.size)
                 parts.append(values)
                 end += values.size
             else:
-                tables[name] = tables[duplicate]
+                tables[name] = tables[duplicate_word]
             self.put_integer(name, tables[name][0])
         if end > (MAX_BLOCK_WORDS if self.is_fixed else MAX_FLOAT_BLOCK_WORDS):
             raise InputError(
@@ -289,17 +289,26 @@ class BlockFrame:
         pack.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
     def _pack_coefficients(
-        self, pack: Packer, bias: FloatArray, flux: FloatArray, field: FloatArray, lag: FloatArray | None
+        self,
+        pack: Packer,
+        bias: FloatArray,
+        flux_coefficient: FloatArray,
+        field_coefficient: FloatArray,
+        lag_coefficient: FloatArray | None,
     ) -> None:
         """Set the coefficients of the current, A for each unit of flux, field and lag."""
         full_scale = self.scales.current
-        columns = (bias, flux, field) if lag is None else (bias, flux + lag, lag, field)
+        columns = (
+            (bias, flux_coefficient, field_coefficient)
+            if lag_coefficient is None
+            else (bias, flux_coefficient + lag_coefficient, lag_coefficient, field_coefficient)
+        )
         spans = [max(np.abs(column).max(), np.abs(np.diff(column)).max()) for column in columns]
-        largest = max(spans) / full_scale
-        shift = max(0, int(np.ceil(np.log2(largest / MAX_WEIGHT)))) if pack.is_fixed else 0
+        largest_coefficient = max(spans) / full_scale
+        shift = max(0, int(np.ceil(np.log2(largest_coefficient / MAX_WEIGHT)))) if pack.is_fixed else 0
         if shift > 8:
             raise InputError(
-                f"current: a unit of flux or field needs {largest:.0f} times the full-scale current, "
+                f"current: a unit of flux or field needs {largest_coefficient:.0f} times the full-scale current, "
                 "which exceeds the range of 16-bit words; compile with --io f32",
                 code="weights-too-uneven",
                 key="current",
@@ -307,10 +316,10 @@ class BlockFrame:
         unit = full_scale * 2.0**shift
         pack.put_integer("CURRENT_SHIFT", shift)
         pack.put_table("GAP_BIAS", bias / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FLUX_ARM", flux / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FIELD_ARM", field / unit, WEIGHT_UNIT, min_word=1)
-        if lag is not None:
-            pack.put_table("GAP_LAG_ARM", lag / unit, WEIGHT_UNIT, min_word=0)
+        pack.put_table("GAP_FLUX_ARM", flux_coefficient / unit, WEIGHT_UNIT)
+        pack.put_table("GAP_FIELD_ARM", field_coefficient / unit, WEIGHT_UNIT, min_word=1)
+        if lag_coefficient is not None:
+            pack.put_table("GAP_LAG_ARM", lag_coefficient / unit, WEIGHT_UNIT, min_word=0)
 
     def _explain_rejection(self, block: Block) -> InputError:
         """Return the reason why the core rejects a block."""

@@ -68,19 +68,19 @@ class OutputRange:
         With `above_remanence`, the range starts 3 % above the output that remains at the lowest
         current.
         """
-        bottom = self.remanent + 0.03 * (self.high - self.remanent) if above_remanence else self.low
-        low, high = (np.interp(gap, self.gaps, end) for end in (bottom, self.high))
+        lowest_demand = self.remanent + 0.03 * (self.high - self.remanent) if above_remanence else self.low
+        low, high = (np.interp(gap, self.gaps, end) for end in (lowest_demand, self.high))
         return np.asarray(low + (high - low) * fraction)
 
     def paths(self, *, above_remanence: bool = False, seed: int = 1, length: int = 1) -> list[DemandPath]:
         """Return all paths on which a compensator is measured."""
-        collected = []
+        collected_paths = []
         for name, (title, fraction, gap_fraction) in _make_shapes(self.has_gap, seed, 1500 * length).items():
             gap = self.scales.gap_at(gap_fraction)
             shown_title = title if self.has_gap else title.removesuffix(", gap at rest")
             demand = self.demand(fraction, gap, above_remanence)
-            collected.append(DemandPath(name, shown_title, demand, gap if self.has_gap else None))
-        return collected
+            collected_paths.append(DemandPath(name, shown_title, demand, gap if self.has_gap else None))
+        return collected_paths
 
     def fast_paths(self, max_frequency: float, rate: float) -> list[DemandPath]:
         """Return triangle waves at the highest frequency of a model, and at a tenth of it.
@@ -89,20 +89,23 @@ class OutputRange:
         rate/20. The gap moves slowly.
         """
         max_frequency = min(max_frequency or rate / 200.0, rate / 20.0)
-        collected = []
+        collected_paths = []
         for frequency in (max_frequency, 0.1 * max_frequency):
             ticks = min(round(FAST_CYCLES * rate / frequency), MAX_FAST_TICKS)
             phase = np.arange(ticks) * frequency / rate
             fraction = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
-            onset = np.minimum(phase / 0.5, 1.0)  # start-up from zero demand
+            onset_factor = np.minimum(phase / 0.5, 1.0)  # start-up from zero demand
             gap = self.scales.gap_at(0.5 * (1.0 - np.cos(2.0 * np.pi * phase / FAST_CYCLES)))
-            low, high = (FAST_BAND[0] * onset, FAST_BAND[0] + (FAST_BAND[1] - FAST_BAND[0]) * onset)
+            low, high = (
+                FAST_BAND[0] * onset_factor,
+                FAST_BAND[0] + (FAST_BAND[1] - FAST_BAND[0]) * onset_factor,
+            )
             demand = self.demand(low + (high - low) * fraction, gap)
             title = f"triangles of {frequency:.3g} Hz, gap moving"
-            collected.append(
+            collected_paths.append(
                 DemandPath(f"fast_{frequency:.3g}", title, demand, gap if self.has_gap else None)
             )
-        return collected
+        return collected_paths
 
 
 def find_output_range(model: Model, scales: Scales, limits: DemandLimits) -> OutputRange:
@@ -112,13 +115,13 @@ def find_output_range(model: Model, scales: Scales, limits: DemandLimits) -> Out
     reversals = np.array([high, low, high, low])
     outputs = np.array([model.predict(reversals, gap, history="demagnetised").output for gap in gaps])
     span = outputs[:, 2] - outputs[:, 3]
-    top = np.minimum(outputs[:, 3] + MAX_OUTPUT_SHARE * span, limits.demand[1])
-    bottom = np.full(RANGE_GAPS, limits.demand[0])
+    highest_demand = np.minimum(outputs[:, 3] + MAX_OUTPUT_SHARE * span, limits.demand[1])
+    lowest_demand = np.full(RANGE_GAPS, limits.demand[0])
     if model.power == 2:  # the square of a flux is never negative
-        bottom = np.maximum(bottom, model.interpolate_parameter("out_0", gaps))
+        lowest_demand = np.maximum(lowest_demand, model.interpolate_parameter("out_0", gaps))
     else:
-        bottom = np.maximum(bottom, outputs[:, 2] - MAX_OUTPUT_SHARE * span)
-    return OutputRange(scales, model.needs_schedule, gaps, bottom, top, outputs[:, 3])
+        lowest_demand = np.maximum(lowest_demand, outputs[:, 2] - MAX_OUTPUT_SHARE * span)
+    return OutputRange(scales, model.needs_schedule, gaps, lowest_demand, highest_demand, outputs[:, 3])
 
 
 def _make_shapes(has_gap: bool, seed: int, size: int) -> dict[str, tuple[str, FloatArray, FloatArray]]:
@@ -164,8 +167,8 @@ def _nested_triangles() -> FloatArray:
     """Return triangles of decreasing amplitude around three mean values; 0..1."""
     corners = [0.0]
     for middle in (0.5, 0.2, 0.8):
-        for half in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
-            corners += [middle + half, middle - half]
+        for half_size in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
+            corners += [middle + half_size, middle - half_size]
     corners.append(0.0)
     positions = np.linspace(0.0, len(corners) - 1.0, 1500)
     return np.interp(positions, np.arange(len(corners)), corners)

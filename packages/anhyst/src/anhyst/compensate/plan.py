@@ -14,7 +14,7 @@ import numpy as np
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
 from anhyst.compensate.builder import BlockBuilder
 from anhyst.compensate.circuit import flux_gain, flux_shift
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compensate.search import BlockSearch, BlockSearchResult
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
@@ -58,13 +58,13 @@ def plan_start_up(
 ) -> StartUp:
     """Select the number of cycles of the start-up sequence."""
     ticks = int(np.clip(round(rate * RAMP_TIME_S), 2, 32767))
-    cycles, remaining = 1, difference_after_start_up(model, scales, limits, 1)
-    while remaining > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
+    cycles, remaining_difference = 1, difference_after_start_up(model, scales, limits, 1)
+    while remaining_difference > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
         with_one_more = difference_after_start_up(model, scales, limits, cycles + 1)
-        if with_one_more > MAX_CYCLE_RATIO * remaining:
+        if with_one_more > MAX_CYCLE_RATIO * remaining_difference:
             break
-        cycles, remaining = cycles + 1, with_one_more
-    return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
+        cycles, remaining_difference = cycles + 1, with_one_more
+    return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining_difference)
 
 
 def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits, cycles: int) -> float:
@@ -73,12 +73,14 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
     The model runs a number of start-up cycles, and then a test sequence.
     """
     low, high = limits.current
-    corners = [low, high] * cycles + [low]
-    corners += [low + fraction * (high - low) for fraction in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
-    drive = np.concatenate([[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(corners))])
+    reversal_currents = [low, high] * cycles + [low]
+    reversal_currents += [low + fraction * (high - low) for fraction in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
+    drive = np.concatenate(
+        [[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(reversal_currents))]
+    )
     first_sample = 1 + 2 * RAMP_SAMPLES * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)
-    largest = 0.0
+    largest_difference = 0.0
     for gap in gaps:
         outputs = np.array(
             [
@@ -86,8 +88,8 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
                 for history in _start_histories(high)
             ]
         )
-        largest = max(largest, float(np.ptp(outputs, axis=0).max()))
-    return largest
+        largest_difference = max(largest_difference, float(np.ptp(outputs, axis=0).max()))
+    return largest_difference
 
 
 def _start_histories(high: float) -> list[History]:
@@ -115,7 +117,7 @@ class CompileRequest:
     """Options of a compilation, as the user gives them."""
 
     kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
-    io: Io  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
+    io: SignalFormat  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
     rate: float  # sample rate, 1 to 10^6 Hz
     # largest deviation from the model, % of the largest output; None:
     # :data:`DEFAULT_ACCURACY_PERCENT` for formats and tables, without a limit for the
@@ -157,7 +159,7 @@ class Plan:
     static_block: Block  # block without eddy-current lag; the same block if the model has none
     start_up: StartUp  # the start-up sequence
     search_result: BlockSearchResult  # errors of all tested table sizes
-    reference_output: float  # 100 % of all relative figures; see :func:`reference_output`
+    reference_output: float  # 100 % of all relative errors; see :func:`reference_output`
     allowance: float  # largest deviation due to formats and tables, in units of the output
 
 
@@ -269,11 +271,14 @@ def find_limits(model: Model) -> DemandLimits:
 
 def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
     """Return the largest magnitude of a demand or of its distance from the output at zero flux."""
-    largest = largest_demand(limits)
+    largest_demand_value = largest_demand(limits)
     if output_map(model.output).has_natural_zero:
-        return largest
+        return largest_demand_value
     offsets = np.atleast_1d(model.parameters["out_0"])
-    return max(largest, *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand)))
+    return max(
+        largest_demand_value,
+        *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand)),
+    )
 
 
 def find_scales(model: Model, limits: DemandLimits) -> Scales:

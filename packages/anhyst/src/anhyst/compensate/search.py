@@ -28,7 +28,7 @@ from anhyst.compensate.paths import DemandPath
 from anhyst.support.block_layout import MAX_BLOCK_WORDS, MIN_BLOCK_WORDS
 from anhyst.support.numeric import FloatArray
 
-TARGET_SHARE = 0.9
+TARGET_ALLOWANCE_RATIO = 0.9
 """Fraction of the allowance that the search may use. The rest is a margin, because the budget is
 measured on other paths."""
 
@@ -104,9 +104,9 @@ class BlockSearch:
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
     def _select_root_knee(self) -> int:
-        """Return the flattest start of the root whose error is small enough.
+        """Return the exponent ``k`` of the flattest start of the square root with a small error.
 
-        The error is 2^(-2k)/4 of full scale.
+        The error is 2^(-2k)/4 of full scale. A small ``k`` makes the square root flatter at zero.
         """
         full_scale = self.builder.scales.demand
         knees = range(2, 9)
@@ -119,7 +119,7 @@ class BlockSearch:
             axes[name] = [
                 (value, self._table_error(replace(FINE_SIZES, **{name: value}))) for value in values
             ]
-        target = TARGET_SHARE * self.allowance
+        target = TARGET_ALLOWANCE_RATIO * self.allowance
         best_candidate: tuple[float, TableSizes] | None = None
         for sizes in self._candidates(axes):
             error = self._total_error(sizes)
@@ -148,8 +148,8 @@ class BlockSearch:
     def _total_error(self, sizes: TableSizes) -> float:
         """Return the error of some sizes.
 
-        For a simplified law this is at least the error of its tables alone, so that the error of
-        the law does not hide them.
+        For a simplified law, the result is at least the error of its tables alone, so that the
+        error of the law does not hide the error of the tables.
         """
         b = self.builder
         error = self._excess_error(compare_with_demand(b.model, b(sizes), b.io, self.paths)[1])
@@ -199,35 +199,37 @@ class BlockSearch:
         """Return the error of the law's tables alone, at gaps that are knots of the gap tables."""
         b, block = self.builder, self.builder.exact_block(sizes)
         if b.kind == "full":
-            snapped = snap_gaps(self.paths, b.model, b.scales, sizes)
-            return compare_with_demand(b.model, block, "f64", snapped)[0].worst
-        snapped, fine = self._fine_outputs(sizes.gap_segments)
-        return compare_outputs(snapped, predict_outputs(b.model, block, "f64", snapped), fine).worst
+            snapped_paths = snap_gaps(self.paths, b.model, b.scales, sizes)
+            return compare_with_demand(b.model, block, "f64", snapped_paths)[0].worst
+        snapped_paths, fine = self._fine_outputs(sizes.gap_segments)
+        return compare_outputs(
+            snapped_paths, predict_outputs(b.model, block, "f64", snapped_paths), fine
+        ).worst
 
     def _fine_outputs(self, gap_segments: int) -> tuple[list[DemandPath], list[FloatArray]]:
         """Return paths at knots of the gap tables, and the outputs of fine tables on them."""
         if gap_segments not in self._fine_cache:
             b, sizes = self.builder, replace(FINE_SIZES, gap_segments=gap_segments)
-            snapped = snap_gaps(self.paths, b.model, b.scales, sizes)
+            snapped_paths = snap_gaps(self.paths, b.model, b.scales, sizes)
             self._fine_cache[gap_segments] = (
-                snapped,
-                predict_outputs(b.model, b.exact_block(sizes), "f64", snapped),
+                snapped_paths,
+                predict_outputs(b.model, b.exact_block(sizes), "f64", snapped_paths),
             )
         return self._fine_cache[gap_segments]
 
     def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
         """Return the promising sizes by increasing memory; otherwise the most accurate sizes."""
-        base_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
+        finest_table_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
         rows = []
         for choice in product(*axes.values()):
-            sizes = replace(base_sizes, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
+            sizes = replace(finest_table_sizes, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
             gap_error, *table_errors = (cost for _, cost in choice)
             words = count_words(self.kind, sizes) * (2 if self.builder.io == "f32" else 1)
             if words <= MAX_WORDS_BY_KIND[self.kind]:
                 rows.append((words, gap_error + max(table_errors), sizes))
-        promising = [row for row in rows if row[1] <= self.allowance]
-        if promising:
-            return [sizes for *_, sizes in sorted(promising, key=lambda row: row[:2])]
+        promising_rows = [row for row in rows if row[1] <= self.allowance]
+        if promising_rows:
+            return [sizes for *_, sizes in sorted(promising_rows, key=lambda row: row[:2])]
         return [min(rows, key=lambda row: row[1])[2]]
 
 

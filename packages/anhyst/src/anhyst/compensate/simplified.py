@@ -1,7 +1,7 @@
 """Fit the simplified law to a model, and make its parameter block.
 
 The simplified law is the paper's straight anhysteretic curve. With eqs. 19 and 20 its inverse has a
-closed form with one bounded state ``u`` that follows the flux (derivation in
+closed form with one state ``u`` between limits, which follows the flux (derivation in
 ``packages/anhyst/tests/oracles/linear_anhysteretic.py``)::
 
     current = bias(gap) + flux_coefficient(gap)*flux + lag_coefficient(gap)*u
@@ -49,8 +49,8 @@ noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0
 """
 
 MAX_DEAD_BAND_STATE = 2.0**-6
-"""Largest change of the bounded state within the dead band. This is the error of a reversal of that
-size."""
+"""Largest change of the state ``u`` within the dead band. A reversal of that size causes an error
+of this size."""
 
 OFFSET_PENALTY = 0.01
 """Relative penalty on the cost for the lowest possible offset. It keeps the offset from jumping
@@ -81,7 +81,7 @@ class ClosedForm:
     # square root of the demand, which the straight anhysteretic curve cannot follow near
     # saturation; shape (g,)
     offset: FloatArray | None = None
-    # flux reversals up to this size do not change the bounded state
+    # flux reversals up to this size do not change the state ``u``
     dead_band: float = 0.0
 
 
@@ -176,7 +176,7 @@ def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Pac
 
 
 def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
-    """Return the bounded state along each row of fluxes, calculated by the C core."""
+    """Return the state ``u`` along each row of fluxes, calculated by the C core."""
     pack = Packer("simplified")
     pack.put_integer("POWER", 1)
     pack.put_integer("ROOT_KNEE", sizes.root_knee)
@@ -195,8 +195,8 @@ def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: Ta
     words = pack.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
     law, states = FixedCompensator("simplified", words), []
     initial_memory = law.memory
-    rounded = np.rint(np.concatenate(fluxes) * 2.0**31)
-    codes = np.clip(rounded, -(2**31), 2**31 - 1).astype(np.int32)
+    flux_codes = np.rint(np.concatenate(fluxes) * 2.0**31)
+    codes = np.clip(flux_codes, -(2**31), 2**31 - 1).astype(np.int32)
     for row in np.split(codes, np.cumsum([flux.size for flux in fluxes])[:-1]):
         law.set_memory(initial_memory)
         states.append(law.run(row, np.zeros_like(row), False) / 2.0**31)
@@ -215,21 +215,21 @@ def _fit_coefficients(
     design = np.array([*columns, state_columns]).reshape(3, *shape) * weight
     target = np.array([task.current[task.last_cycle] for task in tasks]).reshape(shape) * weight
     row_weight = np.ones(target.shape)
-    best: FloatArray = np.zeros((len(groups), 3))
+    best_coefficients: FloatArray = np.zeros((len(groups), 3))
     best_residual, best_worst = -target, np.full((len(groups), 1), np.inf)
     for _ in range(REWEIGHTING_STEPS):
         coefficients = _solve_constrained(design * row_weight, target * row_weight)
         residual = np.einsum("ign,gi->gn", design, coefficients) - target
         error = np.abs(residual)
-        worst = error.max(axis=1, keepdims=True)
-        is_better = worst < best_worst
-        best, best_residual = (
-            np.where(is_better, coefficients, best),
+        worst_error = error.max(axis=1, keepdims=True)
+        is_better = worst_error < best_worst
+        best_coefficients, best_residual = (
+            np.where(is_better, coefficients, best_coefficients),
             np.where(is_better, residual, best_residual),
         )
-        best_worst = np.minimum(worst, best_worst)
-        row_weight *= 0.5 + error / worst
-    return best, best_residual
+        best_worst = np.minimum(worst_error, best_worst)
+        row_weight *= 0.5 + error / worst_error
+    return best_coefficients, best_residual
 
 
 def _solve_constrained(design: FloatArray, target: FloatArray) -> FloatArray:
@@ -261,8 +261,8 @@ def _solve_least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
         residual -= rhs[:, i, None] * unit
     solution = np.zeros_like(rhs)
     for i in reversed(range(count)):
-        solved_part = np.einsum("gj,gj->g", r[:, i, i + 1 :], solution[:, i + 1 :])
-        solution[:, i] = (rhs[:, i] - solved_part) / r[:, i, i]
+        known_terms = np.einsum("gj,gj->g", r[:, i, i + 1 :], solution[:, i + 1 :])
+        solution[:, i] = (rhs[:, i] - known_terms) / r[:, i, i]
     return solution
 
 
@@ -278,10 +278,10 @@ def _fit_offset(
     model_offset = float(model.interpolate_parameter("out_0", np.array([gap]))[0])
 
     def cost(reduction: float) -> float:
-        shifted = _apply_offset(model, gap, tasks, model_offset - reduction)
-        error = _fit_coefficients([shifted], _simulate_states(*law, [task.flux for task in shifted], sizes))[
-            1
-        ]
+        shifted_tasks = _apply_offset(model, gap, tasks, model_offset - reduction)
+        error = _fit_coefficients(
+            [shifted_tasks], _simulate_states(*law, [task.flux for task in shifted_tasks], sizes)
+        )[1]
         return float(np.mean(error**4) ** 0.25 * (1.0 + OFFSET_PENALTY * reduction / offset_margin))
 
     minimum = minimize_scalar(
@@ -315,12 +315,12 @@ def fit_closed_form(
     rate, nu = _search_rate_and_nu(groups, sizes)
     offset: FloatArray | None = None
     if offset_margin > 0.0 and model.power == 2:
-        shifted = [
+        shifted_tasks = [
             _fit_offset(model, float(gap), tasks, (rate, nu), offset_margin, sizes)
             for gap, tasks in zip(unique_gaps, groups, strict=True)
         ]
-        offset = np.array([offset_of_gap for offset_of_gap, _ in shifted])
-        groups = [tasks for _, tasks in shifted]
+        offset = np.array([offset_of_gap for offset_of_gap, _ in shifted_tasks])
+        groups = [tasks for _, tasks in shifted_tasks]
         rate, nu = _search_rate_and_nu(groups, sizes)
     coefficients, residual = _fit_at(groups, rate, nu, sizes)
     errors = np.abs(residual)
@@ -372,7 +372,7 @@ def _search_rate_and_nu(groups: list[list[_FitTask]], sizes: TableSizes) -> tupl
 
 
 def make_simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
-    """Return the tables of the closed form; the bounded state takes the place of the field."""
+    """Return the tables of the closed form, in which the state ``u`` replaces the field."""
     offset = None if law.offset is None else np.interp(frame.gaps, law.gaps, law.offset)
     coefficients = (
         np.interp(frame.gaps, law.gaps, coefficient)

@@ -129,8 +129,10 @@ class Sources:
         if self.loops is None:
             raise InputError("this method needs the measured loops; give them", code="no-loops")
         operating = self.operating
-        full = round_full_scale(operating.force_max)
-        return fit_surface(self.loops, (-operating.is_bipolar * full, full), operating.gap_range)
+        full_scale_force = round_full_scale(operating.force_max)
+        return fit_surface(
+            self.loops, (-operating.is_bipolar * full_scale_force, full_scale_force), operating.gap_range
+        )
 
 
 LOOP_GAPS = 7
@@ -186,8 +188,8 @@ def make_ramps(reversals: Sequence[float], samples: int) -> list[FloatArray]:
     `samples` is the number of samples per unit of travel.
     """
     return [
-        np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
-        for first, last in pairwise(reversals)
+        np.linspace(start, end, max(2, round(samples * abs(end - start))), endpoint=False)
+        for start, end in pairwise(reversals)
     ]
 
 

@@ -53,7 +53,7 @@ _COMMANDS = (
 _READ_ONLY_WORDS = {word.name for word in HEAD_WORDS} - {"GENERATION"}
 """Words that a tool must not change: they are checked or recalculated."""
 
-_MAX_SINGLE = 3.4028234e38
+_MAX_SINGLE_PRECISION = 3.4028234e38
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class _Conversion:
 
     def limits(self, low: float, high: float) -> dict[str, float]:
         """Return the limits of the quantity."""
-        first, second = self.slope * low + self.offset, self.slope * high + self.offset
-        return {"low": min(first, second), "high": max(first, second)}
+        first_value, second_value = self.slope * low + self.offset, self.slope * high + self.offset
+        return {"low": min(first_value, second_value), "high": max(first_value, second_value)}
 
 
 @dataclass
@@ -141,10 +141,10 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
 
 def tick_period(rate: float, max_count: int) -> tuple[int, int]:
     """Return a tick period as a number up to `max_count`, and the power of 10 of its unit in ns."""
-    for power in range(10):
-        ticks = (10 ** (9 - power) + int(rate) // 2) // int(rate)
+    for exponent in range(10):
+        ticks = (10 ** (9 - exponent) + int(rate) // 2) // int(rate)
         if ticks <= max_count:
-            return ticks, power
+            return ticks, exponent
     raise AssertionError(rate)  # pragma: no cover - a second fits
 
 
@@ -228,7 +228,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
             conversion = conversions.get(word["unit"], 1.0)
             yield (
                 row
-                | {"low": -_MAX_SINGLE, "high": _MAX_SINGLE}
+                | {"low": -_MAX_SINGLE_PRECISION, "high": _MAX_SINGLE_PRECISION}
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,

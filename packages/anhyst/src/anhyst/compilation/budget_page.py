@@ -42,7 +42,7 @@ def explain_choices(plan: Plan) -> list[Decision]:
             _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
         ]
     else:
-        choices += _closed_form_choices(plan)
+        choices += _closed_form_table_choices(plan)
     return [*choices, _iteration_choice(plan), _root_choice(plan), _start_up_choice(plan)]
 
 
@@ -71,10 +71,10 @@ def _signal_choices(plan: Plan) -> list[Decision]:
         Decision(
             f"full scale of the {name}",
             f"{scale:g} {unit}",
-            f"the next round value above {largest:.4g} {unit}; a step of {io} is "
+            f"the next round value above {largest_value:.4g} {unit}; a step of {io} is "
             f"{scale * step:.3g} {unit}, and the arithmetic uses 32 bits",
         )
-        for name, scale, largest, unit in rows
+        for name, scale, largest_value, unit in rows
     ]
     if model.needs_schedule and model.schedule is not None:
         low, high = 1e3 * scales.gap_low, 1e3 * scales.gap_high
@@ -102,7 +102,7 @@ def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
     return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
 
 
-def _closed_form_choices(plan: Plan) -> list[Decision]:
+def _closed_form_table_choices(plan: Plan) -> list[Decision]:
     law, axis_errors = plan.builder.closed_form, plan.search_result.axis_errors
     sizes = plan.sizes
     choices = [
@@ -177,8 +177,8 @@ def make_budget_page(
     plan: Plan, budget: Budget, choices: Sequence[Decision], signals: Sequence[str], version: str
 ) -> str:
     """Return the page of a budget; each line of `signals` describes the codes of a signal."""
-    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
-    text = f"Compiled, the output is within {worst:.2g} % of the output of the model"
+    worst_percent, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
+    text = f"Compiled, the output is within {worst_percent:.2g} % of the output of the model"
     if budget.required is not None:
         text += f"; {percent(budget, budget.required):.3g} % was requested"
     head = Headline(
@@ -195,7 +195,7 @@ def make_budget_page(
     sections = (
         Section("parts", "Error of each step", (_parts_table(budget),)),
         Section("paths", "Deviation along the paths", _path_section(budget)),
-        Section("held", "Held demands", (_held_table(budget),)),
+        Section("held", "Held demands", (_held_demand_table(budget),)),
         Section("choices", "Choices and reasons", _choice_section(plan, choices)),
         Section("signals", "Signals", (_signal_table(signals),)),
     )
@@ -205,18 +205,18 @@ def make_budget_page(
 def _parts_table(budget: Budget) -> PageTable:
     """Return the table of all parts, each switched on alone, and of their sums."""
     sums = budget.compiled, budget.total, budget.drift
-    largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
+    largest_error = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
     def row(part: BudgetPart) -> list[Cell]:
         def share(value: float | None) -> str:
             return UNKNOWN_TEXT if value is None else f"{percent(budget, value):#.2g}"
 
-        worst = UNKNOWN_TEXT if part.worst is None else f"{part.worst:.3g}"
+        worst_text = UNKNOWN_TEXT if part.worst is None else f"{part.worst:.3g}"
         return [
             Cell(part.title, strong=part in sums),
             Cell(part.note),
-            Cell(worst),
-            Cell(share(part.worst), bar=(part.worst or 0.0) / largest if largest else 0.0),
+            Cell(worst_text),
+            Cell(share(part.worst), bar=(part.worst or 0.0) / largest_error if largest_error else 0.0),
             Cell(share(part.rms)),
         ]
 
@@ -248,7 +248,7 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
     return picture, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
-def _held_table(budget: Budget) -> PageTable:
+def _held_demand_table(budget: Budget) -> PageTable:
     rows = [
         [path.title, f"{path.demand:.3g}", f"{path.seconds:g}", f"{percent(budget, path.drift):.2g}"]
         for path in budget.held_demands

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compilation.manifest import CompiledFolder
 from anhyst.support.atomic import PathLike
 from anhyst.support.jobs import Progress
@@ -32,7 +32,7 @@ class CompiledStage(CompiledFolder):
     files : tuple of str
         Names of the files.
     vectors : dict of str to array
-        Golden vectors of a flight: inputs and answers of the controller, one number per tick.
+        Golden vectors of a simulated motion: inputs and outputs of the controller, one number per tick.
     """
 
     vectors: dict[str, FloatArray]
@@ -40,18 +40,18 @@ class CompiledStage(CompiledFolder):
     def facts(self) -> dict[str, str]:
         """Return folder, kind, formats and size of the stage."""
         manifest, stage = self.manifest, self.manifest["stage"]
-        about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
+        stage_text = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
         return {
             "folder": str(self.out),
             "kind": manifest["kind"],
             "signals": manifest["io"],
             "force to current": stage["force_to_current"],
             "rate": f"{manifest['rate_Hz']:g} Hz",
-            "stage": f"{about}, {stage['heads']} heads",
+            "stage": f"{stage_text}, {stage['heads']} heads",
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the golden vectors of the flight."""
+        """Return the golden vectors of the simulated motion."""
         return dict(self.vectors)
 
     def draw(self, ax: Axes) -> None:
@@ -68,7 +68,7 @@ class StageRequest:
     """Options for compiling the controller of a stage."""
 
     kind: StageKind
-    io: Io
+    io: SignalFormat
     rate: float | None  # expected sample rate, Hz; it must be that of the rig file
     name: str | None  # name of the C functions; None: name of the rig
 

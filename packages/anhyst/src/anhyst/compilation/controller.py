@@ -58,16 +58,16 @@ class CheckedController:
     def restrict_model(self, model: Model) -> Model:
         """Return the model with the range of this controller as its valid range."""
         table = self.table
-        covered = None if model.valid is None else model.valid.schedule
+        covered_gaps = None if model.valid is None else model.valid.schedule
         gap_limits = table.limits.gap_low_m, table.limits.gap_high_m
-        gaps = gap_limits if covered is None else table.working_gaps(table.pair, covered)
+        gaps = gap_limits if covered_gaps is None else table.working_gaps(table.pair, covered_gaps)
         force_max = table.force_max(table.pair)
         return restrict_model(model, (0.0, table.limits.current_high_A), (0.0, force_max), gaps)
 
     def check_current(self, model: Model) -> None:
         """Raise an error if the currents exceed the measured range of the model."""
-        highest = self.table.limits.current_high_A
-        if model.valid is not None and highest > MAX_CURRENT_RATIO * model.valid.input[1]:
+        highest_current = self.table.limits.current_high_A
+        if model.valid is not None and highest_current > MAX_CURRENT_RATIO * model.valid.input[1]:
             measured_max = model.valid.input[1]
             text = f"the model is valid up to {measured_max:g} A; lower it, or measure at higher currents"
             raise faults_error(
@@ -277,7 +277,7 @@ def controller_template_values(plan: ControllerPlan, name: str) -> dict[str, obj
     """Return the values for the templates of the controller."""
     control, settings = plan.control, plan.settings
     limits, converter = control.limits, control.converter
-    first, _ = converter.steps_within(limits.current_low, limits.current_high)
+    first_step, _ = converter.steps_within(limits.current_low, limits.current_high)
     return {
         "controller": plan.source.table.name,
         "controller_sha256": plan.source.sha256,
@@ -298,7 +298,7 @@ def controller_template_values(plan: ControllerPlan, name: str) -> dict[str, obj
         "current_range": f"{_current_setting(plan, 'current_low'):.6g} A to "
         f"{_current_setting(plan, 'current_high'):.6g} A",
         "step_uA": f"{1e6 * converter.step:.4g}",
-        "first_word": round((first - converter.low) / converter.step),
+        "first_word": round((first_step - converter.low) / converter.step),
         "converter_bits": converter.bits,
         "measured": control.uses_measured_currents,
         "limits_rows": align_comments((f"    {line}", doc) for line, doc in _limit_lines(plan)),

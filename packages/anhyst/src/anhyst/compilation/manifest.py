@@ -134,15 +134,15 @@ def _controller_entry(controller: ControllerPlan) -> dict[str, Any]:
 
 
 def _word_entries(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
-    """Yield an entry for each word after the head, as in the comments of the C."""
+    """Yield an entry for each word after the head, as in the comments of the generated C file."""
     names = SignalUnits(plan.model.output.unit, plan.model.input.unit)
     for word in BODY_WORDS[block.kind]:
         unit = block.word_unit(word, names)
-        first, entries = block.tables.get(word.name, (word.index, word.size))
+        first_index, entries = block.tables.get(word.name, (word.index, word.size))
         yield {
             "name": word.name,
             "word": word.index,
-            "first": first,
+            "first": first_index,
             "entries": entries,
             "format": word.format if block.is_fixed else plan.request.io,
             "low": word.low,
@@ -205,7 +205,7 @@ def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) 
 MANIFEST_FILE = "manifest.json"
 PRODUCT = "anhyst-compiled"
 REPORT_FILES = ("verify.json", "verify.md")
-"""Reports of ``anhyst verify``; they are replaced together with the C."""
+"""Reports of ``anhyst verify``; they are replaced together with the C files."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -239,9 +239,9 @@ def _is_compiled_folder(folder: Path) -> bool:
     """Whether all files of a folder are in its manifest, or are reports."""
     try:
         manifest = json.loads((folder / MANIFEST_FILE).read_text(encoding="utf-8"))
-        listed = {MANIFEST_FILE, *REPORT_FILES, *manifest["files"]}
+        listed_files = {MANIFEST_FILE, *REPORT_FILES, *manifest["files"]}
         files = {path for path in folder.rglob("*") if not path.is_dir()}
-        return manifest["product"] == PRODUCT and files <= {folder / name for name in listed}
+        return manifest["product"] == PRODUCT and files <= {folder / name for name in listed_files}
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -251,6 +251,6 @@ def write_folder(out: PathLike, files: Mapping[str, str | bytes], manifest: Mapp
     check_folder(out)
     contents = {name: to_bytes(content) for name, content in files.items()}
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
-    complete = {"product": PRODUCT, **manifest, "files": dict(sorted(hashes.items()))}
+    complete_manifest = {"product": PRODUCT, **manifest, "files": dict(sorted(hashes.items()))}
     with atomic_folder(out, replace=True) as draft:
-        write_files(draft, {**files, MANIFEST_FILE: json_text(complete)})
+        write_files(draft, {**files, MANIFEST_FILE: json_text(complete_manifest)})

@@ -27,7 +27,7 @@ from anhyst.compensate.budget import (
     measure_budget,
     percent,
 )
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compensate.plan import (
     DEFAULT_ACCURACY_PERCENT,
     CompileRequest,
@@ -102,9 +102,9 @@ class Compiled(CompiledFolder):
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(
-                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output "
-                f"that is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
-                "how much"
+                "the error due to formats and tables exceeds the default limit, "
+                f"{DEFAULT_ACCURACY_PERCENT:g} % of the largest output: "
+                f"{ADVICE[largest_part(self.budget).name]}; {self.out / page} shows each part"
             )
         if not is_drift_allowed(self.plan, self.budget):
             notes.append(explain_drift(self.plan, self.budget))
@@ -113,12 +113,12 @@ class Compiled(CompiledFolder):
     def facts(self) -> dict[str, str]:
         """Return folder, kind, signals, rate and accuracy."""
         request, budget = self.plan.request, self.budget
-        worst, drift = (
+        worst_text, drift = (
             f"{percent(budget, part.worst or 0.0):.2g} % of {budget.reference_output:.4g} {budget.unit}"
             for part in (budget.compiled, budget.drift)
         )
         facts = {"folder": str(self.out), "kind": request.kind, "signals": request.io}
-        facts |= {"rate": f"{request.rate:g} Hz", "accuracy": worst, "drift": drift}
+        facts |= {"rate": f"{request.rate:g} Hz", "accuracy": worst_text, "drift": drift}
         return facts | {f"warning {n}": text for n, text in enumerate(self.warnings, 1)}
 
     def to_columns(self) -> dict[str, Any]:
@@ -129,10 +129,10 @@ class Compiled(CompiledFolder):
         """Draw the accuracy budget: the error of each part."""
         budget = self.budget
         parts = [part for part in (*budget.parts, budget.compiled, budget.drift) if part.worst]
-        places = range(len(parts))
-        ax.barh(places, [percent(budget, part.worst or 0.0) for part in parts], color="0.8")
-        ax.barh(places, [percent(budget, part.rms or 0.0) for part in parts], height=0.5)
-        ax.set_yticks(places, [part.title for part in parts])
+        bar_positions = range(len(parts))
+        ax.barh(bar_positions, [percent(budget, part.worst or 0.0) for part in parts], color="0.8")
+        ax.barh(bar_positions, [percent(budget, part.rms or 0.0) for part in parts], height=0.5)
+        ax.set_yticks(bar_positions, [part.title for part in parts])
         ax.invert_yaxis()
         ax.set_xlabel(f"worst and rms, % of {budget.reference_output:.4g} {budget.unit}")
 
@@ -216,7 +216,7 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
 
 
 def _guide_accuracy(budget: Budget) -> dict[str, str]:
-    """Return the accuracy figures of the drop-in guide, % of the reference output."""
+    """Return the errors for the drop-in guide, % of the reference output."""
     return {
         name: f"{percent(budget, part.worst or 0.0):.2g}"
         for name, part in (("travelling", budget.compiled), ("drift", budget.drift))
@@ -226,13 +226,15 @@ def _guide_accuracy(budget: Budget) -> dict[str, str]:
 def _find_better_options(model: Model, plan: Plan, controller: CheckedController | None) -> str:
     """Return options that reach the requested accuracy; empty if there are none."""
     compensator = plan.request
-    tries: list[tuple[str, CompileRequest]] = []
+    attempts: list[tuple[str, CompileRequest]] = []
     if compensator.kind != "full":
-        tries.append(("--kind full", replace(compensator, kind="full")))
+        attempts.append(("--kind full", replace(compensator, kind="full")))
     elif controller is None:
-        finer_formats: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
-        tries += [(f"--io {io}", replace(compensator, io=io)) for io in finer_formats.get(compensator.io, ())]
-    for options, request in tries:
+        finer_formats: dict[SignalFormat, tuple[SignalFormat, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
+        attempts += [
+            (f"--io {io}", replace(compensator, io=io)) for io in finer_formats.get(compensator.io, ())
+        ]
+    for options, request in attempts:
         try:
             budget = _plan_within_allowance(model, request, plan.builder.model_hash, controller, None)[1]
         except (InputError, NegativeResult):
@@ -258,7 +260,7 @@ def _plan_within_allowance(
     if controller is not None:
         model = controller.restrict_model(model)
         shares = ALLOWANCE_SHARES[:1] if request.accuracy is None else ALLOWANCE_SHARES
-    total_steps = 2 * len(shares) + 1  # a plan and a budget for each share, and the files
+    total_steps = 2 * len(shares) + 1  # plan and budget for each share; files
     for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:
@@ -280,7 +282,7 @@ def compile_actuator(
     *,
     rate: float | None = None,
     kind: CompileKind = "full",
-    io: Io = "q15",
+    io: SignalFormat = "q15",
     accuracy: float | None = None,
     name: str | None = None,
     controller: PathLike | None = None,

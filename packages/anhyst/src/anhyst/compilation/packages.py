@@ -1,8 +1,8 @@
-"""Lay a compiled folder out as a package of an ecosystem: CMSIS-Pack, Zephyr, PlatformIO, Arduino, Cargo.
+"""Lay a compiled folder out as a package for CMSIS-Pack, Zephyr, PlatformIO, Arduino or Cargo.
 
-A package consists of the files of the folder in other places, and of files made from templates: a
-manifest, an example that plays the golden vectors, a README. One record of PACKAGES describes an
-ecosystem.
+A package contains the files of the folder at other paths. It also contains files made from
+templates: a manifest, an example that runs the golden vectors, and a README. Each entry of PACKAGES
+describes the layout for one build system.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Ecosystem:
-    """The layout that an ecosystem expects."""
+    """Layout of a package that one build system expects."""
 
     title: str  # headline of the README
-    # place of each part of the folder: core headers, core sources, port, own headers, own sources,
-    # documents; a part without a place is left out
+    # folder in the package for each part of the compiled folder: core headers, core sources, port,
+    # headers and sources of the actuator, documents; a part without an entry is left out
     places: Mapping[str, str]
     # template of each further file; {name} in a path becomes the name of the actuator
     templates: Mapping[str, str]
@@ -55,7 +55,7 @@ FP_CONTRACT_OFF = """\
 
 
 def _forbid_fused_products(path: str, text: str, values: Values) -> str:
-    """Add the pragma to a source in single precision."""
+    """Add the pragma against fused products to a C source in single precision."""
     return FP_CONTRACT_OFF + text if values["real"] and path.endswith(".c") else text
 
 
@@ -73,20 +73,21 @@ def _make_archive(files: Files, values: Values) -> Files:
 
     They are not compressed, because the bytes would depend on the version of the compressor.
     """
-    packed = BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
+    archive_bytes = BytesIO()
+    with zipfile.ZipFile(archive_bytes, "w") as archive:
         for name, content in sorted(files.items()):
             entry = zipfile.ZipInfo(name)
             entry.create_system, entry.external_attr = 3, 0o644 << 16
             archive.writestr(entry, content)
-    return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
+    return {f"anhyst.{values['name']}.{values['semver']}.pack": archive_bytes.getvalue()}
 
 
-MODULE_PLACES = {
+MODULE_FOLDERS = {
     "include": "include", "src": "src", "port": "port", "headers": "actuator",
     "sources": "actuator", "docs": "docs", "example": "docs",
 }  # fmt: skip
-"""Places of a package whose build lists its files; core and actuator are in different folders."""
+"""Folders of a package whose build lists its files. The core and the actuator are in different
+folders."""
 
 VECTORS_TEMPLATE = "golden_vectors.h.j2"
 MAIN_TEMPLATE = "golden_main.c.j2"
@@ -94,7 +95,7 @@ MAIN_TEMPLATE = "golden_main.c.j2"
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
         "CMSIS-Pack",
-        places=MODULE_PLACES,
+        places=MODULE_FOLDERS,
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
@@ -107,7 +108,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
     ),
     "zephyr": Ecosystem(
         "Zephyr module",
-        places=MODULE_PLACES,
+        places=MODULE_FOLDERS,
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
             "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",
@@ -167,7 +168,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         edit=_prefix_symbols,
     ),
 }  # fmt: skip
-"""The ecosystems by the name that --package accepts."""
+"""Package layouts by the name that --package accepts."""
 
 
 def check_package(package: str | None) -> None:
@@ -180,18 +181,19 @@ def check_package(package: str | None) -> None:
 def make_package_files(
     package: str | None, files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
 ) -> Mapping[str, str | bytes]:
-    """Return the files of a package, by their paths, or those of the folder if there is no package.
+    """Return the content of each file of a package by its path.
 
-    files and manifest describe the folder, values are those of its example.
+    If no package is requested, these are the files of the compiled folder. ``files`` and
+    ``manifest`` describe the compiled folder; ``values`` are the template values of its example.
     """
     if package is None:
         return files
     ecosystem = PACKAGES[package]
-    places = {name: _package_path(name, ecosystem, values["name"]) for name in files}
+    package_paths = {name: _package_path(name, ecosystem, values["name"]) for name in files}
     contents: Files = {
-        place: _edit_file(ecosystem, place, files[name], values)
-        for name, place in places.items()
-        if place is not None
+        package_path: _edit_file(ecosystem, package_path, files[name], values)
+        for name, package_path in package_paths.items()
+        if package_path is not None
     }
     template_values = _template_values(files, manifest, values)
     template_values |= {"title": ecosystem.title, "print": ecosystem.print}
@@ -205,7 +207,7 @@ def make_package_files(
 
 
 def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
-    """Return the text of a file of the package; an ecosystem changes only C."""
+    """Return the text of a file of the package. Only C files and the guide can be changed."""
     if path.endswith("/DROP_IN.md"):
         return _edit_guide(text)
     if ecosystem.edit is None or not path.endswith((".c", ".h")):
@@ -229,8 +231,8 @@ def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
     part, _, inner_path = path.partition("/")
     if not inner_path:
         part, inner_path = _folder_part(path, name), path
-    place = ecosystem.places.get(part)
-    return None if place is None else f"{place}/{inner_path}"
+    target_folder = ecosystem.places.get(part)
+    return None if target_folder is None else f"{target_folder}/{inner_path}"
 
 
 def _folder_part(file: str, name: str) -> str:
@@ -242,7 +244,7 @@ def _folder_part(file: str, name: str) -> str:
 
 
 def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], values: Values) -> dict[str, Any]:
-    """Return what the templates show."""
+    """Return the values for the templates."""
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
     own_files = [name for name in files if name.startswith(f"{values['name']}_")]
@@ -275,27 +277,27 @@ RUST_REALS = {"q15": "f32", "q31": "f64", "f32": "f32"}
 
 
 def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what only the templates of a Rust crate show."""
+    """Return the values that only the templates of a Rust crate need."""
     io, controller = manifest["io"], manifest["controller"]
-    given = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
+    signals = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
     number = float if io == "q31" else np.float32
     return {
         "rust": RUST_TYPES[io],
         "rust_si": RUST_REALS[io],
         "literals": {
             name: {key: str(number(signal[key])) for key in ("low", "high", "scale")}
-            for name, signal in given.items()
+            for name, signal in signals.items()
         },
         "middle": {
             name: str(float(f"{0.5 * (signal['low'] + signal['high']):.4g}"))
-            for name, signal in given.items()
+            for name, signal in signals.items()
         },
-        "state_bytes": _bytes_by_pointer(manifest["memory"]["state_bytes"]),
-        "controller_bytes": _bytes_by_pointer(controller["state_bytes"]) if controller else {},
+        "state_bytes": _bytes_by_pointer_size(manifest["memory"]["state_bytes"]),
+        "controller_bytes": _bytes_by_pointer_size(controller["state_bytes"]) if controller else {},
     }
 
 
-def _bytes_by_pointer(size: int) -> dict[int, int]:
+def _bytes_by_pointer_size(size: int) -> dict[int, int]:
     """Return memory for a structure whose size is known for pointers of 32 bits.
 
     With pointers of 64 bits, a structure is at most twice as large.
@@ -306,8 +308,8 @@ def _bytes_by_pointer(size: int) -> dict[int, int]:
 def _statuses(files: Mapping[str, str]) -> list[tuple[str, int, str]]:
     """Return name, number and meaning of every status that is an error."""
     text = files["include/anhyst/numeric/status.h"]
-    found = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
-    return [(_camel_case(name), int(number), " ".join(meaning.split())) for meaning, name, number in found]
+    matches = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
+    return [(_camel_case(name), int(number), " ".join(meaning.split())) for meaning, name, number in matches]
 
 
 def _flags(files: Mapping[str, str]) -> list[tuple[str, int]]:

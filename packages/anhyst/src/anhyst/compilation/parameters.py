@@ -74,9 +74,9 @@ def _head_lines(block: Block) -> Iterator[str]:
         yield _word_line(word.index, entries, f"{word.name}: {word.doc}")
 
 
-def _unused_lines(block: Block, first: int, end: int) -> list[str]:
+def _unused_lines(block: Block, first_index: int, end: int) -> list[str]:
     """Return a line for the unused words before `end`; they are zero."""
-    return [_word_line(first, block.words[first:end], "not used")] if first < end else []
+    return [_word_line(first_index, block.words[first_index:end], "not used")] if first_index < end else []
 
 
 def _word_line(index: int, entries: NDArray[Any], text: str) -> str:
@@ -91,8 +91,11 @@ def comment_line(code: str, text: str) -> str:
     column = len(code) + 4
     if len(line) <= MAX_LINE_WIDTH or column > MAX_LINE_WIDTH // 2:
         return line
-    first, *others = wrap(text, MAX_LINE_WIDTH - column - 3)  # " */" fits on each line
-    return "\n".join([f"{code} /* {first}", *(" " * column + other for other in others)]) + " */"
+    first_line, *other_lines = wrap(text, MAX_LINE_WIDTH - column - 3)  # " */" fits on each line
+    return (
+        "\n".join([f"{code} /* {first_line}", *(" " * column + other_line for other_line in other_lines)])
+        + " */"
+    )
 
 
 def _describe_value(word: Word, value: float, block: Block, names: SignalUnits) -> str:
@@ -110,14 +113,14 @@ def _table_lines(
     words: Sequence[Word], block: Block, names: SignalUnits, schedule: Quantity | None
 ) -> Iterator[str]:
     word = words[0]
-    first, count = block.tables[word.name]
-    entries = block.words[first : first + count]
+    first_index, count = block.tables[word.name]
+    entries = block.words[first_index : first_index + count]
     unit = block.word_unit(word, names)
     values = entries / block.code_of_one(word) * unit.scale
     names_text = " and ".join(each.name for each in words)
     kind = f", {word.format}" if block.is_fixed else ""
     text = (f"{names_text}{kind}: {word.doc}, {values.min():.6g} to {values.max():.6g} {unit.name}").rstrip()
-    yield from _wrap_comment(f"{first} {text}; {_describe_axis(word, block, schedule)}")
+    yield from _wrap_comment(f"{first_index} {text}; {_describe_axis(word, block, schedule)}")
     yield from _entry_lines(entries)
 
 

@@ -108,9 +108,9 @@ def measure_cycle_errors(
     ramps = make_ramps(reversals, SAMPLES_PER_RANGE)
     demand = max_force * np.concatenate(ramps)
     error = force_model(compensator.run(demand, gap), gap) - demand
-    pieces = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
+    error_by_ramp = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
     errors = {
-        kind: np.concatenate([pieces[index] for index, of in evaluated_ramps if of == kind])
+        kind: np.concatenate([error_by_ramp[index] for index, of in evaluated_ramps if of == kind])
         for kind in ("major", "small")
     }
     return CycleErrors(errors["major"], errors["small"])
@@ -152,7 +152,7 @@ class CompiledPlay(CompiledFolder):
     def to_columns(self) -> dict[str, Any]:
         """Return the errors of this map and of the best single-valued one, per cent."""
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
-        return rows_to_columns([{"map": name, **found} for name, found in rows])
+        return rows_to_columns([{"map": name, **accuracy} for name, accuracy in rows])
 
     def draw(self, ax: Axes) -> None:
         """Draw the force error along the major loop, of this map and of the single-valued one."""
@@ -209,7 +209,7 @@ def measure_model_errors(model: Model, play: PlayMap, operating: OperatingRange)
         return model.predict(current, gap, slow_times(current.size), "demagnetised").output
 
     low, high = operating.gap_range
-    joined: dict[str, CycleErrors] = {}
+    joined_errors: dict[str, CycleErrors] = {}
     without_play = PlayMap(play.map, np.zeros_like(play.half_width), play.radius)
     for name, compensator in ((PLAY_KIND, play), ("single-valued", without_play)):
         for gap in np.linspace(low, high, 5).tolist():
@@ -218,8 +218,8 @@ def measure_model_errors(model: Model, play: PlayMap, operating: OperatingRange)
             errors = measure_cycle_errors(
                 ForceController(PLAY_KIND, "fixed", compensator), predict_force, gap, max_force
             )
-            joined[name] = joined[name].join(errors) if name in joined else errors
-    return joined
+            joined_errors[name] = joined_errors[name].join(errors) if name in joined_errors else errors
+    return joined_errors
 
 
 def _make_golden_vectors(play: PlayMap) -> list[VectorRow]:
@@ -230,9 +230,9 @@ def _make_golden_vectors(play: PlayMap) -> list[VectorRow]:
     table: list[VectorRow] = []
     for index, (demand, gap) in enumerate(make_input_codes((0.0, 1.0), 2**31).tolist()):
         current = native.solve(demand, gap, 0)
-        applied = int(current * random.random()) if index % 8 == 7 else current
-        native.commit(applied, gap)
-        table.append((demand, gap, applied, current))
+        applied_current = int(current * random.random()) if index % 8 == 7 else current
+        native.commit(applied_current, gap)
+        table.append((demand, gap, applied_current, current))
     return table
 
 

@@ -29,14 +29,14 @@ def _table_lines(words: Words) -> Iterator[str]:
         2 ** int(words[WORD_INDEX[name]]) + 1 for name in ("PLAY_FORCE_SEGMENTS", "PLAY_GAP_SEGMENTS")
     )
     for name, doc in (("PLAY_CURRENT", "current without the play"), ("PLAY_HALF", "half-width")):
-        first = int(words[WORD_INDEX[name]])
-        yield f"\n    /* {first} {name}: {doc}; a row for each gap, over the demand */"
-        for row in words[first : first + rows * columns].reshape(rows, columns):
+        first_word = int(words[WORD_INDEX[name]])
+        yield f"\n    /* {first_word} {name}: {doc}; a row for each gap, over the demand */"
+        for row in words[first_word : first_word + rows * columns].reshape(rows, columns):
             yield from wrap_row(_value_list(words, row))
 
 
-def _comment_line(words: Words, first: int, end: int, text: str) -> str:
-    return comment_line(f"    {_value_list(words, words[first:end])},", f"{first} {text}")
+def _comment_line(words: Words, first_index: int, end: int, text: str) -> str:
+    return comment_line(f"    {_value_list(words, words[first_index:end])},", f"{first_index} {text}")
 
 
 def _value_list(words: Words, values: Iterable[float]) -> str:

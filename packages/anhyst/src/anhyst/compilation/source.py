@@ -214,11 +214,11 @@ def limit_lines(plan: Plan) -> list[str]:
     if model.schedule is not None:
         rows += [("GAP", gap, gap[0], (gap[1] - gap[0]) or 1.0, model.schedule)]
 
-    def write_limit(value: float, origin: float, scale: float) -> str:
+    def write_limit(value: float, zero_value: float, scale: float) -> str:
         if io == "f32":
             return float_literal(value)
         code_of_one = CODE_OF_ONE[io]
-        code = code_of_one // 32768 * round((value - origin) / scale * 32768.0)
+        code = code_of_one // 32768 * round((value - zero_value) / scale * 32768.0)
         return f"({code})" if code < 0 else f"{min(code, code_of_one - 1)}"
 
     texts = [

@@ -124,8 +124,8 @@ class StageController:
         if self.fixed_controller is not None:
             return tuple(dict.fromkeys((*AXES_SOURCES_FIXED, *FORCE_SOURCES_FIXED, *own)))
         force = FORCE_SOURCES_CODED if self.is_fixed else FORCE_SOURCES_F32
-        corrected = () if self.correction is None else CORRECTED_SOURCES_F32
-        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *own, *corrected)))
+        correction_sources = () if self.correction is None else CORRECTED_SOURCES_F32
+        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *own, *correction_sources)))
 
     @property
     def parameters_bytes(self) -> int:

@@ -229,12 +229,14 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
     With more than one hysteresis state, the number in `MEMORIES_HEADER` is replaced.
     """
     files: dict[str, str] = {}
-    pending = [f"{SOURCE_FOLDER}/{name}" for name in sources]
-    while pending:
-        name = pending.pop()
+    pending_files = [f"{SOURCE_FOLDER}/{name}" for name in sources]
+    while pending_files:
+        name = pending_files.pop()
         if name not in files:
             files[name] = read_core(name)
-            pending += [_header_path(name, included) for included in _INCLUDE_LINE.findall(files[name])]
+            pending_files += [
+                _header_path(name, included_name) for included_name in _INCLUDE_LINE.findall(files[name])
+            ]
     if memories > 1:
         files[MEMORIES_HEADER] = files[MEMORIES_HEADER].replace(
             "ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}"
@@ -242,8 +244,8 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
     return dict(sorted(files.items()))
 
 
-def _header_path(file: str, included: str) -> str:
+def _header_path(file: str, included_name: str) -> str:
     """Return the path of an included header: a public one, or one in the folder of the file."""
-    if included.startswith("anhyst/"):
-        return f"{INCLUDE_FOLDER}/{included}"
-    return posixpath.normpath(f"{file.rpartition('/')[0]}/{included}")
+    if included_name.startswith("anhyst/"):
+        return f"{INCLUDE_FOLDER}/{included_name}"
+    return posixpath.normpath(f"{file.rpartition('/')[0]}/{included_name}")

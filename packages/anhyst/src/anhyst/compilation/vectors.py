@@ -38,12 +38,14 @@ def make_golden_vectors(plan: Plan) -> list[VectorRow]:
     table = []
     for index, (demand, gap) in enumerate(inputs.tolist()):
         current = solve(demand, gap)
-        applied = current
+        applied_current = current
         if index % 8 == 7:  # the amplifier delivers less than the solved current
-            applied = type(current)(current * loss_factors[index])
-            applied = float(np.float32(applied)) if isinstance(applied, float) else applied
-        commit(applied, gap)
-        table.append((demand, gap, applied, current))
+            applied_current = type(current)(current * loss_factors[index])
+            applied_current = (
+                float(np.float32(applied_current)) if isinstance(applied_current, float) else applied_current
+            )
+        commit(applied_current, gap)
+        table.append((demand, gap, applied_current, current))
     return table
 
 
@@ -82,8 +84,8 @@ def _make_walk(demand_range: tuple[float, float]) -> tuple[FloatArray, FloatArra
     demand[is_jump] = random.choice([low, high], is_jump.sum())
     is_beyond_range = random.random(VECTOR_ROWS) < 0.02
     demand[is_beyond_range] = random.uniform(-1.0, 1.0, is_beyond_range.sum())
-    moving = 0.5 - 0.5 * np.cos(np.arange(VECTOR_ROWS) * 2.0 * np.pi / 250.0)
-    gap = np.where(np.arange(VECTOR_ROWS) % 500 < 250, np.round(moving * 4.0) / 4.0, moving)
+    moving_gap = 0.5 - 0.5 * np.cos(np.arange(VECTOR_ROWS) * 2.0 * np.pi / 250.0)
+    gap = np.where(np.arange(VECTOR_ROWS) % 500 < 250, np.round(moving_gap * 4.0) / 4.0, moving_gap)
     return demand, gap
 
 
@@ -124,9 +126,9 @@ _Q31 = 2.0**31
 LevitationRow = tuple[int, ...]
 
 
-def to_q31(value: float, full: float) -> int:
+def to_q31(value: float, full_scale: float) -> int:
     """Return the nearest q31 code of a signal; halves are rounded up, and overflow saturates."""
-    return int(max(-_Q31, min(_Q31 - 1.0, math.floor(value / full * _Q31 + 0.5))))
+    return int(max(-_Q31, min(_Q31 - 1.0, math.floor(value / full_scale * _Q31 + 0.5))))
 
 
 def make_levitation_vectors(plan: Plan, controller: ControllerPlan) -> list[LevitationRow]:
@@ -151,8 +153,8 @@ class _LevitationRun:
         self.gap_span = limits.gap_high - limits.gap_low
         self.rest_gap = limits.gap_high - 0.1 * self.gap_span
         self.gap, self.velocity = self.rest_gap, 0.0
-        slowest = min(levitation.lift_rate, levitation.set_down_rate)
-        self.load = min(0.1 * control.pidd2.high, _RAMP_S * slowest)
+        slowest_rate = min(levitation.lift_rate, levitation.set_down_rate)
+        self.load = min(0.1 * control.pidd2.high, _RAMP_S * slowest_rate)
         speed = min(levitation.rise_speed, levitation.descend_speed)
         travel = max(4.0 * levitation.detect, min(0.25 * self.gap_span, _WAIT_S * speed))
         self.target = self.rest_gap - travel
@@ -166,20 +168,20 @@ class _LevitationRun:
         self.currents = [0.0, 0.0]
 
     def run(self) -> list[LevitationRow]:
-        wait = max(round(_WAIT_S / self.tick), 20)
+        wait_ticks = max(round(_WAIT_S / self.tick), 20)
         for _ in range(self.controller.control.limits.selftest + 5):
             self._step()
         self._step(Command.DEMAGNETISED)
         self._step(Command.LIFT)
         self._run_until(Phase.HOVER)
-        self._wait(wait)
+        self._wait(wait_ticks)
         self.target -= 0.05 * self.gap_span
-        self._wait(wait)
+        self._wait(wait_ticks)
         if self.controller.control.limits.max_missing_samples > 0:
             self._step(read_gap=math.nan)
-            self._wait(wait // 4)
+            self._wait(wait_ticks // 4)
             self._step(read_gap=self.gap + self.gap_span)
-        self._wait(wait)
+        self._wait(wait_ticks)
         self._step(Command.LAND)
         self._run_until(Phase.REST)
         self._wait(5)
@@ -198,34 +200,38 @@ class _LevitationRun:
     def _step(self, command: Command = Command.NONE, read_gap: float | None = None) -> None:
         """Run the controller for a tick, then the armature; new currents flow one tick later."""
         used_gap = self._read_gap() if read_gap is None else read_gap
-        measured = self.currents[0], self.currents[1]
-        answer = self.native.tick(used_gap, self.target, 0.0, measured, command=int(command))
-        self.rows.append((*self._input_codes(used_gap, measured, command), *self._output_codes(answer)))
+        measured_currents = self.currents[0], self.currents[1]
+        outputs = self.native.tick(used_gap, self.target, 0.0, measured_currents, command=int(command))
+        self.rows.append(
+            (*self._input_codes(used_gap, measured_currents, command), *self._output_codes(outputs))
+        )
         self._move_armature()
-        self.currents = [answer[0], answer[1]]
+        self.currents = [outputs[0], outputs[1]]
 
     def _read_gap(self) -> float:
         step = self.gap_span / _SENSOR_STEPS_PER_RANGE
         return round(self.gap / step) * step
 
-    def _input_codes(self, read_gap: float, measured: tuple[float, float], command: Command) -> Iterator[int]:
+    def _input_codes(
+        self, read_gap: float, measured_currents: tuple[float, float], command: Command
+    ) -> Iterator[int]:
         settings, middle_gap = self.controller.settings, self.controller.control.gap_middle
         position, current = settings["position_full"], settings["current_full"]
         is_dropped = math.isnan(read_gap)
         yield 0 if is_dropped else to_q31(middle_gap - read_gap, position)
         yield to_q31(middle_gap - self.target, position)
         yield 0
-        yield from (to_q31(flowing, current) for flowing in measured)
+        yield from (to_q31(measured_current, current) for measured_current in measured_currents)
         yield int(is_dropped)
         yield int(command)
 
-    def _output_codes(self, answer: tuple[float, float, float, float, int, int]) -> Iterator[int]:
+    def _output_codes(self, outputs: tuple[float, float, float, float, int, int]) -> Iterator[int]:
         settings, middle_gap = self.controller.settings, self.controller.control.gap_middle
-        yield from (to_q31(driven, settings["current_full"]) for driven in answer[:2])
-        yield to_q31(middle_gap - answer[2], settings["position_full"])
-        yield to_q31(answer[3], settings["demand_full"])
-        yield answer[4]
-        yield answer[5]
+        yield from (to_q31(driven, settings["current_full"]) for driven in outputs[:2])
+        yield to_q31(middle_gap - outputs[2], settings["position_full"])
+        yield to_q31(outputs[3], settings["demand_full"])
+        yield outputs[4]
+        yield outputs[5]
 
     def _magnet_gap(self, magnet: int) -> float:
         """Return the gap of a magnet, limited to the range of its model."""
@@ -236,10 +242,10 @@ class _LevitationRun:
 
     def _move_armature(self) -> None:
         forces = [iron.commit(self.currents[i], self._magnet_gap(i)) for i, iron in enumerate(self.magnets)]
-        net = forces[0] - (forces[1] if len(forces) > 1 else 0.0)
+        net_force = forces[0] - (forces[1] if len(forces) > 1 else 0.0)
         limits, dt = self.controller.control.limits, self.tick / _SUBSTEPS
         for _ in range(_SUBSTEPS):
-            self.velocity += dt * (self.load - net) / self.mass
+            self.velocity += dt * (self.load - net_force) / self.mass
             self.gap += dt * self.velocity
             if not limits.gap_low < self.gap < self.rest_gap:
                 self.gap = max(limits.gap_low, min(self.rest_gap, self.gap))

@@ -91,15 +91,15 @@ def drop_spikes(loopset: Loops) -> Loops:
     """Drop single output samples that deviate from the median of five, except near reversals."""
     keep_masks = []
     for loop in loopset.loops:
-        padded = np.pad(loop.output, 2, mode="edge")
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
+        padded_output = np.pad(loop.output, 2, mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(padded_output, 5)
         deviation = np.abs(loop.output - np.median(windows, axis=1))
         limit = max(
             _MIN_SPIKE_SIGMAS * estimate_noise(loop.output), _MIN_SPIKE_SHARE * float(np.ptp(loop.output))
         )
         is_spike = deviation > limit
-        for turn in find_turning_points(loop.input):
-            is_spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is not a spike
+        for turning_point in find_turning_points(loop.input):
+            is_spike[max(0, turning_point - 2) : turning_point + 3] = False  # a sharp tip is not a spike
         keep_masks.append(~is_spike)
     return _keep_samples(loopset, keep_masks, "spikes: {} dropped")
 
@@ -187,8 +187,8 @@ def remove_delay(loopset: Loops) -> Loops:
             is_inside &= (shifted_clock <= clock[hole.row]) | (shifted_clock >= clock[hole.row + 1])
         if np.count_nonzero(is_inside) < 3:
             return loopset
-        shifted = np.interp(shifted_clock, clock, loop.output)[is_inside]
-        loops.append(replace_columns(loop, itemgetter(is_inside), output=shifted))
+        shifted_output = np.interp(shifted_clock, clock, loop.output)[is_inside]
+        loops.append(replace_columns(loop, itemgetter(is_inside), output=shifted_output))
     size = f"{-delay:.2f} samples"
     if loopset.loops[0].time is not None:
         size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
@@ -268,12 +268,12 @@ def _keep_samples(
     loopset: Loops, keep_masks: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
 ) -> Loops:
     """Return the loops at the samples to keep, with a repair that counts the dropped samples."""
-    dropped = sum(int(np.count_nonzero(~mask)) for mask in keep_masks)
-    if not dropped:
+    dropped_count = sum(int(np.count_nonzero(~mask)) for mask in keep_masks)
+    if not dropped_count:
         return loopset
     pairs = zip(loopset.loops, keep_masks, strict=True)
     loops = [replace_columns(loop, itemgetter(mask)) for loop, mask in pairs]
-    return loopset.with_loops(loops, text.format(count_text(dropped, noun)))
+    return loopset.with_loops(loops, text.format(count_text(dropped_count, noun)))
 
 
 def _join_first(texts: Sequence[str]) -> str:
@@ -359,8 +359,8 @@ def _parse_pairs(text: str, option: str) -> dict[str, str]:
     """Parse a list of ``name=value`` pairs, each name once."""
     pairs: dict[str, str] = {}
     for part in _split_list(text):
-        name, equals, value = (piece.strip() for piece in part.rpartition("="))
-        if not equals or not name:
+        name, equals_sign, value = (piece.strip() for piece in part.rpartition("="))
+        if not equals_sign or not name:
             raise InputError(
                 f"{option}: '{part}' is not of the form name=value", code="not-name-value", key=option
             )

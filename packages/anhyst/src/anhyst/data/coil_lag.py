@@ -42,11 +42,11 @@ def describe_coil_lag(loopset: Loops) -> str:
     loops = sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output)))[:_MAX_LOOPS]
     scale = full_scale(loopset.output, (loop.output for loop in loops))
     for loop in loops:
-        if (found := _estimate_lag(loop, scale)) is not None:
-            lag, share = found
+        if (lag_estimate := _estimate_lag(loop, scale)) is not None:
+            lag, explained_fraction = lag_estimate
             size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
             return (
-                f"{'most' if share > 0.5 else 'a part'} of the loop looks like a lag of about "
+                f"{'most' if explained_fraction > 0.5 else 'a part'} of the loop looks like a lag of about "
                 f"{size} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
                 "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
                 "a tenth of the speed"
@@ -55,11 +55,14 @@ def describe_coil_lag(loopset: Loops) -> str:
 
 
 def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
-    """Return the lag, s (samples without a clock), and its share of the loop; ``None`` without one."""
+    """Return the lag and the fraction of the loop that it explains; ``None`` without a lag.
+
+    The lag is in s, or in samples if the loop has no time.
+    """
     record = resample_evenly(loop)
     if record is None:
         return None
-    record = record.limited_to(_MAX_SAMPLES)
+    record = record.average_to_sample_limit(_MAX_SAMPLES)
     curve_rms = static_fit_rms(record.drive, record.output, with_plays=False)
     if curve_rms < max(MIN_LOOP_SHARE * scale, MIN_LOOP_NOISE_RATIO * estimate_noise(record.output)):
         return None
@@ -100,5 +103,5 @@ def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
     drive = record.drive - start
     source = (1.0 - mean) * drive
     source[1:] += (mean - decay) * drive[:-1]
-    lagging: FloatArray = start + recursive_sum(source, decay)
-    return lagging
+    lagged_input: FloatArray = start + recursive_sum(source, decay)
+    return lagged_input

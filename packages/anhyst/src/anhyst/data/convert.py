@@ -52,10 +52,10 @@ def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
     channels = []
     for text, unit, column in zip(table.source_table.header, units, table.columns, strict=True):
         is_text = isinstance(column, Texts)
-        name, written = (text, "") if is_text else split_header(text, unit)
+        name, unit_text = (text, "") if is_text else split_header(text, unit)
         values = np.array(column.as_list()) if isinstance(column, Texts) else column
-        written = written.replace("_per_", "/")
-        channels.append(Channel(name, len(column), values, written, "", None, is_text))
+        unit_text = unit_text.replace("_per_", "/")
+        channels.append(Channel(name, len(column), values, unit_text, "", None, is_text))
     return ChannelFile(source, assign_clocks_by_name(channels), read_samples_in_keys, tuple(table.notes))
 
 
@@ -87,12 +87,12 @@ def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[st
 
 def _drop_complex(groups: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Remove complex channels, which no format can store, and return a note about them."""
-    dropped, kept_groups = [], []
+    dropped_names, kept_groups = [], []
     for group in groups:
-        dropped += [signal.name for signal in group.series if signal.values.dtype.kind == "c"]
+        dropped_names += [signal.name for signal in group.series if signal.values.dtype.kind == "c"]
         series = tuple(signal for signal in group.series if signal.values.dtype.kind != "c")
         kept_groups.append(replace(group, series=series))
-    return kept_groups, [f"complex channels left out: {', '.join(dropped)}"] if dropped else []
+    return kept_groups, [f"complex channels left out: {', '.join(dropped_names)}"] if dropped_names else []
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
@@ -102,8 +102,8 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     require_kind(source, [MEASUREMENT_FILE], "convert")
     source, out = Path(source), Path(out)
     check_recording(out, reads=[source])
-    opened = open_table(source, min_columns=1)
-    file = opened.file if isinstance(opened, ChannelTable) else _as_channel_file(source, progress)
+    table = open_table(source, min_columns=1)
+    file = table.file if isinstance(table, ChannelTable) else _as_channel_file(source, progress)
     notes = [*file.notes]
     if out.suffix.lower() in ONE_CLOCK_FORMATS:
         groups, remarks = _put_on_one_clock(ChannelTable(file))

@@ -93,26 +93,26 @@ def estimate_delay(loop: Loop) -> float | None:
     The result is zero if the reversals show no delay. It is ``None`` if there are too few
     reversals, if noise hides the delay, or if the two estimates disagree.
     """
-    drive, answer = _evenly_sampled(loop)
+    drive, output = _evenly_sampled(loop)
     if np.ptp(drive) == 0.0:
         return None
     parts = find_branches(drive)
     length = float(np.median([part.size for part in parts]))
     if len(parts) < 2 or length < _MIN_BRANCH_SAMPLES:
         return None
-    estimate = _search_at_reversals(drive, answer, length)
+    estimate = _search_at_reversals(drive, output, length)
     if estimate is None:
         return None
     min_delay = max(_MIN_DELAY_SAMPLES, _MIN_DELAY_SHARE * length)
     if abs(estimate.delay) <= max(_MIN_DELAY_SIGMAS * estimate.error, min_delay):
         is_sharp = _MIN_DELAY_SIGMAS * estimate.error < max(1.0, _MAX_ZERO_DELAY_SHARE * length)
         return 0.0 if is_sharp else None
-    second_delay = _search_along_path(drive, answer, parts, length)
+    second_delay = _search_along_path(drive, output, parts, length)
     if second_delay is None:
         return None
     is_near = abs(second_delay - estimate.delay) <= max(0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay))
-    excess = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
-    return estimate.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
+    delay_difference = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
+    return estimate.delay if is_near or 0.0 < delay_difference <= _MAX_EXCESS_SHARE * length else None
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
@@ -130,7 +130,7 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     return np.interp(grid, time[rows], loop.input[rows]), np.interp(grid, time[rows], loop.output[rows])
 
 
-def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
+def _search_at_reversals(drive: FloatArray, output: FloatArray, length: float) -> _Estimate | None:
     """Search the delay around the reversals, first at a coarse sampling rate, then at finer ones."""
     # Near a tip, noise on the input hides which sample is the tip.
     noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
@@ -140,7 +140,7 @@ def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -
     delays: NDArray[np.intp] | None = None
     while True:
         shift = 0 if best_estimate is None else round(best_estimate.delay)
-        coarse = _average_blocks(drive, answer, stride, shift)
+        coarse = _average_blocks(drive, output, stride, shift)
         if delays is None:
             delays = _candidate_delays(*coarse, int(_MAX_DELAY_SHARE * length / stride))
         estimate = _estimate_in_windows(*coarse, delays, _MIN_ERROR_SAMPLES[stride > 1])
@@ -159,10 +159,10 @@ def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -
 
 
 def _average_blocks(
-    drive: FloatArray, answer: FloatArray, stride: int, shift: int
+    drive: FloatArray, output: FloatArray, stride: int, shift: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Average blocks of ``stride`` samples of the input, and of the output after ``shift`` samples."""
-    inputs, later_outputs = drive[max(0, -shift) :], answer[max(0, shift) :]
+    """Average blocks of ``stride`` samples of the input and of the output ``shift`` samples later."""
+    inputs, later_outputs = drive[max(0, -shift) :], output[max(0, shift) :]
     count = min(inputs.size, later_outputs.size) // stride * stride
     return (
         inputs[:count].reshape(-1, stride).mean(axis=1),
@@ -170,54 +170,54 @@ def _average_blocks(
     )
 
 
-def _find_tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
+def _find_tips(drive: FloatArray, output: FloatArray, parts: int) -> list[_Tip]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
     for branch, next_branch in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
         length = min(branch.size, next_branch.size)
         row, width = branch.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
         offset = length // 3
-        turn = float(np.sign(2.0 * answer[row] - answer[row - offset] - answer[row + offset]))
-        if width >= _MIN_WINDOW_SAMPLES and turn != 0.0:
-            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, turn))
+        curvature_sign = float(np.sign(2.0 * output[row] - output[row - offset] - output[row + offset]))
+        if width >= _MIN_WINDOW_SAMPLES and curvature_sign != 0.0:
+            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, curvature_sign))
     return tips
 
 
-def _candidate_delays(drive: FloatArray, answer: FloatArray, reach: int) -> NDArray[np.intp]:
+def _candidate_delays(drive: FloatArray, output: FloatArray, max_delay: int) -> NDArray[np.intp]:
     """Return the delays at which the mean output around the reversals is close to its maximum."""
-    reach = max(4, reach)
+    max_delay = max(4, max_delay)
     stack = [
-        tip.output_sign * answer[tip.row - reach : tip.row + reach + 1]
-        for tip in _find_tips(drive, answer, _WINDOW_DIVISORS[0])
-        if tip.row >= reach and tip.row + reach < answer.size
+        tip.output_sign * output[tip.row - max_delay : tip.row + max_delay + 1]
+        for tip in _find_tips(drive, output, _WINDOW_DIVISORS[0])
+        if tip.row >= max_delay and tip.row + max_delay < output.size
     ]
     if not stack:
         return np.arange(-4, 5)
     mean = np.mean(stack, axis=0)
     peak, is_low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
-    before, after = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
-    first_index = before[-1] if before.size else 0
-    last_index = peak + after[0] if after.size else mean.size - 1
-    return np.arange(first_index - 3, last_index + 4) - reach
+    rows_before_peak, rows_after_peak = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
+    first_index = rows_before_peak[-1] if rows_before_peak.size else 0
+    last_index = peak + rows_after_peak[0] if rows_after_peak.size else mean.size - 1
+    return np.arange(first_index - 3, last_index + 4) - max_delay
 
 
 def _estimate_in_windows(
-    drive: FloatArray, answer: FloatArray, delays: NDArray[np.intp], min_error: float
+    drive: FloatArray, output: FloatArray, delays: NDArray[np.intp], min_error: float
 ) -> _Estimate | None:
     """Return the delay on which two windows agree; ``None`` if one finds none in the range."""
     estimates = []
     for parts in _WINDOW_DIVISORS:
         tips = [
             tip
-            for tip in _find_tips(drive, answer, parts)
+            for tip in _find_tips(drive, output, parts)
             if tip.row - tip.width + delays[0] >= 0 and tip.row + tip.width + delays[-1] < drive.size
         ]
         if not tips:
             return None
-        costs = np.array([_misfit_by_delay(drive, answer, tip, delays) for tip in tips])
+        costs = np.array([_misfit_by_delay(drive, output, tip, delays) for tip in tips])
         count = sum(2 * tip.width + 1 - _POLYNOMIAL_DEGREE - _RAMP_KNOTS.size for tip in tips)
-        sigma2 = float(costs.sum(axis=0).min()) / max(1, count) + 1e-14 * float(np.var(answer))
-        estimate = _most_probable(costs, delays, sigma2)
+        sigma2 = float(costs.sum(axis=0).min()) / max(1, count) + 1e-14 * float(np.var(output))
+        estimate = _most_probable_delay(costs, delays, sigma2)
         if estimate is None:
             return None
         estimates.append(estimate)
@@ -227,7 +227,7 @@ def _estimate_in_windows(
 
 
 def _misfit_by_delay(
-    drive: FloatArray, answer: FloatArray, tip: _Tip, delays: NDArray[np.intp]
+    drive: FloatArray, output: FloatArray, tip: _Tip, delays: NDArray[np.intp]
 ) -> FloatArray:
     """Return the sum of squared deviations around a reversal, for each delay."""
     from scipy.optimize import nnls  # slow to load, and needed by `inspect` only
@@ -235,17 +235,21 @@ def _misfit_by_delay(
     rows = np.arange(tip.row - tip.width, tip.row + tip.width + 1)
     depth = tip.input_sign * (drive[tip.row] - drive[rows])
     is_after = rows > tip.row
-    before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
-    after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
-    smooth, _ = np.linalg.qr(np.stack([before**power for power in range(_POLYNOMIAL_DEGREE + 1)], axis=1))
-    pieces = itertools.pairwise(_RAMP_KNOTS)
-    ramps = np.stack([np.clip(after, low, high) - low for low, high in pieces], axis=1)
-    falls = np.stack([-tip.output_sign * answer[rows + delay] for delay in delays], axis=1)
-    ramps, falls = (part - smooth @ (smooth.T @ part) for part in (ramps, falls))
-    return np.array([nnls(ramps, fall)[1] ** 2 for fall in falls.T])
+    depth_before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
+    depth_after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
+    polynomial_basis, _ = np.linalg.qr(
+        np.stack([depth_before**exponent for exponent in range(_POLYNOMIAL_DEGREE + 1)], axis=1)
+    )
+    knot_pairs = itertools.pairwise(_RAMP_KNOTS)
+    ramps = np.stack([np.clip(depth_after, low, high) - low for low, high in knot_pairs], axis=1)
+    output_falls = np.stack([-tip.output_sign * output[rows + delay] for delay in delays], axis=1)
+    ramps, output_falls = (
+        part - polynomial_basis @ (polynomial_basis.T @ part) for part in (ramps, output_falls)
+    )
+    return np.array([nnls(ramps, fall)[1] ** 2 for fall in output_falls.T])
 
 
-def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
+def _most_probable_delay(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
     """Return the probability-weighted mean of the delays, and its standard error."""
     total = costs.sum(axis=0)
     weights = np.exp(-0.5 * (total - total.min()) / sigma2)
@@ -267,23 +271,23 @@ def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -
 
 
 def _search_along_path(
-    drive: FloatArray, answer: FloatArray, parts: list[Branch], length: float
+    drive: FloatArray, output: FloatArray, parts: list[Branch], length: float
 ) -> float | None:
     """Return the delay for which curves over play operators fit the output best, in samples."""
     parts = parts[:_MAX_TIPS]
     stride = max(1, round(length / _COARSE_BRANCH_SAMPLES))
-    reach = max(3, int(_MAX_DELAY_SHARE * length / stride)) * stride
-    stop = min(drive.size, parts[-1].stop + reach)
-    start = max(parts[0].stop if len(parts) > 3 else 0, reach)  # the first branch may be initial
+    max_delay = max(3, int(_MAX_DELAY_SHARE * length / stride)) * stride
+    stop = min(drive.size, parts[-1].stop + max_delay)
+    start = max(parts[0].stop if len(parts) > 3 else 0, max_delay)  # the first branch may be initial
     rows = np.arange(stop // stride) * stride
     basis = _play_basis(np.add.reduceat(drive[:stop], rows)[: rows.size] / stride)
-    is_used = (rows >= start) & (rows < stop - reach - stride)
+    is_used = (rows >= start) & (rows < stop - max_delay - stride)
     rows, basis = rows[is_used], basis[is_used]
     if rows.size < 2 * basis.shape[1]:
         return None
     orthonormal, sizes, _ = np.linalg.svd(basis, full_matrices=False)
     orthonormal = orthonormal[:, sizes > 1e-4 * sizes[0]]
-    sums = np.concatenate([[0.0], np.cumsum(answer - answer.mean())])
+    sums = np.concatenate([[0.0], np.cumsum(output - output.mean())])
 
     def best_delay(delays: NDArray[np.intp]) -> int:
         ends = rows[:, np.newaxis] + delays
@@ -291,11 +295,13 @@ def _search_along_path(
         residual = outputs - orthonormal @ (orthonormal.T @ outputs)
         return int(delays[np.argmin(np.sum(residual**2, axis=0))])
 
-    coarse_delay = best_delay(np.arange(-reach, reach + 1, stride))
+    coarse_delay = best_delay(np.arange(-max_delay, max_delay + 1, stride))
     step = max(1, stride // 8)
-    if stride == 1 or abs(coarse_delay) == reach:
+    if stride == 1 or abs(coarse_delay) == max_delay:
         return float(coarse_delay)
-    return float(best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -reach, reach)))
+    return float(
+        best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -max_delay, max_delay))
+    )
 
 
 def _play_basis(drive: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from anhyst.data.loops import Loop
 from anhyst.data.path import Branch, average_in_bins, find_branches, find_crossings, find_repeats, is_bipolar
 from anhyst.support.numeric import FloatArray
 
-TO_SIGMA = 1.4826
+MAD_TO_SIGMA = 1.4826
 """Ratio of standard deviation to median absolute deviation of a normal distribution."""
 
 
@@ -27,7 +27,7 @@ def estimate_noise(values: FloatArray) -> float:
     for order in range(2, 6):
         difference = np.diff(difference)
         gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
-        deviations.append(TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
+        deviations.append(MAD_TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
     return float(min(deviations))
 
 
@@ -51,11 +51,14 @@ def estimate_drift(loop: Loop) -> float | None:
     """
     clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
     slopes, errors = [], []
-    for first, second in find_repeats(loop.input, _settled_branches(loop)):
-        distance, error = _branch_distance(loop, first, second)
-        elapsed = clock[second.start : second.stop].mean() - clock[first.start : first.stop].mean()
-        slopes.append(distance / elapsed)
-        errors.append(error / elapsed)
+    for first_branch, second_branch in find_repeats(loop.input, _settled_branches(loop)):
+        distance, error = _branch_distance(loop, first_branch, second_branch)
+        elapsed_time = (
+            clock[second_branch.start : second_branch.stop].mean()
+            - clock[first_branch.start : first_branch.stop].mean()
+        )
+        slopes.append(distance / elapsed_time)
+        errors.append(error / elapsed_time)
     if slopes:
         middle, span = float(np.median(slopes)), float(clock[-1] - clock[0])
         cut = len(slopes) // 10
@@ -81,7 +84,7 @@ def closure_error(loop: Loop) -> float | None:
     """
     parts = _settled_branches(loop)
     starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]
-    errors = (_return_error(loop, parts, first) for first in starts)
+    errors = (_return_error(loop, parts, first_branch) for first_branch in starts)
     return next((value for value in errors if value is not None), None)
 
 
@@ -91,14 +94,16 @@ def _settled_branches(loop: Loop) -> list[Branch]:
     return parts if loop.history.kind == "settled" else parts[1:]
 
 
-def _return_error(loop: Loop, parts: list[Branch], first: Branch) -> float | None:
+def _return_error(loop: Loop, parts: list[Branch], first_branch: Branch) -> float | None:
     """Return the last output in the state at the start of a branch minus the first output there."""
-    if parts[-1] is first:
+    if parts[-1] is first_branch:
         return None
-    inputs, outputs = loop.input[first.start :], loop.output[first.start :]
-    later_rows = slice(first.stop - 1 - first.start, None)
+    inputs, outputs = loop.input[first_branch.start :], loop.output[first_branch.start :]
+    later_rows = slice(first_branch.stop - 1 - first_branch.start, None)
     level = float(inputs[0])
-    outputs_again = find_crossings(inputs[later_rows], outputs[later_rows], level, rising=first.is_rising)
+    outputs_again = find_crossings(
+        inputs[later_rows], outputs[later_rows], level, rising=first_branch.is_rising
+    )
     if outputs_again.size:
         return float(outputs_again[-1] - outputs[0])
     if abs(inputs[-1] - level) <= 0.02 * float(np.ptp(inputs)):
@@ -133,11 +138,11 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
         return None
     shift_in = shift_out = 0.0
     for _ in range(4):
-        drive, answer = loop.input - shift_in, loop.output - shift_out
+        drive, output = loop.input - shift_in, loop.output - shift_out
         size = min(-float(drive.min()), float(drive.max()))
         if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * size:
             return None
-        tips = [_tip_output(drive, answer, sign * 0.98 * size) for sign in (1.0, -1.0)]
+        tips = [_tip_output(drive, output, sign * 0.98 * size) for sign in (1.0, -1.0)]
         shift_out += 0.5 * (tips[0] + tips[1])
         zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
         if not zero_inputs[0].size or not zero_inputs[1].size:
@@ -152,36 +157,36 @@ def slope_ratio_at_tip(loop: Loop) -> float | None:
     The ratio is 1 if the curve is steepest at its tip, and almost 0 in saturation. ``None`` for
     short records.
     """
-    longest = max(find_branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
-    x, y = average_in_bins(loop.input[longest.rows], loop.output[longest.rows], bins=30)
+    longest_branch = max(find_branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
+    x, y = average_in_bins(loop.input[longest_branch.rows], loop.output[longest_branch.rows], bins=30)
     if x.size < 8:
         return None
     slopes = np.diff(y) / np.diff(x)
-    tip = -2 if abs(x[-1]) >= abs(x[0]) else 0
-    steepest = float(np.max(np.abs(slopes)))
-    return float(abs(np.mean(slopes[tip:][:2]))) / steepest if steepest else None
+    tip_index = -2 if abs(x[-1]) >= abs(x[0]) else 0
+    steepest_slope = float(np.max(np.abs(slopes)))
+    return float(abs(np.mean(slopes[tip_index:][:2]))) / steepest_slope if steepest_slope else None
 
 
-def _branch_distance(loop: Loop, first: Branch, second: Branch) -> tuple[float, float]:
+def _branch_distance(loop: Loop, first_branch: Branch, second_branch: Branch) -> tuple[float, float]:
     """Return the median output distance of two repeated branches, and its standard error."""
-    x1, y1 = average_in_bins(loop.input[first.rows], loop.output[first.rows])
-    x2, y2 = average_in_bins(loop.input[second.rows], loop.output[second.rows])
+    x1, y1 = average_in_bins(loop.input[first_branch.rows], loop.output[first_branch.rows])
+    x2, y2 = average_in_bins(loop.input[second_branch.rows], loop.output[second_branch.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     grid = np.linspace(low, high, 51)
     distances = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
     middle = float(np.median(distances))
-    spread = TO_SIGMA * float(np.median(np.abs(distances - middle)))
-    return middle, 1.25 * spread / min(grid.size, first.size, second.size) ** 0.5
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(distances - middle)))
+    return middle, 1.25 * spread / min(grid.size, first_branch.size, second_branch.size) ** 0.5
 
 
-def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
+def _tip_output(drive: FloatArray, output: FloatArray, level: float) -> float:
     """Return the mean output where the input crosses a level near its tip, in both directions."""
-    up = find_crossings(drive, answer, level, rising=True)
-    down = find_crossings(drive, answer, level, rising=False)
+    up = find_crossings(drive, output, level, rising=True)
+    down = find_crossings(drive, output, level, rising=False)
     medians = [float(np.median(values)) for values in (up, down) if values.size]
     if medians:
         return float(np.mean(medians))
-    return float(answer[int(np.argmax(drive * np.sign(level)))])
+    return float(output[int(np.argmax(drive * np.sign(level)))])
 
 
 def measure_sampling(loop: Loop) -> tuple[float | None, float | None]:

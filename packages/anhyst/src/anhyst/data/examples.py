@@ -67,8 +67,8 @@ def example_files(name: str) -> dict[str, Path]:
         )
     folder = shipped_folder("anhyst", "examples", "_examples", "bearing") / name
     files = (path for path in sorted(folder.rglob("*")) if path.is_file())
-    copied = (path for path in files if path.suffix in _COPIED_SUFFIXES or path.name == "LICENSE")
-    return {path.relative_to(folder).as_posix(): path for path in copied}
+    copied_files = (path for path in files if path.suffix in _COPIED_SUFFIXES or path.name == "LICENSE")
+    return {path.relative_to(folder).as_posix(): path for path in copied_files}
 
 
 @dataclass(frozen=True)

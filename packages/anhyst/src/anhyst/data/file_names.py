@@ -17,9 +17,9 @@ def add_constants_of_name(path: Path, description: FileDescription) -> FileDescr
     """Add the constants that the pattern ``file_name`` finds in the name of the file."""
     if description.file_name is None:
         return description
-    pieces = re.split(r"\{([^{}]+)\}", description.file_name)
-    keys = pieces[1::2]
-    pattern = "(.+)".join(re.escape(piece) for piece in pieces[::2])
+    name_pieces = re.split(r"\{([^{}]+)\}", description.file_name)
+    keys = name_pieces[1::2]
+    pattern = "(.+)".join(re.escape(piece) for piece in name_pieces[::2])
     match = re.fullmatch(pattern, path.stem) or re.fullmatch(pattern, path.name)
     if not keys or match is None:
         raise InputError(
@@ -80,11 +80,11 @@ def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
     )
 
 
-def refuse_contradicting_gap(path: Path, measured: Sequence[float | None]) -> None:
+def refuse_contradicting_gap(path: Path, measured_gaps: Sequence[float | None]) -> None:
     """Raise an error if the gap in the name of a file contradicts its gap column."""
     name_gap = _find_gap_in_name(path.stem) if _GAP_PATTERN.search(path.stem) else None
-    gap = measured[0]
-    if name_gap is None or gap is None or len(set(measured)) > 1:
+    gap = measured_gaps[0]
+    if name_gap is None or gap is None or len(set(measured_gaps)) > 1:
         return
     if abs(gap - name_gap) > _MAX_GAP_DIFFERENCE * max(gap, name_gap):
         raise InputError(
@@ -126,8 +126,8 @@ def _find_gap_in_name(stem: str) -> float | None:
 
 def _can_be_gap(stem: str, match: re.Match[str]) -> bool:
     """Whether a length in a name can be a gap: no other word and no further digits precede it."""
-    before, number = stem[: match.start()], match["number"]
+    text_before, number = stem[: match.start()], match["number"]
     is_decimal = any(sign in number for sign in ".,p")
-    if re.search(r"\d-$" if is_decimal else r"\d[-_]$", before) or "_" in number:
+    if re.search(r"\d-$" if is_decimal else r"\d[-_]$", text_before) or "_" in number:
         return False
-    return _OTHER_LENGTH_WORDS.search(before) is None
+    return _OTHER_LENGTH_WORDS.search(text_before) is None

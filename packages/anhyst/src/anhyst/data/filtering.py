@@ -67,13 +67,13 @@ def average_over_ripple(loopset: Loops) -> Loops:
     """Average all channels over whole periods of a fast, steady ripple of the input."""
     ripples = [_find_ripple(loop) for loop in loopset.loops]
     is_followed = any(ripple is not None and ripple.is_followed for ripple in ripples)
-    loops, texts, largest = [], [], 0.0
+    loops, texts, largest_ripple = [], [], 0.0
     for loop, found_ripple in zip(loopset.loops, ripples, strict=True):
         loops.append(
             loop if found_ripple is None else _remove_ripple(loop, found_ripple, is_followed=is_followed)
         )
         if found_ripple is not None:
-            (step, _), largest = measure_sampling(loop), max(largest, found_ripple.amplitude)
+            (step, _), largest_ripple = measure_sampling(loop), max(largest_ripple, found_ripple.amplitude)
             rate = f"{found_ripple.period:.3g} samples"
             if step:
                 rate = f"{1.0 / (found_ripple.period * step):.4g} Hz"
@@ -88,7 +88,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
         effect = (
             f"the {output} ripples too, so the {name} is taken at the edge of its ripple in the "
             f"direction of travel. Over the mean {name}, the loop is up to "
-            f"{2.0 * largest:.2g} {loopset.input.unit} narrower"
+            f"{2.0 * largest_ripple:.2g} {loopset.input.unit} narrower"
         )
     return loopset.with_loops(
         loops,
@@ -100,7 +100,10 @@ def average_over_ripple(loopset: Loops) -> Loops:
 def denoise(loopset: Loops) -> Loops:
     """Smooth white noise of an input that is smooth between its reversals."""
     loops = [_denoise_loop(loop) for loop in loopset.loops]
-    count = sum(new is not old for new, old in zip(loops, loopset.loops, strict=True))
+    count = sum(
+        denoised_loop is not measured_loop
+        for denoised_loop, measured_loop in zip(loops, loopset.loops, strict=True)
+    )
     if not count:
         return loopset
     sigma = max(estimate_noise(loop.input) for loop in loopset.loops)
@@ -112,7 +115,7 @@ def denoise(loopset: Loops) -> Loops:
 
 
 def _find_ripple(loop: Loop) -> _Ripple | None:
-    """Find the strongest steady line of the input; ``None`` if it is not a ripple."""
+    """Return the strongest spectral line of the input; ``None`` if it is not a ripple."""
     drive, span = loop.input, float(np.ptp(loop.input))
     _, step_deviation = measure_sampling(loop)
     if loop.n < 4 * _MIN_PERIODS or (step_deviation is not None and step_deviation > _MAX_STEP_DEVIATION):
@@ -159,8 +162,8 @@ def _is_ripple(drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray
         return False
     if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
         return False  # steps of a staircase
-    demodulated = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
-    amplitudes = np.array([abs(part.mean()) for part in np.array_split(demodulated, _SEGMENT_COUNT)])
+    demodulated_input = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
+    amplitudes = np.array([abs(part.mean()) for part in np.array_split(demodulated_input, _SEGMENT_COUNT)])
     ratios = amplitudes / (float(np.median(amplitudes)) or 1.0)
     return (
         float(np.mean((ratios > _STEADY_AMPLITUDE_RATIOS[0]) & (ratios < _STEADY_AMPLITUDE_RATIOS[1])))
@@ -225,15 +228,15 @@ def _denoise_loop(loop: Loop) -> Loop:
     length = float(np.median([part.size for part in parts]))
     max_window = int(_MAX_WINDOW_SHARE * length)
     window = max(5, min(max_window, int(_WINDOW_SIGMAS * sigma / step) if step else max_window)) | 1
-    smooth = np.array(drive)
+    smooth_input = np.array(drive)
     ends = []
     for part in parts:
         if part.size <= window:
             continue
         piece = savgol_filter(drive[part.rows], window, 2, mode="interp")
         ends += [(part.start, piece[0]), (part.stop - 1, piece[-1])]
-        smooth[part.rows] = piece
+        smooth_input[part.rows] = piece
     # At a reversal, the value is the mean of the curves on both sides.
     for row in {row for row, _ in ends}:
-        smooth[row] = float(np.mean([value for place, value in ends if place == row]))
-    return replace(loop, input=smooth)
+        smooth_input[row] = float(np.mean([value for end_row, value in ends if end_row == row]))
+    return replace(loop, input=smooth_input)

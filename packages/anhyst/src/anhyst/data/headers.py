@@ -57,7 +57,7 @@ def map_headers(
 
 def _drop_ambiguous_words(headers: list[Header]) -> list[Header]:
     """Ignore a word for an input or output if another unknown column has the same kind of unit."""
-    rivals = [
+    rival_quantities = [
         header.unit.dimension
         for header in headers
         if not header.is_known and header.target is None and header.unit is not None
@@ -65,7 +65,7 @@ def _drop_ambiguous_words(headers: list[Header]) -> list[Header]:
     ]
     checked = list(headers)
     for index, header in enumerate(headers):
-        is_rivalled = header.unit is not None and header.unit.dimension in rivals
+        is_rivalled = header.unit is not None and header.unit.dimension in rival_quantities
         if is_rivalled and header.quantity in _INPUTS_AND_OUTPUTS:
             checked[index] = ignore_quantity_word(header)
     return checked
@@ -96,12 +96,16 @@ def _find_column(table: OpenTable, name: str, action: str) -> int:
 def _find_by_any_name(
     table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, action: str
 ) -> int:
-    """Return the index of a column by its name in the file or by ours: ``F_N``, ``F``, ``force``."""
+    """Return the index of a column by its name: in the file, or standard as ``F_N`` or ``force``."""
     if table.find(name) is None:
         quantity = parse_header(name).quantity
         for index, header in enumerate(headers):
-            ours = parse_header(targets[index]).quantity if index in targets else header.quantity
-            if ours is not None and name and (ours == quantity or ours.name == name):
+            column_quantity = parse_header(targets[index]).quantity if index in targets else header.quantity
+            if (
+                column_quantity is not None
+                and name
+                and (column_quantity == quantity or column_quantity.name == name)
+            ):
                 return index
     return _find_column(table, name, action)
 
@@ -126,48 +130,51 @@ def _map_header(source: str, header: Header, target: str) -> Header:
     """Return a header as the user maps it; a unit stated in the file is kept."""
     if not target:
         return Header(header.text, "", Quantity("", "", "1"), None, target=target)
-    mapped = parse_header(target)
-    has_own = header.unit is not None and (mapped.problem or not split_header(target)[1])
+    target_header = parse_header(target)
+    has_own = header.unit is not None and (target_header.problem or not split_header(target)[1])
     if has_own and header.unit and (with_own := parse_header(target, header.unit.symbol)).is_known:
-        mapped = with_own
-    place = f"{source}: column '{header.text}' mapped to '{target}'"
-    if mapped.problem:
+        target_header = with_own
+    mapping_text = f"{source}: column '{header.text}' mapped to '{target}'"
+    if target_header.problem:
         raise InputError(
-            f"{place}: {header.problem if header.unit is None and header.problem else mapped.problem}",
+            f"{mapping_text}: {header.problem if header.unit is None and header.problem else target_header.problem}",
             code="bad-header",
         )
     if (
         header.scale is None
-        and mapped.unit
+        and target_header.unit
         and header.unit
-        and mapped.unit.dimension == header.unit.dimension
+        and target_header.unit.dimension == header.unit.dimension
     ):
-        is_same_unit = (mapped.unit.scale, mapped.unit.offset) == (header.unit.scale, header.unit.offset)
+        is_same_unit = (target_header.unit.scale, target_header.unit.offset) == (
+            header.unit.scale,
+            header.unit.offset,
+        )
         if not is_same_unit:
             raise InputError(
-                f"{place}: the file states {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
-                f"map it to '{mapped.name}' to convert it",
+                f"{mapping_text}: the file states {header.unit.symbol}, the mapping {target_header.unit.symbol}; "
+                f"map it to '{target_header.name}' to convert it",
                 code="units-differ",
             )
-    return replace(mapped, text=header.text, stated=header.stated, is_from_words=False, target=target,
+    return replace(target_header, text=header.text, stated=header.stated, is_from_words=False, target=target,
                    scale=header.scale, is_flipped=header.is_flipped)  # fmt: skip
 
 
 def _require_scales(source: str, headers: list[Header]) -> None:
     """Raise an error for columns that are mapped to a quantity of another unit without a scale."""
-    unknown: dict[str, str] = {}
+    unknown_scales: dict[str, str] = {}
     for header in headers:
         if not header.target or header.unit is None or header.scale is not None:
             continue
         stated_header = replace(header, unit=find_unit(header.stated))
         if needs_scale(stated_header, header.unit.dimension):
-            unknown[header.text] = scale_placeholder(stated_header, header.unit.symbol)
-            stated = header.stated
-    if unknown:
-        texts = " and ".join(f"'{name}'" for name in unknown)
+            unknown_scales[header.text] = scale_placeholder(stated_header, header.unit.symbol)
+            stated_unit = header.stated
+    if unknown_scales:
+        texts = " and ".join(f"'{name}'" for name in unknown_scales)
         raise InputError(
-            f"{source}: {texts}: the unit '{stated}' needs a scale for the quantity to which it is mapped; "
-            f"add{scale_advice(headers, unknown)}",
+            f"{source}: {texts}: the unit '{stated_unit}' needs a scale for the quantity to which it is mapped; "
+            f"add{scale_advice(headers, unknown_scales)}",
             code="scale-needed",
-            key=next(iter(unknown)),
+            key=next(iter(unknown_scales)),
         )

@@ -31,7 +31,7 @@ _MIN_LOOP_SAMPLES = 20
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """A stretch of a record without samples."""
+    """A time interval of a record without samples."""
 
     row: int  # last sample before the hole
     time_s: float  # time of that sample, s
@@ -62,19 +62,23 @@ def cut_holes(loopset: Loops) -> Loops:
     if output_map(loopset.output).has_creep:
         return loopset
     for loop in loopset.loops:
-        found = find_holes(loop.time)
+        holes = find_holes(loop.time)
         # Input and output are unchanged after a pause of the drive.
-        found = [hole for hole in found if not _is_pause(loop, hole.row)]
-        pieces = _cut_loop(loop, found) if found else []
+        holes = [hole for hole in holes if not _is_pause(loop, hole.row)]
+        pieces = _cut_loop(loop, holes) if holes else []
         if not pieces:
             continue
-        kept = sum(piece.n for piece in pieces)
-        loops = [piece for old in loopset.loops for piece in (pieces if old is loop else [old])]
-        more_text = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        kept_samples = sum(piece.n for piece in pieces)
+        loops = [
+            piece
+            for original_loop in loopset.loops
+            for piece in (pieces if original_loop is loop else [original_loop])
+        ]
+        more_text = f" and {len(holes) - 1} more" if len(holes) > 1 else ""
         loopset = loopset.with_loops(
             loops,
-            f"holes: in loop '{loop.label}' {found[0]}{more_text}; the history after it is unknown up to "
-            f"the next extreme {loopset.input.name}: {loop.n - kept} samples left out, "
+            f"holes: in loop '{loop.label}' {holes[0]}{more_text}; the history after it is unknown up to "
+            f"the next extreme {loopset.input.name}: {loop.n - kept_samples} samples left out, "
             f"{len(pieces)} loops remain",
         )
     return loopset
@@ -82,20 +86,20 @@ def cut_holes(loopset: Loops) -> Loops:
 
 def _is_pause(loop: Loop, row: int) -> bool:
     """Whether input and output after a hole continue from their values before it."""
-    around = slice(max(0, row - 3), row + 1), slice(row + 1, row + 5)
+    rows_around = slice(max(0, row - 3), row + 1), slice(row + 1, row + 5)
     for values in (loop.input, loop.output):
-        before, after = values[around[0]], values[around[1]]
+        values_before, values_after = values[rows_around[0]], values[rows_around[1]]
         step = float(np.quantile(np.abs(np.diff(values)), 0.9))
-        if abs(float(after[0]) - float(before[-1])) > 2.0 * step:
+        if abs(float(values_after[0]) - float(values_before[-1])) > 2.0 * step:
             return False
-    rising = [float(loop.input[rows][-1] - loop.input[rows][0]) for rows in around]
-    return rising[0] * rising[1] >= 0.0
+    input_changes = [float(loop.input[rows][-1] - loop.input[rows][0]) for rows in rows_around]
+    return input_changes[0] * input_changes[1] >= 0.0
 
 
-def _cut_loop(loop: Loop, found: list[Hole]) -> list[Loop]:
+def _cut_loop(loop: Loop, holes: list[Hole]) -> list[Loop]:
     """Return the parts of a record whose history is known."""
-    edges = [0, *(hole.row + 1 for hole in found), loop.n]
-    names = [loop.label, *(f"{loop.label} after {hole.time_s:.4g} s" for hole in found)]
+    edges = [0, *(hole.row + 1 for hole in holes), loop.n]
+    names = [loop.label, *(f"{loop.label} after {hole.time_s:.4g} s" for hole in holes)]
     pieces = []
     for label, (start, stop) in zip(names, itertools.pairwise(edges), strict=True):
         begin, history = start, loop.history
@@ -107,9 +111,9 @@ def _cut_loop(loop: Loop, found: list[Hole]) -> list[Loop]:
         rows = slice(begin, stop)
         if stop - begin < _MIN_LOOP_SAMPLES or np.ptp(loop.input[rows]) == 0.0:
             continue
-        new = replace_columns(loop, itemgetter(rows), label=label, history=history)
-        if new.reverses:
-            pieces.append(new)
+        new_loop = replace_columns(loop, itemgetter(rows), label=label, history=history)
+        if new_loop.reverses:
+            pieces.append(new_loop)
     return pieces
 
 
@@ -119,9 +123,13 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
     The input of largest magnitude wipes out the entire history. The opposite extreme wipes out
     everything except the first one.
     """
-    lowest, highest = float(loop.input.min()), float(loop.input.max())
-    tips = (lowest, highest) if abs(highest) >= abs(lowest) else (highest, lowest)
-    max_distance = _MAX_TIP_DISTANCE * (highest - lowest)
+    lowest_input, highest_input = float(loop.input.min()), float(loop.input.max())
+    tips = (
+        (lowest_input, highest_input)
+        if abs(highest_input) >= abs(lowest_input)
+        else (highest_input, lowest_input)
+    )
+    max_distance = _MAX_TIP_DISTANCE * (highest_input - lowest_input)
     was_largest = loop.history.kind == "settled" or bool(
         np.any(np.abs(loop.input[:start] - tips[1]) <= max_distance)
     )

@@ -1,8 +1,9 @@
 """Propose the history before a record: demagnetised, or a cycle that was repeated many times.
 
-The initial magnetisation curve differs from later rises. The first rise of a record is therefore
-compared with a later one, over several parts from rest on. Drift and noise determine the
-uncertainty. Records with only one rise are assessed by their closure.
+A rise is an ascending branch of the input, or of its magnitude for an even output. The initial
+magnetisation curve differs from later rises. Therefore, the first rise of a record is compared with
+a later one, in several parts that all begin at rest. Drift and noise determine the uncertainty. If
+a record has only one rise, the closing error of its cycle decides.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _MAX_REST_SHARE = 0.05
 """Maximum input at which a rise starts from zero, as a fraction of the largest input."""
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
 """Parts of the first rise that are compared; which one differs most depends on the iron."""
-_RISES_MEET_SHARE = 0.9
+_MEETING_RISE_FRACTION = 0.9
 """Fraction of the first rise above which all rises meet; a difference there is drift."""
 _MIN_SAMPLES = 3
 """Minimum number of samples for an estimate."""
@@ -85,18 +86,22 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
     ]
 
 
-def correct_fast_histories(
+def correct_histories_of_fast_loops(
     loops: Sequence[Loop], proposals: Sequence[HistoryProposal]
 ) -> list[HistoryProposal]:
-    """Return the proposals, with those of fast loops corrected by the slow loops of the same gap.
+    """Return the proposals. Those of fast loops are corrected by the slow loops of the same gap.
 
     Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
     would. Slow loops show without this effect whether the recording began demagnetised. If it did
     not, the history of the fast loop is the largest slow loop.
     """
-    carried = list(proposals)
+    corrected_proposals = list(proposals)
     for index, slower_indices in enumerate(find_slower_loops(loops)):
-        not_demagnetised = [place for place in slower_indices if proposals[place][0].kind != "demagnetised"]
+        not_demagnetised = [
+            slower_index
+            for slower_index in slower_indices
+            if proposals[slower_index][0].kind != "demagnetised"
+        ]
         if (
             proposals[index][0].kind != "demagnetised"
             or not slower_indices
@@ -104,41 +109,44 @@ def correct_fast_histories(
         ):
             continue
         largest_slow = max(
-            (loops[place] for place in slower_indices), key=lambda loop: float(np.ptp(loop.input))
+            (loops[slower_index] for slower_index in slower_indices),
+            key=lambda loop: float(np.ptp(loop.input)),
         )
         reason = (
             "it is faster than other loops of its gap, whose first rise is not the initial curve; "
             "eddy currents explain its different first cycle (state --history to change this)"
         )
-        carried[index] = _history_after_slow(largest_slow, loops[index]), reason
-    return carried
+        corrected_proposals[index] = _history_after_slow(largest_slow, loops[index]), reason
+    return corrected_proposals
 
 
 def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
     """Return the history of a loop that starts at rest after a slow loop."""
     span, start = float(np.ptp(slow_loop.input)), float(fast_loop.input[0])
-    last = [slow_loop.n - 1 - int(pick(slow_loop.input[::-1])) for pick in (np.argmin, np.argmax)]
-    ends = [float(f"{slow_loop.input[place]:.4g}") for place in sorted(last)]
+    last_rows = [
+        slow_loop.n - 1 - int(find_extreme(slow_loop.input[::-1])) for find_extreme in (np.argmin, np.argmax)
+    ]
+    ends = [float(f"{slow_loop.input[row]:.4g}") for row in sorted(last_rows)]
     return_point = [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
     return History("conditioned", (*ends, *return_point))
 
 
-def _are_all_virgin(seen: Sequence[list[_RiseComparison]]) -> bool:
+def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
     """Whether records that are unsure individually are initial curves on average."""
     # The full part is used, because the clearest of several parts is biased.
-    full_parts = [parts[-1] for parts in seen]
-    if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in seen):
+    full_parts = [parts[-1] for parts in comparisons]
+    if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in comparisons):
         return False
-    mean_sigmas = sum(rises.difference_sigmas for rises in full_parts) / len(full_parts) ** 0.5
-    heights = sum(abs(rises.height) for rises in full_parts)
+    mean_sigmas = sum(comparison.difference_sigmas for comparison in full_parts) / len(full_parts) ** 0.5
+    heights = sum(abs(comparison.height) for comparison in full_parts)
     return (
         mean_sigmas > _MIN_RISE_SIGMAS
-        and sum(rises.difference for rises in full_parts) > _MAX_RISE_DISTANCE * heights
+        and sum(comparison.difference for comparison in full_parts) > _MAX_RISE_DISTANCE * heights
     )
 
 
 def _select_clearest(parts: list[_RiseComparison]) -> _RiseComparison:
-    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.difference_sigmas))
+    return max(parts, key=lambda comparison: (comparison.verdict == "virgin", comparison.difference_sigmas))
 
 
 def _propose_history(
@@ -146,15 +154,15 @@ def _propose_history(
 ) -> HistoryProposal:
     if not parts:
         return _propose_from_closure(loop, even=even)
-    clearest = _select_clearest(parts)
-    if clearest.verdict == "virgin":
-        share = clearest.difference / float(np.ptp(loop.output))
+    clearest_comparison = _select_clearest(parts)
+    if clearest_comparison.verdict == "virgin":
+        share = clearest_comparison.difference / float(np.ptp(loop.output))
         return (
             DEMAGNETISED,
             f"its first rise deviates from later rises by {share:.1%} of the output's range, as an "
             "initial curve does",
         )
-    if clearest.verdict == "settled":
+    if clearest_comparison.verdict == "settled":
         return SETTLED, "its first rise agrees with later rises"
     if are_all_virgin:
         return DEMAGNETISED, "the first rises of all records are, on average, initial curves"
@@ -163,12 +171,12 @@ def _propose_history(
 
 def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
     """Propose a history for a record without a second rise."""
-    drive, answer = loop.input, loop.output
-    height = float(np.ptp(answer)) or 1.0
-    end_output = _output_at_return(drive, answer)
-    closing_error = None if end_output is None else float(end_output - answer[0])
+    drive, output = loop.input, loop.output
+    height = float(np.ptp(output)) or 1.0
+    end_output = _output_at_return(drive, output)
+    closing_error = None if end_output is None else float(end_output - output[0])
     # Noise alone explains this difference of two samples.
-    noise_limit = 5.0 * estimate_noise(answer)
+    noise_limit = 5.0 * estimate_noise(output)
     is_at_rest = _starts_at_rest(loop, even=even)
     if is_at_rest and even and closing_error is not None:
         is_virgin = closing_error > max(_MIN_REMANENCE_SHARE * height, noise_limit) and _has_remanence(
@@ -216,45 +224,45 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
 
 
 def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
-    drive, answer = loop.input, loop.output
+    drive, output = loop.input, loop.output
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
     # The minimum of an even output is at rest, even with a sensor offset.
-    zero = float(answer.min()) if even else 0.0
-    distance = abs(answer[0] - zero)
+    zero_output = float(output.min()) if even else 0.0
+    distance = abs(output[0] - zero_output)
     return bool(
         distance
-        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(answer - zero))) + 5.0 * estimate_noise(answer)
+        <= 2 * _MAX_END_DISTANCE * float(np.max(np.abs(output - zero_output))) + 5.0 * estimate_noise(output)
     )
 
 
 def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     """Compare the first rise with a later one, part by part; empty without a later rise."""
-    size, answer = fold_input(loop, even=even)
+    size, output = fold_input(loop, even=even)
     rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(size)))
     parts = find_branches(size)
     if abs(size[0]) > rest_limit or len(parts) < 3:
         return []
     first_rise = parts[0]
     if not first_rise.is_rising:
-        size, answer = -size, answer if even else -answer
+        size, output = -size, output if even else -output
     start_input, end_input = float(size[0]), float(size[first_rise.stop - 1])
     for index in range(2, len(parts), 2):
         later_branch = parts[index]
-        top = min(end_input, float(size[later_branch.stop - 1]))
+        top_input = min(end_input, float(size[later_branch.stop - 1]))
         starts_at_rest = float(size[later_branch.start]) <= start_input + rest_limit
-        if starts_at_rest and top - start_input >= 0.5 * (end_input - start_input):
+        if starts_at_rest and top_input - start_input >= 0.5 * (end_input - start_input):
             break
     else:
         return []
-    curves = [(size[part.rows], answer[part.rows]) for part in parts]
+    curves = [(size[part.rows], output[part.rows]) for part in parts]
     sigma = (
         estimate_noise(loop.input),
         max(estimate_noise(loop.output), _MIN_NOISE_SHARE * float(np.ptp(loop.output))),
     )
     falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
-    drift = _estimate_drift(curves[0], curves[index], falls, top, sigma)
-    comparisons = _compare_parts(curves[0], curves[index], curves[1], top - start_input, drift, sigma)
+    drift = _estimate_drift(curves[0], curves[index], falls, top_input, sigma)
+    comparisons = _compare_parts(curves[0], curves[index], curves[1], top_input - start_input, drift, sigma)
     inputs_between = loop.input[first_rise.stop - 1 : later_branch.stop]
     inputs_between = inputs_between * np.sign(inputs_between[0])
     if not (float(inputs_between.min()) < -0.1 * float(inputs_between.max())):
@@ -271,20 +279,26 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
 
 
 def _estimate_drift(
-    rise: _Curve, later_rise: _Curve, falls: tuple[_Curve, _Curve] | None, top: float, sigma: _Sigma
+    rise: _Curve, later_rise: _Curve, falls: tuple[_Curve, _Curve] | None, top_input: float, sigma: _Sigma
 ) -> tuple[float, float]:
     """Return the mean distance of curves that coincide without drift, and its standard error."""
-    span = top - float(rise[0][0])
+    span = top_input - float(rise[0][0])
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _MAX_REST_SHARE * span:
         (first_curve, second_curve), low_input = falls, float(falls[1][0].min())
     else:
-        first_curve, second_curve, low_input = (rise, later_rise, top - (1.0 - _RISES_MEET_SHARE) * span)
-    is_in_range = (first_curve[0] >= low_input) & (first_curve[0] <= min(top, float(second_curve[0].max())))
-    size, answer = first_curve[0][is_in_range], first_curve[1][is_in_range]
+        first_curve, second_curve, low_input = (
+            rise,
+            later_rise,
+            top_input - (1.0 - _MEETING_RISE_FRACTION) * span,
+        )
+    is_in_range = (first_curve[0] >= low_input) & (
+        first_curve[0] <= min(top_input, float(second_curve[0].max()))
+    )
+    size, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if size.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
-    difference = _interpolate(second_curve, size) - answer
-    error = _output_scatter(answer, span, sigma) * (2.0 / size.size) ** 0.5
+    difference = _interpolate(second_curve, size) - output
+    error = _output_scatter(output, span, sigma) * (2.0 / size.size) ** 0.5
     # A difference that varies along the curve is not drift.
     unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
     return float(difference.mean()), max(error, unevenness)
@@ -294,29 +308,29 @@ def _compare_parts(
     rise: _Curve, later_rise: _Curve, fall: _Curve, span: float, drift: tuple[float, float], sigma: _Sigma
 ) -> list[_RiseComparison]:
     """Compare two rises over several parts of the first one, all of which begin at rest."""
-    size, answer = rise
+    size, output = rise
     share = (size - size[0]) / span
     difference, height = (
-        _interpolate(later_rise, size) - answer,
+        _interpolate(later_rise, size) - output,
         _interpolate(fall, size) - _interpolate(later_rise, size),
     )
-    rises = []
+    comparisons = []
     for part in _FIRST_RISE_PARTS:
         is_in_part = share < part
         count = min(np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span))
         if count < _MIN_SAMPLES:
             continue
-        error = _output_scatter(answer[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
+        error = _output_scatter(output[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
         mean = float(difference[is_in_part].mean()) - drift[0]
-        rises.append(
+        comparisons.append(
             _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean()))
         )
-    return rises
+    return comparisons
 
 
-def _output_scatter(answer: FloatArray, span: float, sigma: _Sigma) -> float:
+def _output_scatter(output: FloatArray, span: float, sigma: _Sigma) -> float:
     """Return the standard deviation of the output at equal input, from the noise of both."""
-    return float(np.hypot(sigma[1], float(np.ptp(answer)) / span * sigma[0]))
+    return float(np.hypot(sigma[1], float(np.ptp(output)) / span * sigma[0]))
 
 
 def _interpolate(curve: _Curve, size: FloatArray) -> FloatArray:
@@ -324,13 +338,15 @@ def _interpolate(curve: _Curve, size: FloatArray) -> FloatArray:
     return np.interp(size, curve[0][order], curve[1][order])
 
 
-def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
+def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
     """Return the output where the input last passes its first value in its first direction."""
     parts = find_branches(drive)
     if len(parts) < 2:
         return None
-    later = slice(parts[0].stop - 1, None)
-    outputs_again = find_crossings(drive[later], answer[later], float(drive[0]), rising=parts[0].is_rising)
+    later_rows = slice(parts[0].stop - 1, None)
+    outputs_again = find_crossings(
+        drive[later_rows], output[later_rows], float(drive[0]), rising=parts[0].is_rising
+    )
     if outputs_again.size:
         return float(outputs_again[-1])
     remaining_input, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
@@ -339,4 +355,4 @@ def _output_at_return(drive: FloatArray, answer: FloatArray) -> float | None:
     # A cycle without its last sample ends one step before its start, so it is extrapolated.
     steps_ahead = remaining_input / step if step != 0.0 else 0.0
     steps_ahead = steps_ahead if 0.0 < steps_ahead <= 1.5 else 0.0
-    return float(answer[-1] + steps_ahead * (answer[-1] - answer[-2]))
+    return float(output[-1] + steps_ahead * (output[-1] - output[-2]))

@@ -1,4 +1,4 @@
-"""Inspect measured loops: figures, warnings, gain of a hysteresis model, and plots."""
+"""Inspect measured loops: characteristic values, warnings, benefit of a hysteresis model, plots."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from anhyst.data import estimates
 from anhyst.data.delay import estimate_delay
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.holes import find_holes
-from anhyst.data.initial_history import HistoryProposal, correct_fast_histories, propose_histories
+from anhyst.data.initial_history import HistoryProposal, correct_histories_of_fast_loops, propose_histories
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, find_branches
@@ -124,20 +124,20 @@ class Inspection(Result):
         }
 
     def facts(self) -> dict[str, str]:
-        """Return the verdict and its main figures."""
-        verdict, drive, answer = self.verdict, self.input, self.output
+        """Return the verdict and its main values."""
+        verdict, drive, output = self.verdict, self.input, self.output
         return {
             "worth a hysteresis model": verdict.level,
             "loops": str(len(self.loops)),
             "width": f"{verdict.width:.3g} {drive.unit} ({100 * verdict.width_relative:.2g} %)",
-            "best single-valued curve": f"{verdict.single_mean:.3g} {answer.unit} mean, "
-            f"{verdict.single_worst:.3g} {answer.unit} worst",
-            "noise": f"{verdict.noise_mean:.2g} {answer.unit} mean",
+            "best single-valued curve": f"{verdict.single_mean:.3g} {output.unit} mean, "
+            f"{verdict.single_worst:.3g} {output.unit} worst",
+            "noise": f"{verdict.noise_mean:.2g} {output.unit} mean",
             **({"rate": self.rate} if self.rate else {}),
         }
 
     def to_columns(self) -> dict[str, list[Any]]:
-        """Return the figures of each loop, with units in their names."""
+        """Return the characteristic values of each loop, with units in their names."""
         return rows_to_columns(self.as_dict()["loops"])
 
     def draw(self, ax: Axes) -> None:
@@ -158,11 +158,11 @@ class Inspection(Result):
 
     def _units(self) -> dict[str, str]:
         """Return the unit suffix of each figure that has a unit."""
-        drive, answer = _unit_suffix(self.input), _unit_suffix(self.output)
+        drive, output = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
         names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",
                  "height", "single_mean", "single_worst", "noise_mean")  # fmt: skip
-        units |= dict.fromkeys(names, answer)
+        units |= dict.fromkeys(names, output)
         units |= {"step": "s", "skew": "samples"}
         if self.schedule is not None:
             units["schedule"] = _unit_suffix(self.schedule)
@@ -170,17 +170,17 @@ class Inspection(Result):
 
 
 def inspect(loops: Loops) -> Inspection:
-    """Return the figures of loops, warnings, and the gain of a hysteresis model: `anhyst.inspect`.
+    """Return values of loops, warnings, and the benefit of a hysteresis model: `anhyst.inspect`.
 
     Noise and delay are those of the given samples, so inspect a record before it is thinned.
     """
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     centred, even = recentre(loops)
-    proposals = correct_fast_histories(loops.loops, propose_histories(centred.loops, even=even))
+    proposals = correct_histories_of_fast_loops(loops.loops, propose_histories(centred.loops, even=even))
     widths = [loop_width_and_height(loop, even=even) for loop in centred.loops]
     figures = tuple(
-        _loop_figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
+        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
         for loop, proposal, width in zip(loops.loops, proposals, widths, strict=True)
     )
     bias_text = describe_bias(loops)
@@ -199,7 +199,7 @@ def inspect(loops: Loops) -> Inspection:
     )
 
 
-def _loop_figures(
+def _inspect_loop(
     loop: Loop,
     deviation: FloatArray,
     proposal: HistoryProposal,
@@ -207,9 +207,9 @@ def _loop_figures(
     *,
     even: bool,
 ) -> LoopFigures:
-    proposed, reason = proposal
+    proposed_history, reason = proposal
     centre = None if even else estimates.estimate_offsets(loop)
-    (step, uneven), delay = estimates.measure_sampling(loop), estimate_delay(loop)
+    (step, step_deviation), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -220,7 +220,7 @@ def _loop_figures(
         output_low=float(loop.output.min()),
         output_high=float(loop.output.max()),
         step=step,
-        uneven=uneven,
+        uneven=step_deviation,
         input_offset=centre[0] if centre else None,
         output_offset=centre[1] if centre else None,
         drift=estimates.estimate_drift(loop),
@@ -234,7 +234,7 @@ def _loop_figures(
         single_mean=float(deviation.mean()),
         single_worst=float(deviation.max()),
         history=loop.history,
-        proposed=proposed,
+        proposed=proposed_history,
         reason=reason,
     )
 
@@ -270,7 +270,7 @@ def _unit_suffix(quantity: Quantity) -> str:
 
 
 def _as_json_figures(figures: LoopFigures | Verdict, units: dict[str, str]) -> dict[str, Any]:
-    """Return figures for JSON, with units in the keys."""
+    """Return the values for JSON, with units in the keys."""
     values: dict[str, Any] = {}
     for field in fields(figures):
         value, unit = getattr(figures, field.name), units.get(field.name)

@@ -53,9 +53,9 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     """
     first_part = parts[0]
     for part, role in product(parts[1:], ("input", "output", "schedule")):
-        mine, theirs = getattr(first_part, role), getattr(part, role)
-        if mine != theirs:
-            texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
+        first_values, other_values = getattr(first_part, role), getattr(part, role)
+        if first_values != other_values:
+            texts = [quantity.column if quantity else "none" for quantity in (first_values, other_values)]
             raise InputError(
                 f"{part.source_name}: its {role} is {texts[1]} but that of {first_part.source_name} is "
                 f"{texts[0]}; files that are read together must contain the same quantities",
@@ -67,9 +67,9 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     by_fingerprint: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
     for part in parts:
         for loop in part.loops:
-            snapped = _snap_schedule(loop, values)
-            entry = _Entry(snapped, snapped.schedule_value, part)
-            candidates = by_fingerprint[_fingerprint(snapped)] if entry.is_identifiable else []
+            snapped_loop = _snap_schedule(loop, values)
+            entry = _Entry(snapped_loop, snapped_loop.schedule_value, part)
+            candidates = by_fingerprint[_fingerprint(snapped_loop)] if entry.is_identifiable else []
             twin_source = next(filter(None, (_find_twin(entry, other) for other in candidates)), None)
             if twin_source is None:
                 candidates.append(entry)
@@ -152,8 +152,11 @@ def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
 
 def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
-    ours, theirs = entry.loop, earlier_entry.loop
-    if not (np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)):
+    later_loop, earlier_loop = entry.loop, earlier_entry.loop
+    if not (
+        np.array_equal(later_loop.input, earlier_loop.input)
+        and np.array_equal(later_loop.output, earlier_loop.output)
+    ):
         return None
     if entry.schedule_value != earlier_entry.schedule_value:
         raise InputError(
@@ -234,10 +237,10 @@ def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
     points: list[float] = []
     schedule: list[float | None] = []
     for earlier_loop in earlier:
-        turns = find_turning_points(earlier_loop.input)
-        points += earlier_loop.input[turns].tolist()
+        turning_points = find_turning_points(earlier_loop.input)
+        points += earlier_loop.input[turning_points].tolist()
         same_gap = earlier_loop.schedule_value == loop.schedule_value
-        schedule += [None if same_gap else earlier_loop.schedule_value] * turns.size
+        schedule += [None if same_gap else earlier_loop.schedule_value] * turning_points.size
     return History("settled", tuple(points), tuple(schedule))
 
 
@@ -273,7 +276,7 @@ def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
     parts = [part for part in find_branches(loop.input) if part.is_rising == rising]
     if not parts:
         return None
-    longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
-    size, answer = loop.input[longest.rows], loop.output[longest.rows]
+    longest_branch = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
+    size, output = loop.input[longest_branch.rows], loop.output[longest_branch.rows]
     order = np.argsort(size, kind="stable")
-    return size[order], answer[order]
+    return size[order], output[order]

@@ -45,9 +45,9 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
         _refuse_different_cycles(loopset)
     if len(sources) < 2:
         return
-    largest: dict[float | None, Loop] = {}
+    largest_loops: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
-        larger_loop = largest.setdefault(loop.schedule_value, loop)
+        larger_loop = largest_loops.setdefault(loop.schedule_value, loop)
         if has_blocks and loop.source == larger_loop.source and _are_apart(loop, larger_loop):
             raise InputError(
                 f"{loop.source}: blank lines, remarks or invalid rows separate {len(sources)} "

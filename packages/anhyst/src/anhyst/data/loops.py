@@ -274,16 +274,16 @@ class Loops(Result):
         InputError
             If there is no loop at a value.
         """
-        requested = [values] if isinstance(values, int | float) else list(values)
+        requested_values = [values] if isinstance(values, int | float) else list(values)
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
-        selected: set[float] = set()
-        for value in requested:
+        selected_values: set[float] = set()
+        for value in requested_values:
             matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not matching_values:
                 value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
                 raise InputError(f"no loop at {value:g}; there are: {value_list}", code="no-such-loop")
-            selected |= matching_values
-        loops = tuple(loop for loop in self.loops if loop.schedule_value in selected)
+            selected_values |= matching_values
+        loops = tuple(loop for loop in self.loops if loop.schedule_value in selected_values)
         return replace(self, loops=loops)
 
     def without(self, value: float) -> Loops:
@@ -348,12 +348,12 @@ class Loops(Result):
     def facts(self) -> dict[str, str]:
         """Return the numbers of loops and samples, the ranges, and the scheduling values."""
         drive = [end for loop in self.loops for end in (loop.input.min(), loop.input.max())]
-        answer = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
+        output = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
         facts = {
             "loops": str(len(self)),
             "samples": str(sum(loop.n for loop in self.loops)),
             self.input.name: range_text(min(drive), max(drive), self.input.unit),
-            self.output.name: range_text(min(answer), max(answer), self.output.unit),
+            self.output.name: range_text(min(output), max(output), self.output.unit),
         }
         if self.schedule is not None:
             values = self.schedule_values

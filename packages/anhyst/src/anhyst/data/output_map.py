@@ -86,10 +86,10 @@ def name_full_scale(output: Quantity, size: float | None = None) -> str:
     return f"{words} ({scale * size:.5g} {unit})"
 
 
-def measured_quantity(drive: Quantity, answer: Quantity) -> Quantity:
+def measured_quantity(drive: Quantity, output: Quantity) -> Quantity:
     """Return the quantity of an output for a drive; strain of a magnetised body is even."""
-    name = output_map(answer).magnetised_name
-    return QUANTITIES[name] if name and drive.name in {"current", "field"} else answer
+    name = output_map(output).magnetised_name
+    return QUANTITIES[name] if name and drive.name in {"current", "field"} else output
 
 
 class Device(Protocol):

@@ -58,20 +58,20 @@ def find_turning_points(values: FloatArray, threshold: float | None = None) -> N
     extremes = _find_local_extremes(values)
     heights = values[extremes].tolist()
     reversals = [0]
-    lowest = highest = direction = 0
+    lowest_row = highest_row = direction = 0
     for index, height in enumerate(heights):
-        if direction <= 0 and height < heights[lowest]:
-            lowest = index
-        if direction >= 0 and height > heights[highest]:
-            highest = index
-        if direction <= 0 and height - heights[lowest] > threshold:
-            reversals.append(lowest)
-            direction, highest = 1, index
-        elif direction >= 0 and heights[highest] - height > threshold:
-            reversals.append(highest)
-            direction, lowest = -1, index
-    selected = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
-    return extremes[selected]
+        if direction <= 0 and height < heights[lowest_row]:
+            lowest_row = index
+        if direction >= 0 and height > heights[highest_row]:
+            highest_row = index
+        if direction <= 0 and height - heights[lowest_row] > threshold:
+            reversals.append(lowest_row)
+            direction, highest_row = 1, index
+        elif direction >= 0 and heights[highest_row] - height > threshold:
+            reversals.append(highest_row)
+            direction, lowest_row = -1, index
+    selected_rows = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
+    return extremes[selected_rows]
 
 
 def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
@@ -88,14 +88,14 @@ def find_crossings(values: FloatArray, other: FloatArray, level: float, *, risin
 
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
-    """Return where samples can be measured: not NaN, infinite or above `MAX_MEASURED_VALUE`."""
+    """Return a mask of samples that can be measured values: finite, at most `MAX_MEASURED_VALUE`."""
     return np.asarray(np.abs(values) <= MAX_MEASURED_VALUE)
 
 
 _MIN_MARK_DISTANCE = 10.0
 """Minimum distance of an overrange mark from the other values, in ranges of them, if it repeats."""
 _MIN_KNOWN_MARK_DISTANCE = 2.0
-"""The same for a number that instruments are known to use as a mark."""
+"""The same distance for a number that instruments are known to use as an overrange mark."""
 _MAX_MARK_SHARE = 0.2
 _MAX_PLAIN_NUMBER = 1e16
 _MIN_OTHER_SAMPLES = 8
@@ -112,14 +112,14 @@ def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
     In an output, any repeated value of this kind is a mark. An input may consist of pulses, so only
     known marks count.
     """
-    measured = values[are_measured(values)]
-    if measured.size < 2 * _MIN_OTHER_SAMPLES:
+    measured_values = values[are_measured(values)]
+    if measured_values.size < 2 * _MIN_OTHER_SAMPLES:
         return None
-    for mark in (float(measured.max()), float(measured.min())):
-        is_mark = measured == mark
+    for mark in (float(measured_values.max()), float(measured_values.min())):
+        is_mark = measured_values == mark
         count = int(np.count_nonzero(is_mark))
-        other_values = measured[~is_mark]
-        if other_values.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured.size:
+        other_values = measured_values[~is_mark]
+        if other_values.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured_values.size:
             continue
         span = float(np.ptp(other_values))
         distance = float(np.min(np.abs(other_values - mark)))
@@ -171,11 +171,11 @@ def find_time_reversal(time: FloatArray) -> int | None:
 
 def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
     """Return the indices of the ends and of every local extreme (the first of equal samples)."""
-    moving = np.flatnonzero(np.diff(values) != 0.0)
-    if moving.size == 0:
+    moving_rows = np.flatnonzero(np.diff(values) != 0.0)
+    if moving_rows.size == 0:
         return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
-    up = values[moving + 1] > values[moving]
-    inner_extremes = moving[np.flatnonzero(up[1:] != up[:-1])] + 1
+    up = values[moving_rows + 1] > values[moving_rows]
+    inner_extremes = moving_rows[np.flatnonzero(up[1:] != up[:-1])] + 1
     return np.unique(np.concatenate(([0], inner_extremes, [values.size - 1]))).astype(np.intp)
 
 
@@ -192,8 +192,8 @@ def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = N
     """
     if drive.size <= max_samples:
         return np.arange(drive.size)
-    nearest = _spread_evenly(_travel(drive), max_samples)
-    rows = np.union1d(nearest, find_turning_points(drive))
+    nearest_rows = _spread_evenly(_travel(drive), max_samples)
+    rows = np.union1d(nearest_rows, find_turning_points(drive))
     steps = np.zeros(1) if output is None else np.abs(np.diff(output[rows]))
     if output is None or steps.max() <= _MAX_STEP_SHARE * np.ptp(output):
         return rows
@@ -211,8 +211,8 @@ def _travel(values: FloatArray) -> FloatArray:
 
 def _spread_evenly(travel: FloatArray, count: int) -> NDArray[np.intp]:
     """Return the indices of ``count`` samples, evenly spaced along a travel."""
-    nearest = np.searchsorted(travel, np.linspace(travel[0], travel[-1], count))
-    return np.clip(nearest, 0, travel.size - 1)
+    nearest_rows = np.searchsorted(travel, np.linspace(travel[0], travel[-1], count))
+    return np.clip(nearest_rows, 0, travel.size - 1)
 
 
 _MIN_BRANCH_SHARE = 0.05
@@ -243,13 +243,13 @@ class Branch:
 def find_branches(drive: FloatArray) -> list[Branch]:
     """Cut a record into branches at its reversals; neighbours share the turning point."""
     wobble = _MIN_BRANCH_SHARE * float(np.ptp(drive))
-    turns = find_turning_points(drive, wobble).tolist()
+    turning_points = find_turning_points(drive, wobble).tolist()
     # Wobble before the drive starts or after it has returned is not a branch.
-    while len(turns) > 2 and abs(drive[turns[1]] - drive[0]) <= wobble:
-        del turns[1]
-    while len(turns) > 2 and abs(drive[turns[-2]] - drive[-1]) <= wobble:
-        del turns[-2]
-    return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in itertools.pairwise(turns)]
+    while len(turning_points) > 2 and abs(drive[turning_points[1]] - drive[0]) <= wobble:
+        del turning_points[1]
+    while len(turning_points) > 2 and abs(drive[turning_points[-2]] - drive[-1]) <= wobble:
+        del turning_points[-2]
+    return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in itertools.pairwise(turning_points)]
 
 
 def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
@@ -263,21 +263,21 @@ def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, B
     ]
 
 
-def average_in_bins(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
+def average_in_bins(drive: FloatArray, output: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
     """Return the means of input and output in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
     bin_of = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
     number = np.bincount(bin_of, minlength=count)
-    filled = number > 0
-    x = np.bincount(bin_of, weights=drive, minlength=count)[filled] / number[filled]
-    y = np.bincount(bin_of, weights=answer, minlength=count)[filled] / number[filled]
+    is_filled = number > 0
+    x = np.bincount(bin_of, weights=drive, minlength=count)[is_filled] / number[is_filled]
+    y = np.bincount(bin_of, weights=output, minlength=count)[is_filled] / number[is_filled]
     return x, y
 
 
-def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
+def smooth_curve(drive: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a binned curve through samples, extrapolated linearly to both ends."""
-    x, y = average_in_bins(drive, answer, 60)
+    x, y = average_in_bins(drive, output, 60)
     if x.size < 2:
         return x, y
     slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
@@ -289,16 +289,16 @@ def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, Flo
 
 
 def branch_separation(
-    drive: FloatArray, answer: FloatArray, first: Branch, second: Branch
+    drive: FloatArray, output: FloatArray, first_branch: Branch, second_branch: Branch
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return an input grid and the output of the falling branch minus that of the rising branch.
 
     The difference is positive if the loop loses energy. ``None`` if the branches have no common
     input.
     """
-    up, down = (first, second) if first.is_rising else (second, first)
-    x1, y1 = average_in_bins(drive[up.rows], answer[up.rows])
-    x2, y2 = average_in_bins(drive[down.rows], answer[down.rows])
+    up, down = (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)
+    x1, y1 = average_in_bins(drive[up.rows], output[up.rows])
+    x2, y2 = average_in_bins(drive[down.rows], output[down.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     if high <= low:
         return None
@@ -317,9 +317,9 @@ def is_negative(drive: FloatArray) -> bool:
     return not is_bipolar(drive) and float(drive.min()) < -abs(float(drive.max()))
 
 
-def correlation(first: FloatArray, second: FloatArray) -> float:
+def correlation(x: FloatArray, y: FloatArray) -> float:
     """Return the correlation coefficient of two signals; 0 if one is constant."""
-    a, b = first - first.mean(), second - second.mean()
+    a, b = x - x.mean(), y - y.mean()
     scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
     return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
 
@@ -419,9 +419,9 @@ class History:
         points: list[float] = []
         schedule: list[float | None] = []
         try:
-            for stretch in points_text.split(";") if colon else ():
-                turns, at_sign, value = stretch.partition("@")
-                points += [float(point) for point in turns.split(",")]
+            for points_part in points_text.split(";") if colon else ():
+                reversals_text, at_sign, value = points_part.partition("@")
+                points += [float(point) for point in reversals_text.split(",")]
                 schedule_value = float(value) if at_sign else None
                 schedule += [schedule_value] * (len(points) - len(schedule))
         except ValueError:
@@ -442,11 +442,11 @@ class History:
         if not self.turning_points:
             return self.kind
         pairs = zip(self.turning_points, self.schedule_at_points(None), strict=True)
-        stretches = []
-        for value, stretch in groupby(pairs, key=lambda pair: pair[1]):
-            points = ",".join(repr(float(point)) for point, _ in stretch)
-            stretches.append(points if value is None else f"{points}@{float(value)!r}")
-        return f"{self.kind}:{';'.join(stretches)}"
+        texts = []
+        for value, points_part in groupby(pairs, key=lambda pair: pair[1]):
+            points = ",".join(repr(float(point)) for point, _ in points_part)
+            texts.append(points if value is None else f"{points}@{float(value)!r}")
+        return f"{self.kind}:{';'.join(texts)}"
 
 
 HistoryLike = History | str | Sequence[float] | FloatArray

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.estimates import TO_SIGMA
+from anhyst.data.estimates import MAD_TO_SIGMA
 from anhyst.data.path import find_runs, reversal_count
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
@@ -31,7 +31,7 @@ _MAX_DISTANCE_SIGMAS = 6.0
 _MAX_LOST_SHARE = 0.1
 """Fraction of the record between the plateaus above which the input must be constant there."""
 _MIN_INPUT_SHARE = 0.3
-"""Minimum part of the input range in a plateau."""
+"""Minimum range of the input during a plateau, as a fraction of its range in the record."""
 _MIN_REVERSAL_SHARE = 0.1
 
 
@@ -78,7 +78,10 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
         # If the input is constant wherever the gap changes, no loop is cut, however many rows are
         # lost.
         span = float(np.ptp(drive))
-        if any(np.ptp(drive[moved]) > _MIN_REVERSAL_SHARE * span for moved in find_runs(plateau_of_row < 0)):
+        if any(
+            np.ptp(drive[moving_rows]) > _MIN_REVERSAL_SHARE * span
+            for moving_rows in find_runs(plateau_of_row < 0)
+        ):
             return None
     return Plateaus(
         rows,
@@ -109,14 +112,14 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
 
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
     steps = np.abs(np.diff(values))
-    noise = TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
+    noise = MAD_TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
     noise = max(noise, float(np.mean(steps)) / 2.0)
-    smooth = uniform_filter1d(values, width, mode="nearest")
+    smooth_values = uniform_filter1d(values, width, mode="nearest")
     max_change = _MAX_DRIFT * float(np.median(np.abs(values))) + _MAX_DISTANCE_SIGMAS * noise / math.sqrt(
         width
     )
-    later_average = np.concatenate((smooth[width:], np.full(width, smooth[-1])))
-    is_still = np.abs(later_average - smooth) <= max_change
+    later_average = np.concatenate((smooth_values[width:], np.full(width, smooth_values[-1])))
+    is_still = np.abs(later_average - smooth_values) <= max_change
     is_still[width:] &= is_still[:-width].copy()
     plateaus = []
     for rows in find_runs(is_still):
@@ -124,7 +127,7 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
             continue
         plateau_values = values[rows]
         mean, sigma = float(np.mean(plateau_values)), float(np.std(plateau_values))
-        swing = float(np.ptp(smooth[rows]))
+        swing = float(np.ptp(smooth_values[rows]))
         if swing > 2.0 * max_change:
             return []
         plateaus.append(_Plateau(rows, mean, sigma))

@@ -57,22 +57,22 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
     loopset, is_even_output = recentre(loopset)
-    answer = output_map(loopset.output)
-    largest: dict[float | None, Loop] = {}  # key: gap; None if it changes or there is none
+    output = output_map(loopset.output)
+    largest_loops: dict[float | None, Loop] = {}  # key: gap; None if it changes or there is none
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
-        largest.setdefault(loop.schedule_value, loop)
+        largest_loops.setdefault(loop.schedule_value, loop)
     for loop in loopset.loops:
         name = loopset.describe(loop)
-        is_largest = loop is largest[loop.schedule_value]
-        if answer.is_even and is_largest:
+        is_largest = loop is largest_loops[loop.schedule_value]
+        if output.is_even and is_largest:
             _check_force_sign(loopset, loop, name)
             # A biased force starts with a slope.
             if loopset.input.name == "current" and (is_even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
-        if answer.is_flux_based and not answer.is_even and correlation(loop.input, loop.output) < -0.5:
-            what = loopset.output.name.replace("_", " ")
+        if output.is_flux_based and not output.is_even and correlation(loop.input, loop.output) < -0.5:
+            output_name = loopset.output.name.replace("_", " ")
             raise InputError(
-                f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
+                f"{name}: the {output_name} falls as the {loopset.input.name} grows; reverse the sign "
                 f"of one: --flip {loopset.output.symbol}",
                 code="flux-falls",
                 key=name,
@@ -89,18 +89,18 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
 def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
     """Warn of an output that is constant at its extreme while the input changes."""
     warnings = []
-    for extreme in (float(loop.output.max()), float(loop.output.min())):
+    for extreme_output in (float(loop.output.max()), float(loop.output.min())):
         spans = [
             float(np.ptp(loop.input[rows]))
-            for rows in find_runs(loop.output == extreme)
+            for rows in find_runs(loop.output == extreme_output)
             if rows.stop - rows.start >= _MIN_CLIPPED_SAMPLES
         ]
-        share = max(spans, default=0.0) / (float(np.ptp(loop.input)) or 1.0)
-        if extreme != 0.0 and share > _MIN_CLIPPED_SHARE:
+        range_fraction = max(spans, default=0.0) / (float(np.ptp(loop.input)) or 1.0)
+        if extreme_output != 0.0 and range_fraction > _MIN_CLIPPED_SHARE:
             output = loopset.output
             warnings.append(
-                f"{name}: the {output.name.replace('_', ' ')} is constant at {extreme:.6g} {output.unit} "
-                f"over {share:.0%} of the {loopset.input.name}'s range: the sensor is clipped, and "
+                f"{name}: the {output.name.replace('_', ' ')} is constant at {extreme_output:.6g} {output.unit} "
+                f"over {range_fraction:.0%} of the {loopset.input.name}'s range: the sensor is clipped, and "
                 "the model will be wrong there; measure again with a larger range of the sensor"
             )
     return warnings
@@ -134,24 +134,27 @@ def _check_magnitude(loopset: Loops) -> list[str]:
     """Warn of a quantity whose largest value is outside the range of actuators."""
     warnings = []
     for quantity, name in ((loopset.input, "input"), (loopset.output, "output")):
-        largest = max(float(np.max(np.abs(getattr(loop, name)))) for loop in loopset.loops)
-        if quantity.name not in _PLAUSIBLE_RANGES or largest == 0.0:
+        largest_value = max(float(np.max(np.abs(getattr(loop, name)))) for loop in loopset.loops)
+        if quantity.name not in _PLAUSIBLE_RANGES or largest_value == 0.0:
             continue
         min_plausible, max_plausible, unit_if_small, unit_if_large = _PLAUSIBLE_RANGES[quantity.name]
-        if not min_plausible <= largest <= max_plausible:
-            value_text = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
-            unit = unit_if_small if largest < min_plausible else unit_if_large
+        if not min_plausible <= largest_value <= max_plausible:
+            value_text = f"{quantity.name.replace('_', ' ')} is {largest_value:.4g} {quantity.unit}"
+            unit = unit_if_small if largest_value < min_plausible else unit_if_large
             warnings.append(f"the largest {value_text}, which is implausible; are the numbers in {unit}?")
     return warnings
 
 
 def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
-    lowest, highest = float(loop.output.min()), float(loop.output.max())
-    if -lowest <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
+    lowest_output, highest_output = float(loop.output.min()), float(loop.output.max())
+    if -lowest_output <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
         return
-    falls = correlation(loop.input**2, loop.output) < -0.5
-    if falls or highest <= 0.0 or -lowest > 5.0 * highest:
-        drive, force_range = (loopset.input.name, f"{lowest:.4g} to {highest:.4g} {loopset.output.unit}")
+    is_falling = correlation(loop.input**2, loop.output) < -0.5
+    if is_falling or highest_output <= 0.0 or -lowest_output > 5.0 * highest_output:
+        drive, force_range = (
+            loopset.input.name,
+            f"{lowest_output:.4g} to {highest_output:.4g} {loopset.output.unit}",
+        )
         if is_negative(loop.input):
             raise InputError(
                 f"{name}: the force is negative ({force_range}), and so is the {drive}; attraction must be "
@@ -183,9 +186,11 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
         return
     # If a loop loses energy, its falling branch is the upper one.
     branch_to_reverse = later_branch if float(np.mean(distance[1])) > 0.0 else branch
-    top = float(np.max(np.abs(ends)))
+    largest_end = float(np.max(np.abs(ends)))
     is_closed = abs(loop.output[branch.start] - loop.output[later_branch.start]) < min_distance
-    history_option = "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
+    history_option = (
+        "" if is_closed else f" and use --history conditioned:{largest_end:g},{-largest_end:g},{ends.min():g}"
+    )
     raise InputError(
         f"{name}: the {loopset.input.name} jumps from {ends[0]:.4g} to {ends[1]:.4g} "
         f"{loopset.input.unit} and then runs in the same direction again: the table lists both "
@@ -197,11 +202,11 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
 
 
 def _check_swap(loop: Loop, name: str) -> list[str]:
-    drive, answer = loop.input, loop.output
-    if not is_bipolar(drive) and is_bipolar(answer):
-        square_correlation = correlation(drive, answer**2)
+    drive, output = loop.input, loop.output
+    if not is_bipolar(drive) and is_bipolar(output):
+        square_correlation = correlation(drive, output**2)
         if (
-            abs(correlation(drive, answer)) < _MAX_SWAPPED_CORRELATION
+            abs(correlation(drive, output)) < _MAX_SWAPPED_CORRELATION
             and square_correlation > _MIN_SQUARE_CORRELATION
         ):
             raise InputError(
@@ -230,8 +235,8 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
     The input is folded to one sign, and the noise is subtracted. ``None`` if the record cannot show
     it.
     """
-    inputs, answer = fold_input(loop, even=True)
-    if is_bipolar(loop.input) and is_bipolar(answer):
+    inputs, output = fold_input(loop, even=True)
+    if is_bipolar(loop.input) and is_bipolar(output):
         return None
     span = float(np.ptp(inputs))
     if float(inputs.min()) > 0.05 * float(inputs.max()):
@@ -241,29 +246,29 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
         is_near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
         if np.count_nonzero(is_near) < 2:
             return None
-        heights.append(float(np.mean(answer[is_near])))
-        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(is_near))
+        heights.append(float(np.mean(output[is_near])))
+        variances.append(estimate_noise(output) ** 2 / np.count_nonzero(is_near))
     next_slope = (heights[2] - heights[1]) / 0.2
     uncertainty = _MIN_SIGMAS * float(np.sqrt(variances[0] + variances[1]))
     first_slope = (heights[1] - heights[0] - uncertainty) / 0.1
-    return None if next_slope <= 0.02 * float(np.ptp(answer)) else first_slope / next_slope
+    return None if next_slope <= 0.02 * float(np.ptp(output)) else first_slope / next_slope
 
 
 def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
     """Warn of a loop in the wrong direction: it would gain energy."""
     if not output_map(loopset.output).is_flux_based or not loop.reverses:
         return []
-    inputs, answer = fold_input(loop, even=even)
-    height = float(np.ptp(answer))
+    inputs, output = fold_input(loop, even=even)
+    height = float(np.ptp(output))
     total = weight = variance = 0.0
     for branch, next_branch in itertools.pairwise(find_branches(inputs)):
-        width = branch_separation(inputs, answer, branch, next_branch)
+        width = branch_separation(inputs, output, branch, next_branch)
         if width is not None:
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
             samples = min(part.size for part in (branch, next_branch))
-            variance += 2.0 * (share * estimate_noise(answer)) ** 2 / samples
+            variance += 2.0 * (share * estimate_noise(output)) ** 2 / samples
     # Noise of the sensor can explain the sign of a narrow loop.
     if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):
         return [

@@ -59,23 +59,23 @@ def advise_mapping(
     headers: Sequence[Header], *missing: Sequence[str], skip: Collection[int] = (), min_score: int = -8
 ) -> str:
     """Return the advice how to map the likeliest columns to the missing quantities."""
-    found = find_likely_columns(headers, missing, skip, min_score)
+    likely_columns = find_likely_columns(headers, missing, skip, min_score)
     note = _note_formulas(headers)
-    if not found:
+    if not likely_columns:
         return note
-    for column, name in found:
-        if rivals := _find_rivals(headers, column, name, found, skip):
+    for column, name in likely_columns:
+        if rival_columns := _find_rivals(headers, column, name, likely_columns, skip):
             # Several columns are possible. The user must choose, one quantity at a time.
-            choices = [_mapping_options(headers, [(one, name)]) for one in (column, *rivals)]
+            choices = [_mapping_options(headers, [(one, name)]) for one in (column, *rival_columns)]
             choice_text = name.replace("_", " ")
             choice_text += f": {' or '.join(choices[:_MAX_CHOICES])}"
             return f"{note}; or state which one is the {choice_text}"
-    doubted = [f"'{headers[column].text}'" for column, _ in found
+    doubtful_columns = [f"'{headers[column].text}'" for column, _ in likely_columns
                if has_qualifier(headers[column].name)]  # fmt: skip
-    object_text = "it" if len(found) == 1 else "them"
-    if doubted:
-        object_text = f"{object_text}, if {' and '.join(doubted)} can replace the measured value"
-    return f"{note}; or map {object_text}: {_mapping_options(headers, found)}"
+    object_text = "it" if len(likely_columns) == 1 else "them"
+    if doubtful_columns:
+        object_text = f"{object_text}, if {' and '.join(doubtful_columns)} can replace the measured value"
+    return f"{note}; or map {object_text}: {_mapping_options(headers, likely_columns)}"
 
 
 def _note_formulas(headers: Sequence[Header]) -> str:
@@ -95,11 +95,11 @@ def _is_doubted(header: Header) -> bool:
 def _mapping_options(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with placeholders for unknown scales."""
     pairs = [(headers[column], name) for column, name in found]
-    mapped = current_mapping(headers)
-    mapped |= {header.text: _target_column(header, name) for header, name in pairs}
+    current_columns = current_mapping(headers)
+    current_columns |= {header.text: _target_column(header, name) for header, name in pairs}
     scales = {header.text: _scale_for_quantity(header, name) for header, name in pairs}
-    unknown = {name: text for name, text in scales.items() if text}
-    return format_option("columns", mapped) + scale_advice(headers, unknown)
+    unknown_scales = {name: text for name, text in scales.items() if text}
+    return format_option("columns", current_columns) + scale_advice(headers, unknown_scales)
 
 
 def current_mapping(headers: Sequence[Header]) -> dict[str, str]:
@@ -134,10 +134,10 @@ def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
     """Return the option for scales that the file does not state; empty if none is missing."""
     if not unknown:
         return ""
-    stated = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
+    stated_scales = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
     words = [word for word in dict.fromkeys(unknown.values()) if word[-1].isalpha() or "_" in word]
     number = "a number" if len(unknown) == 1 else "numbers"
-    text = f" {format_option('scale', stated | unknown)}"
+    text = f" {format_option('scale', stated_scales | unknown)}"
     return f"{text} with {number} in place of {' and '.join(words)}" if words else text
 
 
@@ -182,7 +182,9 @@ def find_likely_columns(
             if _can_hold(headers[index], name)
         ]
         # Of equal scores, max returns the first.
-        score, best_column, name = max(pool, key=lambda scored: scored[0], default=(min_score - 1, 0, ""))
+        score, best_column, name = max(
+            pool, key=lambda scored_column: scored_column[0], default=(min_score - 1, 0, "")
+        )
         if score >= min_score:
             free_columns.remove(best_column)
             candidates.append((best_column, name))
@@ -211,12 +213,12 @@ def _is_piezo(headers: Sequence[Header]) -> bool:
 
 
 def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
-    """Return the advice how to map a column whose unit is missing or contradictory."""
+    """Return advice on mapping a column whose unit is missing or contradictory."""
     name = header.quantity.name if header.quantity else ""
     if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
         targets = [f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict]
-        mapped = current_mapping(headers)
-        choices = [format_option("columns", mapped | {header.text: target}) for target in targets]
+        current_columns = current_mapping(headers)
+        choices = [format_option("columns", current_columns | {header.text: target}) for target in targets]
         return f"; state which one is correct: {' or '.join(choices)}"
     if name in QUANTITIES and header.unit is not None and header.unit.dimension == "number":
         unit = QUANTITIES[name].unit
@@ -256,10 +258,10 @@ def mapping_option(header: Header, name: str, headers: Sequence[Header]) -> str:
 
 def selection_option(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
-    mapped = current_mapping(headers)
+    current_columns = current_mapping(headers)
     same_quantity = [other for other in headers if other.quantity == header.quantity]
-    certain = {other.text: "" for other in same_quantity if other.is_certain and other is not header}
-    return format_option("columns", mapped | certain | {header.text: header.name})
+    certain_headers = {other.text: "" for other in same_quantity if other.is_certain and other is not header}
+    return format_option("columns", current_columns | certain_headers | {header.text: header.name})
 
 
 def needs_scale(header: Header, dimension: str) -> bool:
@@ -326,8 +328,8 @@ def _likeness_score(header: Header, name: str) -> int:
     """Return how well a column matches a quantity, by its name, its unit and other hints."""
     if header.quantity is not None and header.quantity.name == name:
         return 2 * _UNIT_SCORE
-    suggested = _suggested_quantities(header)
-    score = _NAME_SCORE if name in suggested else -_NAME_SCORE if suggested else 0
+    suggested_quantities = _suggested_quantities(header)
+    score = _NAME_SCORE if name in suggested_quantities else -_NAME_SCORE if suggested_quantities else 0
     score += is_measured(header.name) - _DOUBT_PENALTY * _is_doubted(header)
     if name in DRIVE_QUANTITIES and is_sensor(header.name):
         score -= 2 * _UNIT_SCORE

@@ -26,7 +26,7 @@ from anhyst.data.file_names import (
 from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
-from anhyst.data.initial_history import correct_fast_histories, propose_histories
+from anhyst.data.initial_history import correct_histories_of_fast_loops, propose_histories
 from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_files
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
@@ -71,7 +71,7 @@ _DEFAULT_LABEL = "1"
 class _Columns:
     """Columns of one source in SI units, before they are split into loops.
 
-    ``locate_row`` returns the place of a row as text.
+    ``locate_row`` returns the location of a row in its file as text.
     """
 
     source_name: str
@@ -215,8 +215,8 @@ def _read_table(
     )
     role_columns = (roles.input, roles.output, roles.time, roles.schedule)
     selection_columns = {name: find_column(source_name, headers, name) for name in description.select}
-    unlabelled = roles.unused if roles.label is None and roles.constant_label is None else ()
-    first_fields = {index: [row[index] for row in first_rows] for index in unlabelled}
+    possible_label_columns = roles.unused if roles.label is None and roles.constant_label is None else ()
+    first_fields = {index: [row[index] for row in first_rows] for index in possible_label_columns}
     label_candidates = [index for index, first in first_fields.items() if can_be_label(headers[index], first)]
     text_indices = {
         *selection_columns.values(),
@@ -232,9 +232,9 @@ def _read_table(
     )
     _ask_about_hidden_gap(used, roles, text_columns)
     used, schedule, schedule_notes = _read_schedule(used, roles)
-    drive, answer = used.si_values(roles.input), used.si_values(roles.output)
+    drive, output = used.si_values(roles.input), used.si_values(roles.output)
     candidates = {index: used.texts(index) for index in label_candidates}
-    label = find_label(source_name, headers, candidates, drive, answer, schedule)
+    label = find_label(source_name, headers, candidates, drive, output, schedule)
     if label is not None:
         unused_columns = tuple(index for index in roles.unused if index != label)
         roles = replace(roles, label=label, unused=unused_columns, is_label_inferred=True)
@@ -250,7 +250,7 @@ def _read_table(
     labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
     time = None if roles.time is None else used.si_values(roles.time)
-    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.locate_row)
+    columns = _Columns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     part = _cut_into_loops(
         columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
@@ -268,8 +268,8 @@ def _row_labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
     """
     if roles.label is not None:
         return used.texts(roles.label)
-    own = _DEFAULT_LABEL if roles.schedule_quantity is not None else name
-    return Texts((roles.constant_label or own,), np.zeros(count, np.int32))
+    default_label = _DEFAULT_LABEL if roles.schedule_quantity is not None else name
+    return Texts((roles.constant_label or default_label,), np.zeros(count, np.int32))
 
 
 def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
@@ -287,12 +287,12 @@ def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
 
 def _can_use_stated_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
     """Whether a gap in comments can be the scheduling variable."""
-    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     return (
         roles.schedule_quantity is None
         and description.schedule in (None, "gap")
-        and answer is not None
-        and answer.name in _GAP_DEPENDENT_OUTPUTS
+        and output is not None
+        and output.name in _GAP_DEPENDENT_OUTPUTS
         and drive != QUANTITIES["field"]
     )
 
@@ -379,10 +379,10 @@ def _cut_into_loops(
     notes: Sequence[str],
 ) -> SourceLoops:
     """Split the columns of one source into loops, by label and scheduling value."""
-    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
-    assert answer is not None
-    answer = measured_quantity(drive, answer)
+    assert output is not None
+    output = measured_quantity(drive, output)
     quantity, remarks = roles.schedule_quantity, [*roles.notes(headers), *notes]
     blocks = _group_rows(columns)
     is_moving = columns.schedule is not None and any(np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks)
@@ -400,14 +400,14 @@ def _cut_into_loops(
         if loop.schedule_value is not None and label_counts[loop.label, loop.schedule_value] > 1:
             count = label_counts[loop.label, loop.schedule_value]
             loop = replace(loop, label=f"{loop.label}-{count}")  # repeated gap
-        stated: History | None = description.histories.get(loop.label, description.history)
-        loops.append(loop if stated is None else replace(loop, history=stated))
-        without_history += [index] if stated is None else []
+        stated_history: History | None = description.histories.get(loop.label, description.history)
+        loops.append(loop if stated_history is None else replace(loop, history=stated_history))
+        without_history += [index] if stated_history is None else []
     return SourceLoops(
         columns.source_name,
         tuple(loops),
         drive,
-        answer,
+        output,
         quantity,
         source,
         tuple(f"{columns.source_name}: {text}" for text in remarks),
@@ -420,15 +420,17 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     """Propose histories from the data where none was stated, and add notes."""
     loops = [loop for part in parts for loop in part.loops]
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
-    unknown = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
-    proposed = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
+    loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
+    proposed = iter(
+        propose_histories(loops_without_history, even=are_even(loops_without_history, parts[0].output))
+    )
     initial = [
         next(proposed) if is_unknown else (loop.history, "stated")
         for loop, is_unknown in zip(loops, is_unstated, strict=True)
     ]
-    carried = zip(correct_fast_histories(loops, initial), is_unstated, strict=True)
-    proposals = (proposal for proposal, is_unknown in carried if is_unknown)
-    completed = []
+    corrected_proposals = zip(correct_histories_of_fast_loops(loops, initial), is_unstated, strict=True)
+    proposals = (proposal for proposal, is_unknown in corrected_proposals if is_unknown)
+    completed_loops = []
     for part in parts:
         part_loops, notes = list(part.loops), list(part.notes)
         for index in sorted(part.without_history):
@@ -444,8 +446,8 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
         ordered = add_earlier_loops(part_loops, across_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
             notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
-        completed.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
-    return completed
+        completed_loops.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
+    return completed_loops
 
 
 def _group_rows(columns: _Columns) -> list[Rows]:
@@ -520,8 +522,8 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
             code="time-backwards",
         )
     time = time if columns.has_times else None
-    drive, answer = select(columns.input), select(columns.output)
+    drive, output = select(columns.input), select(columns.output)
     try:
-        return Loop(label, drive, answer, schedule, time, source=columns.source_name)
+        return Loop(label, drive, output, schedule, time, source=columns.source_name)
     except InputError as error:
         raise error.with_location(columns.source_name) from None

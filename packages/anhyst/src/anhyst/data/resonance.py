@@ -26,7 +26,7 @@ MAX_DAMPING = 0.25
 MIN_DAMPING = 5e-4
 """Minimum damping ratio of a mechanical resonance; mains hum has less."""
 MIN_SINE_POWER_SHARE = 0.997
-"""Minimum share of one frequency in the power of a sine; a triangle has 0.986."""
+"""Minimum fraction of the power of a sine at one frequency; the fraction of a triangle is 0.986."""
 MIN_FORCED_SHARE = 0.3
 """Minimum part of the output near a resonance that the input excites, as an amplitude ratio."""
 _LINE_WIDTH_SHARE = 0.2
@@ -73,7 +73,7 @@ def describe_resonance(loopset: Loops) -> str:
 def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
     """Yield a loop at its sampling rate, then repeatedly at half of the previous rate."""
     record = resample_evenly(loop)
-    if record is None or _is_sine(record.limited_to(_MAX_WINDOW_SAMPLES).drive):
+    if record is None or _is_sine(record.average_to_sample_limit(_MAX_WINDOW_SAMPLES).drive):
         return
     while record.drive.size >= _MIN_SAMPLES:
         yield record.first_samples(_MAX_WINDOW_SAMPLES)
@@ -83,12 +83,12 @@ def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
 def _is_sine(drive: FloatArray) -> bool:
     """Whether an input has only one frequency, from which no resonance can be identified."""
     window = np.hanning(drive.size)
-    power = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
-    line = int(np.argmax(power))
+    power_spectrum = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
+    line = int(np.argmax(power_spectrum))
     line_range = slice(
         max(int((1.0 - _LINE_WIDTH_SHARE) * line) - 2, 0), int((1.0 + _LINE_WIDTH_SHARE) * line) + 4
     )
-    return float(np.sum(power[line_range])) > MIN_SINE_POWER_SHARE * float(np.sum(power))
+    return float(np.sum(power_spectrum[line_range])) > MIN_SINE_POWER_SHARE * float(np.sum(power_spectrum))
 
 
 def _propose_frequency(record: EvenRecord) -> float | None:
@@ -122,10 +122,14 @@ def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] |
         coefficients = (
             np.linalg.lstsq(rows / column_norms, np.concatenate([target.real, target.imag]))[0] / column_norms
         )
-        previous, denominator = denominator, tuple(coefficients[:2].tolist())
+        previous_denominator, denominator = denominator, tuple(coefficients[:2].tolist())
         if denominator[0] <= 0.0 or denominator[1] <= 0.0:
             return None
-        if abs(denominator[0] / previous[0] - 1.0) + abs(denominator[1] - previous[1]) < 1e-6:
+        if (
+            abs(denominator[0] / previous_denominator[0] - 1.0)
+            + abs(denominator[1] - previous_denominator[1])
+            < 1e-6
+        ):
             break
     relative_frequency = denominator[0] ** 0.5
     damping, frequency = 0.5 * denominator[1] / relative_frequency, relative_frequency * start_hz
@@ -139,8 +143,8 @@ def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] |
     # A harmonic of a nonlinear output also oscillates, but the input has no component at its
     # frequency.
     is_near = np.abs(s.imag / relative_frequency - 1.0) < _LINE_WIDTH_SHARE
-    forced = weight[is_near] * (numerator[is_near, :3] @ coefficients[2:5])
-    if np.linalg.norm(forced) < MIN_FORCED_SHARE * np.linalg.norm(y[is_near]):
+    forced_response = weight[is_near] * (numerator[is_near, :3] @ coefficients[2:5])
+    if np.linalg.norm(forced_response) < MIN_FORCED_SHARE * np.linalg.norm(y[is_near]):
         return None
     residual = y - weight * (numerator @ coefficients[2:])
     return frequency, float(np.sqrt(2.0 * np.sum(np.abs(residual) ** 2)))

@@ -57,8 +57,8 @@ class Roles:
     def notes(self, headers: Sequence[Header]) -> list[str]:
         """Return notes about the interpretation of the columns and about unused columns."""
         remarks = []
-        used = (self.input, self.output, self.time, self.schedule)
-        used_headers = [headers[index] for index in used if index is not None]
+        used_indices = (self.input, self.output, self.time, self.schedule)
+        used_headers = [headers[index] for index in used_indices if index is not None]
         word_texts = [
             f"'{one.text}' as {one.quantity.name}"
             for one in used_headers
@@ -87,7 +87,7 @@ def find_roles(
     ``texts`` are the columns whose first field is not a number. ``clocks`` returns the columns with
     equal steps; it is only called to make a proposal.
     """
-    drive, answer = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
+    drive, output = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     time = _find_time(source, headers, texts)
     label = _find_label_column(source, headers, description)
     constants = description.constants
@@ -97,16 +97,16 @@ def find_roles(
             f"{source}: the loop label is both a column and a constant; keep one", code="column-and-constant"
         )
     schedule, schedule_constant, quantity = _find_schedule(source, headers, description)
-    used = {drive, answer, time, label, schedule}
-    unused = tuple(
+    used_indices = {drive, output, time, label, schedule}
+    unused_indices = tuple(
         index
         for index, header in enumerate(headers)
-        if index not in used and header.text and header.text not in description.select
+        if index not in used_indices and header.text and header.text not in description.select
     )
     is_schedule_requested = description.schedule is not None
     return Roles(
         drive,
-        answer,
+        output,
         time,
         label,
         constant_label,
@@ -114,7 +114,7 @@ def find_roles(
         schedule_constant,
         quantity,
         is_schedule_requested,
-        unused,
+        unused_indices,
     )
 
 
@@ -165,10 +165,10 @@ def _find_input_and_output(
 ) -> tuple[int, int]:
     """Return the indices of input and output; ask for all missing roles together."""
     pair = [_find_first(source, headers, names) for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS))]
-    drive, answer = pair
-    if drive is not None and answer is not None:
-        _ask_which_drives(source, headers, drive, answer)
-        return drive, answer
+    drive, output = pair
+    if drive is not None and output is not None:
+        _ask_which_drives(source, headers, drive, output)
+        return drive, output
     has_field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
     missing_quantities = [
@@ -191,9 +191,9 @@ def _find_input_and_output(
     )
 
 
-def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer: int) -> None:
+def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_index: int) -> None:
     """Ask whether a voltage or a current drives a displacement or strain (piezo or coil)."""
-    output, chosen = headers[answer].quantity, headers[drive]
+    output, chosen = headers[output_index].quantity, headers[drive]
     volts = [header for header in headers
              if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
     is_moved = output is not None and output.name in _MOTION_OUTPUTS
@@ -201,10 +201,12 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer
         return
     if chosen.target is not None:
         return
-    mapped = current_mapping(headers)
-    choices = [format_option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)]
+    current_columns = current_mapping(headers)
+    choices = [
+        format_option("columns", current_columns | {text: ""}) for text in (chosen.text, volts[0].text)
+    ]
     raise InputError(
-        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[answer].text}'; leave "
+        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[output_index].text}'; leave "
         f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
         code="column-twice",
         key="current",
@@ -231,21 +233,21 @@ def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) ->
 def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     """Return the index of the only usable column of a quantity; ``None`` if the table has none."""
     indices = [i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name]
-    usable = [index for index in indices if headers[index].problem is None]
+    usable_indices = [index for index in indices if headers[index].problem is None]
     # Order of precedence: the user's mapping, the quantity's name, our symbols, words.
-    mapped = [index for index in usable if headers[index].target is not None]
-    by_full_name = [index for index in usable if headers[index].text.lower() == name]
-    symbols = [index for index in usable if headers[index].is_certain]
-    usable = mapped or by_full_name or symbols or usable
-    if len(usable) > 1:
-        texts = " and ".join(f"'{headers[index].text}'" for index in usable)
-        choices = " or ".join(selection_option(headers[index], headers) for index in usable)
+    mapped_indices = [index for index in usable_indices if headers[index].target is not None]
+    by_full_name = [index for index in usable_indices if headers[index].text.lower() == name]
+    symbols = [index for index in usable_indices if headers[index].is_certain]
+    usable_indices = mapped_indices or by_full_name or symbols or usable_indices
+    if len(usable_indices) > 1:
+        texts = " and ".join(f"'{headers[index].text}'" for index in usable_indices)
+        choices = " or ".join(selection_option(headers[index], headers) for index in usable_indices)
         raise InputError(
             f"{source}: columns {texts} are both {name}; state which one to use: {choices}",
             code="column-twice",
             key=name,
         )
-    if indices and not usable:
+    if indices and not usable_indices:
         header = headers[indices[0]]
         unit_faults = columns_without_unit(headers) if has_missing_unit(header) else []
         texts = ", ".join(f"'{other.text}'" for other in unit_faults if other is not header)
@@ -255,7 +257,7 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
             code="bad-header",
             key=header.text,
         )
-    return usable[0] if usable else None
+    return usable_indices[0] if usable_indices else None
 
 
 def _find_label_column(source: str, headers: Sequence[Header], description: FileDescription) -> int | None:
@@ -313,8 +315,8 @@ def _find_schedule(
         if name in constants:
             quantity, value = constants[name]
             return None, value, quantity
-        matching = [header for header in headers if header.quantity == QUANTITIES.get(name)]
-        are_words = len(matching) > 1 and all(header.is_from_words for header in matching)
+        matching_headers = [header for header in headers if header.quantity == QUANTITIES.get(name)]
+        are_words = len(matching_headers) > 1 and all(header.is_from_words for header in matching_headers)
         if description.schedule is None and name == "temperature" and are_words:
             continue  # several words name a temperature, and none is requested, so none is used
         index = _find_only(source, headers, name)
@@ -366,7 +368,7 @@ def find_label(
     headers: Sequence[Header],
     candidates: Mapping[int, Texts],
     drive: FloatArray,
-    answer: FloatArray,
+    output: FloatArray,
     schedule: FloatArray | None,
 ) -> int | None:
     """Return the index of the column that is constant during each loop and changes between loops.
@@ -377,7 +379,7 @@ def find_label(
     rows_of_label: dict[int, list[Rows]] = {}
     for index, column in candidates.items():
         loops = _label_runs(column, schedule)
-        if loops is not None and _are_loops(loops, drive, answer):
+        if loops is not None and _are_loops(loops, drive, output):
             rows_of_label[index] = loops
     for header in (headers[index] for index in rows_of_label if schedule is None):
         # As a label, a gap or a temperature would have no effect.
@@ -425,8 +427,8 @@ def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None
     return runs if len(keys) == len(runs) else None
 
 
-def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool:
-    spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
+def _are_loops(loops: list[Rows], drive: FloatArray, output: FloatArray) -> bool:
+    spans = np.array([[np.ptp(drive[rows]), np.ptp(output[rows])] for rows in loops])
     if (spans[:, 0] == 0.0).any() or not (
         np.ptp(spans, axis=0) > _MAX_RANGE_DIFFERENCE * spans.max(axis=0)
     ).any():
@@ -454,8 +456,8 @@ def ask_for_gap(
     source: str, header: Header, headers: Sequence[Header], name: str = "gap", alternative: str = ""
 ) -> NoReturn:
     """Ask whether a column that is constant during each loop is the gap or another quantity."""
-    without = format_option("columns", current_mapping(headers) | {header.text: ""})
-    alternative = alternative or f"if it is not a gap: {without}"
+    option_without_header = format_option("columns", current_mapping(headers) | {header.text: ""})
+    alternative = alternative or f"if it is not a gap: {option_without_header}"
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
         f"{source}: column '{header.text}' is constant in each loop; if it is the {name}, map it"

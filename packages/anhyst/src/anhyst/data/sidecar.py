@@ -109,11 +109,13 @@ class FileDescription:
         """Combine with another description; entries of this one take precedence."""
         if self.history is not None:
             defaults = replace(defaults, histories={})
-        merged: dict[str, Any] = {}
+        merged_fields: dict[str, Any] = {}
         for item in fields(self):
-            mine, theirs = getattr(self, item.name), getattr(defaults, item.name)
-            merged[item.name] = {**theirs, **mine} if isinstance(mine, dict) else mine or theirs
-        return FileDescription(**merged)
+            own_value, default_value = getattr(self, item.name), getattr(defaults, item.name)
+            merged_fields[item.name] = (
+                {**default_value, **own_value} if isinstance(own_value, dict) else own_value or default_value
+            )
+        return FileDescription(**merged_fields)
 
 
 def is_sidecar(path: Path) -> bool:

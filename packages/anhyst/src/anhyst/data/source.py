@@ -65,22 +65,22 @@ def load_loops(
 def collect_read_options(verb: str, **reading: Any) -> ReadOptions:
     """Return the read options from Python arguments; ``None`` means that one is not given."""
     defaults = ReadOptions()
-    given = {name: value for name, value in reading.items() if value is not None}
-    for name, value in given.items():
+    given_options = {name: value for name, value in reading.items() if value is not None}
+    for name, value in given_options.items():
         if not hasattr(defaults, name):
             raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")
         default = getattr(defaults, name)
         if name == "history":
-            given[name] = history_text(value)
+            given_options[name] = history_text(value)
         elif isinstance(default, Mapping):
             if not isinstance(value, Mapping):
                 example = {"columns": '{"I": "I_A"}'}.get(name, '{"gap_mm": 0.4}')
                 raise wrong_type(f"{verb}: {name}", f"a dict, such as {example}", value)
-            given[name] = dict(value)
+            given_options[name] = dict(value)
         elif isinstance(default, tuple):
-            given[name] = parse_names(value, f"{verb}: {name}")
+            given_options[name] = parse_names(value, f"{verb}: {name}")
         elif isinstance(value, str | os.PathLike):
-            given[name] = os.fspath(value)
+            given_options[name] = os.fspath(value)
         else:
             raise wrong_type(f"{verb}: {name}", "a text", value)
-    return replace(defaults, **given)
+    return replace(defaults, **given_options)

@@ -30,8 +30,8 @@ def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
     """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
     if time is None or time[-1] <= time[0]:
         return 0.0
-    turns = reversal_count(drive)
-    return (turns + 1) / (2.0 * float(time[-1] - time[0])) if turns else 0.0
+    reversals = reversal_count(drive)
+    return (reversals + 1) / (2.0 * float(time[-1] - time[0])) if reversals else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +70,10 @@ def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
     paces = list(map(_loop_speed, loops))
     return [
         [
-            place
-            for place, (other_loop, past) in enumerate(zip(loops, paces, strict=True))
+            loop_index
+            for loop_index, (other_loop, other_pace) in enumerate(zip(loops, paces, strict=True))
             if other_loop.schedule_value == loop.schedule_value
-            and min(pace[0] / past[0], pace[1] / past[1]) >= MIN_SPEED_RATIO
+            and min(pace[0] / other_pace[0], pace[1] / other_pace[1]) >= MIN_SPEED_RATIO
         ]
         for loop, pace in zip(loops, paces, strict=True)
     ]
@@ -108,9 +108,9 @@ def _spread_times(time: FloatArray | None) -> FloatArray | None:
         return None
     stamp_rows = np.flatnonzero(np.diff(time, prepend=-np.inf))
     step = (time[stamp_rows[-1]] - time[stamp_rows[-2]]) / (stamp_rows[-1] - stamp_rows[-2])
-    after = time[-1] + step * (time.size - stamp_rows[-1])
+    end_time = time[-1] + step * (time.size - stamp_rows[-1])
     edges = np.append(stamp_rows, time.size)
-    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[stamp_rows], after))
+    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[stamp_rows], end_time))
     return spread
 
 
@@ -141,14 +141,14 @@ def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] |
         slow_height[loop.schedule_value] = max(height, slow_height.get(loop.schedule_value, 0.0))
     for group in speeds.fast:
         rate = max(cycle_rate(loop.input, loop.time) for loop in group)
-        higher = [
+        height_increases = [
             (
                 loop_width_and_height(loop, even=even)[1] - slow_height[loop.schedule_value],
                 estimate_noise(loop.output),
             )
             for loop in group
         ]
-        increase, noise_sigma = max(higher)
+        increase, noise_sigma = max(height_increases)
         share = increase / largest
         if share >= MIN_HEIGHT_INCREASE and increase > _MIN_HEIGHT_SIGMAS * noise_sigma:
             return rate, share

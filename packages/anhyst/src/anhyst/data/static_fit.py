@@ -36,7 +36,7 @@ class EvenRecord:
         )
         return EvenRecord(drive, output, samples * self.step)
 
-    def limited_to(self, samples: int) -> EvenRecord:
+    def average_to_sample_limit(self, samples: int) -> EvenRecord:
         """Return the record, averaged in blocks if it has more than ``samples`` samples."""
         count = -(-self.drive.size // samples)
         return self.averaged(count) if count > 1 else self
@@ -62,8 +62,8 @@ def resample_evenly(loop: Loop) -> EvenRecord | None:
 def static_fit_rms(drive: FloatArray, output: FloatArray, *, with_plays: bool = True) -> float:
     """Return the rms residual of a fit of curves, and optionally play operators, of the input."""
     rows = thin_rows(drive, _MAX_SAMPLES)
-    middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
-    x = (drive[rows] - middle) / (half or 1.0)
+    middle, half_range = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
+    x = (drive[rows] - middle) / (half_range or 1.0)
     columns = [legvander(x, _CURVE_DEGREE)]
     if with_plays:
         thresholds = np.array(_THRESHOLDS)

@@ -28,27 +28,27 @@ def mid_current(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
 def current_envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the smallest and the largest current at each force level, A."""
     crossings = [_extreme_currents(loop.input, loop.output, levels) for loop in members]
-    low = np.min([least for least, _ in crossings], axis=0)
-    high = np.max([largest for _, largest in crossings], axis=0)
-    known = low <= high
-    return np.where(known, low, np.nan), np.where(known, high, np.nan)
+    low = np.min([least_current for least_current, _ in crossings], axis=0)
+    high = np.max([largest_current for _, largest_current in crossings], axis=0)
+    is_known = low <= high
+    return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)
 
 
 def _extreme_currents(
     current: FloatArray, force: FloatArray, levels: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smallest and largest current at each force level; inf and -inf if not reached."""
-    least, largest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
+    least_current, largest_current = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
     for begin, end in zip(range(force.size - 1), range(1, force.size), strict=True):
         low, high = sorted((force[begin], force[end]))
-        passed = slice(np.searchsorted(levels, low), np.searchsorted(levels, high, side="right"))
-        if passed.start == passed.stop or low == high:
+        passed_levels = slice(np.searchsorted(levels, low), np.searchsorted(levels, high, side="right"))
+        if passed_levels.start == passed_levels.stop or low == high:
             continue
-        share = (levels[passed] - force[begin]) / (force[end] - force[begin])
+        share = (levels[passed_levels] - force[begin]) / (force[end] - force[begin])
         at = current[begin] + share * (current[end] - current[begin])
-        least[passed] = np.minimum(least[passed], at)
-        largest[passed] = np.maximum(largest[passed], at)
-    return least, largest
+        least_current[passed_levels] = np.minimum(least_current[passed_levels], at)
+        largest_current[passed_levels] = np.maximum(largest_current[passed_levels], at)
+    return least_current, largest_current
 
 
 FORCE_LEVELS = 129
@@ -63,7 +63,7 @@ SMOOTHING_DEGREE = 5
 """Degree of the polynomial that is subtracted before smoothing."""
 SMOOTHING_LEVELS = 11
 """Number of levels in the smoothing window."""
-MIN_SLOPE_SHARE = 0.01
+MIN_SLOPE_RATIO = 0.01
 """Minimum slope of a surface, as a fraction of its mean slope, so that it can be inverted."""
 
 
@@ -95,8 +95,8 @@ def fit_surface(loops: Loops, forces: tuple[float, float], gap_range: tuple[floa
         )
     groups = loops.by_schedule()
     nodes = np.array(list(groups))
-    slack = 1e-9
-    if not (nodes[0] - slack <= gap_range[0] < gap_range[1] <= nodes[-1] + slack):
+    tolerance = 1e-9
+    if not (nodes[0] - tolerance <= gap_range[0] < gap_range[1] <= nodes[-1] + tolerance):
         raise InputError(
             f"loops: measured at gaps of {nodes[0]:g} to {nodes[-1]:g} m, requested are "
             f"{gap_range[0]:g} to {gap_range[1]:g} m; measure more gaps or narrow the range",
@@ -112,24 +112,24 @@ def fit_surface(loops: Loops, forces: tuple[float, float], gap_range: tuple[floa
 
 def _fill_row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
     """Return the current at all force levels of a gap, smoothed and extrapolated linearly."""
-    known = np.flatnonzero(np.isfinite(middle))
-    if known.size < 0.2 * force.size:
+    known_indices = np.flatnonzero(np.isfinite(middle))
+    if known_indices.size < 0.2 * force.size:
         raise InputError(
             f"loops: at gap {gap:g} m the loops cover less than a fifth of {force[-1]:g} N; lower the "
             "largest force or measure larger currents",
             code="force-not-reached",
             key="loops",
         )
-    filled = _smooth_current(force, np.interp(force, force[known], middle[known]))
-    row = fit_monotone(filled, np.ones(force.size))
-    near = max(3, int(END_SLOPE_SHARE * known.size))
+    filled_currents = _smooth_current(force, np.interp(force, force[known_indices], middle[known_indices]))
+    row = fit_monotone(filled_currents, np.ones(force.size))
+    near = max(3, int(END_SLOPE_SHARE * known_indices.size))
     for ends, beyond in (
-        (known[-near:], force > force[known[-1]]),
-        (known[near - 1 :: -1], force < force[known[0]]),
+        (known_indices[-near:], force > force[known_indices[-1]]),
+        (known_indices[near - 1 :: -1], force < force[known_indices[0]]),
     ):
-        last = ends[-1]
+        last_index = ends[-1]
         slope = float(np.polyfit(force[ends], row[ends], 1)[0])
-        row[beyond] = row[last] + slope * (force[beyond] - force[last])
+        row[beyond] = row[last_index] + slope * (force[beyond] - force[last_index])
     return row
 
 
@@ -138,14 +138,14 @@ def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
     from scipy.signal import savgol_filter  # slow to load, and only used for maps
 
     root = np.sqrt(force / force[-1]) if force[0] >= 0.0 else force / force[-1]
-    smooth = np.polynomial.Polynomial.fit(root, current, SMOOTHING_DEGREE)(root)
-    return np.asarray(smooth + savgol_filter(current - smooth, SMOOTHING_LEVELS, 2))
+    smooth_current = np.polynomial.Polynomial.fit(root, current, SMOOTHING_DEGREE)(root)
+    return np.asarray(smooth_current + savgol_filter(current - smooth_current, SMOOTHING_LEVELS, 2))
 
 
 def make_rising(table: FloatArray) -> FloatArray:
     """Return the smallest table above this one that increases everywhere along its rows."""
     mean = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
-    line = MIN_SLOPE_SHARE * mean * np.arange(table.shape[1])
+    line = MIN_SLOPE_RATIO * mean * np.arange(table.shape[1])
     return np.asarray(np.maximum.accumulate(table - line, axis=1) + line)
 
 
@@ -191,7 +191,7 @@ def _force_range(surface: Surface, force_max: float) -> tuple[float, float]:
     return max(float(surface.force[0]), -force_max), force_max
 
 
-def _symmetric_grid(middle: float, half: float, ends: tuple[float, float]) -> FloatArray:
+def _symmetric_grid(middle: float, half_width: float, ends: tuple[float, float]) -> FloatArray:
     """Return an equidistant grid that is symmetric around the middle and within the ends."""
-    half = min(half, middle - ends[0], ends[1] - middle)
-    return np.linspace(middle - half, middle + half, 41)
+    half_width = min(half_width, middle - ends[0], ends[1] - middle)
+    return np.linspace(middle - half_width, middle + half_width, 41)

@@ -30,9 +30,11 @@ MIN_TURN_BACK_SPAN = 0.6
 MIN_BIAS_SHARE = 0.04
 """Minimum distance of the force minimum from zero for a bias, as a fraction of the input range."""
 _EDGE_SHARE = 0.06
-"""Minimum distance of a force minimum from the ends of the input range, over that range."""
+"""Minimum distance of a force minimum from the ends of the input range, as a fraction of this
+range."""
 _MIN_RISE_SHARE = 0.02
-"""Minimum rise from a force minimum to the lower end of the curve, over the curve's range."""
+"""Minimum increase of the force from its minimum to the lower end of the curve, as a fraction of
+the range of the force."""
 _BIN_COUNT = 60
 _MIN_SAMPLES = 12
 """Minimum number of samples in each direction for an average curve."""
@@ -73,10 +75,10 @@ def recentre(loopset: Loops) -> tuple[Loops, bool]:
     even = is_even(loopset)
     bias = find_bias(loopset)
     if bias:
-        moved = (replace(loop, input=loop.input - bias) for loop in loopset.loops)
-        return loopset.with_loops(moved), True
-    falls = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar_loops(loopset)]
-    if output_map(loopset.output).is_even and not even and falls and all(falls):
+        shifted_loops = (replace(loop, input=loop.input - bias) for loop in loopset.loops)
+        return loopset.with_loops(shifted_loops), True
+    is_falling = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar_loops(loopset)]
+    if output_map(loopset.output).is_even and not even and is_falling and all(is_falling):
         turned = (replace(loop, input=-loop.input) for loop in loopset.loops)
         return loopset.with_loops(turned), even
     return loopset, even
@@ -131,28 +133,30 @@ def _has_turn_back(loop: Loop) -> bool:
         drive, output = loop.input[part.rows], loop.output[part.rows]
         if drive.size < _MIN_SAMPLES or np.ptp(drive) < MIN_TURN_BACK_SPAN * np.ptp(loop.input):
             continue
-        _, answer = average_in_bins(drive, output, _BIN_COUNT)
-        falls = float(np.max(np.maximum.accumulate(answer) - answer))
-        rises = float(np.max(answer - np.minimum.accumulate(answer)))
-        if min(falls, rises) > MIN_TURN_BACK_SHARE * float(np.ptp(loop.output)):
+        _, output_values = average_in_bins(drive, output, _BIN_COUNT)
+        largest_fall = float(np.max(np.maximum.accumulate(output_values) - output_values))
+        largest_rise = float(np.max(output_values - np.minimum.accumulate(output_values)))
+        if min(largest_fall, largest_rise) > MIN_TURN_BACK_SHARE * float(np.ptp(loop.output)):
             return True
     return False
 
 
 def _even_correlation(loop: Loop) -> float:
     """Return the correlation of the falling curve with the mirrored rising curve; 0 if unknown."""
-    rises = np.zeros(loop.n, dtype=np.bool_)
+    is_rising = np.zeros(loop.n, dtype=np.bool_)
     for part in find_branches(loop.input):
-        rises[part.rows] = part.is_rising
-    if min(np.count_nonzero(rises), np.count_nonzero(~rises)) < _MIN_SAMPLES:
+        is_rising[part.rows] = part.is_rising
+    if min(np.count_nonzero(is_rising), np.count_nonzero(~is_rising)) < _MIN_SAMPLES:
         return 0.0
-    curves = [average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT) for rows in (rises, ~rises)]
-    fitted = np.where(rises, *(np.interp(loop.input, *curve) for curve in curves))
-    if np.var(loop.output - fitted) > (1.0 - MIN_EXPLAINED_VARIANCE) * np.var(loop.output):
+    curves = [
+        average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT) for rows in (is_rising, ~is_rising)
+    ]
+    fitted_output = np.where(is_rising, *(np.interp(loop.input, *curve) for curve in curves))
+    if np.var(loop.output - fitted_output) > (1.0 - MIN_EXPLAINED_VARIANCE) * np.var(loop.output):
         return 0.0
-    (up, rising), (down, falling) = curves
+    (up, rising_output), (down, falling_output) = curves
     common_range = min(-up[0], up[-1], -down[0], down[-1])
     if common_range <= 0.0:
         return 0.0
     grid: FloatArray = np.linspace(-common_range, common_range, 2 * _BIN_COUNT + 1)
-    return correlation(np.interp(grid, down, falling), np.interp(-grid, up, rising))
+    return correlation(np.interp(grid, down, falling_output), np.interp(-grid, up, rising_output))

@@ -58,16 +58,18 @@ class DataTable:
     def get(self, name: str) -> FloatArray | None:
         """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
         indices = [index for index, other in enumerate(self.names) if other == name]
-        usable = [index for index in indices if self.headers[index].problem is None]
-        usable = [index for index in usable if self.headers[index].is_certain] or usable
-        if len(usable) > 1:
-            texts = " and ".join(f"'{self.headers[index].text}'" for index in usable)
+        usable_indices = [index for index in indices if self.headers[index].problem is None]
+        usable_indices = [
+            index for index in usable_indices if self.headers[index].is_certain
+        ] or usable_indices
+        if len(usable_indices) > 1:
+            texts = " and ".join(f"'{self.headers[index].text}'" for index in usable_indices)
             raise InputError(
                 f"{self.path}: columns {texts} are both {name}; keep one", code="column-twice", key=name
             )
         if not indices:
             return None
-        index = (usable or indices)[0]
+        index = (usable_indices or indices)[0]
         header, column = self.headers[index], self.columns[index]
         if header.problem:
             raise InputError(
@@ -119,7 +121,7 @@ class DataTable:
         return advise_mapping(self.headers, [name], skip=texts, min_score=0) if name in QUANTITIES else ""
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a data row, such as ``file.csv: line 12``."""
+        """Return the location of a data row, such as ``file.csv: line 12``."""
         return self.source_table.locate_row(row)
 
     def as_columns(self) -> dict[str, FloatArray | Texts]:
@@ -145,21 +147,21 @@ def read_columns(
     With ``has_own_names``, names of columns are not interpreted as words for quantities, because a
     recording has our names.
     """
-    opened = frame_to_table(path) if is_data_frame(path) else open_table(path, min_columns=1)
-    headers = map_headers(opened, columns or {}, scale, flip or ())
+    table = frame_to_table(path) if is_data_frame(path) else open_table(path, min_columns=1)
+    headers = map_headers(table, columns or {}, scale, flip or ())
     if has_own_names:
         headers = tuple(map(ignore_quantity_word, headers))
-    (first,) = opened.first_rows(1)
+    (first_row,) = table.first_rows(1)
     known_columns = {index for index, header in enumerate(headers) if header.is_known}
     texts = {
         index
         for index, header in enumerate(headers)
-        if header.is_label or (index not in known_columns and not is_number_or_mark(first[index]))
+        if header.is_label or (index not in known_columns and not is_number_or_mark(first_row[index]))
     }
     while True:
         numbers = [index for index in range(len(headers)) if index not in texts]
         try:
-            raw = opened.read(numbers, sorted(texts), progress)
+            raw = table.read(numbers, sorted(texts), progress)
         except TextInNumbersError as error:
             if error.column in known_columns:
                 raise
@@ -173,9 +175,9 @@ def read_columns(
         texts |= invalid_columns
     for values in raw.numbers.values():
         values.flags.writeable = False
-    read: dict[int, FloatArray | Texts] = {**raw.texts, **raw.numbers}
-    held = tuple(read[index] for index in range(len(headers)))
-    return DataTable(opened.source_name, raw.sha256, headers, held, raw.notes, opened)
+    columns_by_index: dict[int, FloatArray | Texts] = {**raw.texts, **raw.numbers}
+    held = tuple(columns_by_index[index] for index in range(len(headers)))
+    return DataTable(table.source_name, raw.sha256, headers, held, raw.notes, table)
 
 
 FRAME_NAME = "data frame"
@@ -285,19 +287,19 @@ def list_channels(path: PathLike) -> list[ChannelFigures]:
     """Return the channels of a file in any format; only one channel at a time is in memory."""
     table = open_table(path, min_columns=1)
     headers = map_headers(table, {})
-    (first,) = table.first_rows(1) or [[""] * len(headers)]
-    texts = [column for column, field in enumerate(first) if not is_number_or_mark(field)]
+    (first_row,) = table.first_rows(1) or [[""] * len(headers)]
+    texts = [column for column, field in enumerate(first_row) if not is_number_or_mark(field)]
     roles = _guess_quantities(headers, texts)
     units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
-    listed = []
+    channels = []
     for column, (name, unit) in enumerate(zip(table.header, units, strict=True)):
         values = None if column in texts else _read_numbers(table, column)
         samples, rate = _channel_rate(table, column)
         finite = values[np.isfinite(values)] if values is not None else np.empty(0)
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
         count = samples if samples is not None else (0 if values is None else values.size)
-        listed.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(column, "")))
-    return listed
+        channels.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(column, "")))
+    return channels
 
 
 def _read_numbers(table: OpenTable, index: int) -> Any:
@@ -315,12 +317,12 @@ def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
             times = table.read([index]).numbers[index]
         except InputError:
             continue
-        if _even_step(times, _MAX_CLOCK_JITTER) is not None:
+        if _median_even_step(times, _MAX_CLOCK_JITTER) is not None:
             clocks.add(index)
     return clocks
 
 
-def _even_step(times: FloatArray, max_jitter: float) -> float | None:
+def _median_even_step(times: FloatArray, max_jitter: float) -> float | None:
     """Return the median step of increasing times; ``None`` if a step deviates by more."""
     steps = np.diff(times)
     median_step = float(np.median(steps)) if steps.size else 0.0
@@ -339,8 +341,8 @@ def _channel_rate(table: OpenTable, index: int) -> tuple[int | None, float | Non
     clock = channel.clock or (channel if channel in table.clocks else None)
     if clock is None or clock.length < 2:
         return channel.length, None
-    usual = _even_step(table.seconds(clock), _MAX_RATE_JITTER)
-    return channel.length, None if usual is None else 1.0 / usual
+    usual_step = _median_even_step(table.seconds(clock), _MAX_RATE_JITTER)
+    return channel.length, None if usual_step is None else 1.0 / usual_step
 
 
 def _guess_quantities(headers: Sequence[Header], texts: Sequence[int]) -> dict[int, str]:
@@ -350,11 +352,13 @@ def _guess_quantities(headers: Sequence[Header], texts: Sequence[int]) -> dict[i
         for column, header in enumerate(headers)
         if header.is_known and header.quantity and not header.problem
     }
-    held = set(roles.values())
-    wanted = [names for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS)) if held.isdisjoint(names)]
-    wanted += [(name,) for name in ("gap", "time") if name not in held]
-    guesses = find_likely_columns(headers, wanted, skip=texts, min_score=2)
-    return roles | {column: f"{name}?" for column, name in guesses}
+    known_quantities = set(roles.values())
+    missing_quantities = [
+        names for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS)) if known_quantities.isdisjoint(names)
+    ]
+    missing_quantities += [(name,) for name in ("gap", "time") if name not in known_quantities]
+    likely_columns = find_likely_columns(headers, missing_quantities, skip=texts, min_score=2)
+    return roles | {column: f"{name}?" for column, name in likely_columns}
 
 
 def check_format(path: PathLike) -> None:

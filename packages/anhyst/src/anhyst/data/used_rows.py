@@ -32,7 +32,7 @@ class UsedRows:
     rows: Rows | None  # None: all rows
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row in use."""
+        """Return the location of a used row in its file."""
         return self.table.locate_row(row if self.rows is None else int(self.rows[row]))
 
     def values(self, index: int) -> FloatArray:
@@ -57,12 +57,12 @@ class UsedRows:
         """Return the first row in use of each block of rows, and the comments above it."""
         if self.rows is None:
             return self.raw.breaks
-        merged: dict[int, tuple[str, ...]] = {}
+        merged_breaks: dict[int, tuple[str, ...]] = {}
         for row, texts in self.raw.breaks:
             used_row = int(np.searchsorted(self.rows, row))
             if used_row < self.rows.size:
-                merged[used_row] = (*merged.get(used_row, ()), *texts)
-        return sorted(merged.items())
+                merged_breaks[used_row] = (*merged_breaks.get(used_row, ()), *texts)
+        return sorted(merged_breaks.items())
 
     def drop_invalid(self, drop: str | None, signals: Collection[int]) -> tuple[UsedRows, list[str]]:
         """Remove rows without a measured value, with a note; refuse them if ``drop`` is ``None``."""
@@ -98,23 +98,27 @@ class UsedRows:
             return self, []
         is_good = {name: are_measured(values) for name, values in values_by_name.items()}
         is_valid = np.logical_and.reduce(list(is_good.values()))
-        valid = np.flatnonzero(is_valid)
-        if valid.size == is_valid.size:
+        valid_rows = np.flatnonzero(is_valid)
+        if valid_rows.size == is_valid.size:
             return self, []
-        names = " and ".join(f"'{name}'" for name, good in is_good.items() if not good.all())
-        holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
+        names = " and ".join(
+            f"'{name}'" for name, is_column_good in is_good.items() if not is_column_good.all()
+        )
+        holes = np.diff(np.concatenate(([-1], valid_rows, [is_valid.size]))) - 1
         note = (
-            f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in "
+            f"{is_valid.size - valid_rows.size} of {is_valid.size} samples left out as invalid in "
             f"{names}, at most {int(holes.max())} in a row"
         )
-        if valid.size == 0:
+        if valid_rows.size == 0:
             raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
         if holes.max() > _MAX_HOLE_SHARE * is_valid.size:
             note += "; the history after such a hole is not known"
         # A new block begins at a row with neither an input nor an output.
         blank_rows = np.flatnonzero(~np.logical_or.reduce([is_good[name] for name in main_names]))
-        first = blank_rows if self.rows is None else self.rows[blank_rows]
+        break_rows = blank_rows if self.rows is None else self.rows[blank_rows]
         earlier_breaks = self.raw.breaks or ((0, ()),)
-        breaks = sorted([*earlier_breaks, *((int(row), ()) for row in first)], key=lambda found: found[0])
+        breaks = sorted(
+            [*earlier_breaks, *((int(row), ()) for row in break_rows)], key=lambda found: found[0]
+        )
         separated = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
-        return separated.select(valid), [note, *mark_notes]
+        return separated.select(valid_rows), [note, *mark_notes]

@@ -40,10 +40,10 @@ GAIN_ADVICE = (
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Gain of a hysteresis model over the best single-valued curve.
+    """Benefit of a hysteresis model compared with the best single-valued curve.
 
-    Figures of the output are in SI units. Relative figures of the output refer to `largest_output`,
-    and relative figures of the input to its largest range.
+    Values of the output are in SI units. Relative values of the output refer to `largest_output`,
+    and relative values of the input refer to its largest range.
     """
 
     level: Level  # ``unknown`` if dynamics cause the loop
@@ -62,7 +62,7 @@ class Verdict:
     gain: float
     averaged: int  # largest number of samples in such an average
     band_noise_relative: float  # mean deviation that noise alone causes in them
-    dynamics: str  # reason why the loops are dynamics; empty if there is none
+    dynamics: str  # dynamic effect that causes the loops, such as resonance; empty if none
     sentences: tuple[str, ...]  # the same in words
 
     @property
@@ -94,8 +94,8 @@ def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop and the deviation of its output from the best monotone curve of its gap."""
     centred, even = recentre(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
-    for loop, moved in zip(loopset.loops, centred.loops, strict=True):
-        curve = (loop, *fold_input(moved, even=even))
+    for loop, centred_loop in zip(loopset.loops, centred.loops, strict=True):
+        curve = (loop, *fold_input(centred_loop, even=even))
         groups.setdefault(loop.schedule_value, []).append(curve)
     return [pair for curves in groups.values() for pair in _curve_residuals(curves)]
 
@@ -105,28 +105,30 @@ def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
 
     The distance in input is at equal output and vice versa. Noise is averaged.
     """
-    size, answer = fold_input(loop, even=even)
-    span, height = float(np.ptp(size)), float(np.ptp(answer))
+    size, output = fold_input(loop, even=even)
+    span, height = float(np.ptp(size)), float(np.ptp(output))
     parts = find_branches(size)
     if len(parts) > _MAX_BRANCHES_WITH_FIRST:
         parts = parts[1:]  # the first branch can be an initial curve
-    widest = highest = 0.0
-    for before, after in itertools.pairwise(parts):
-        width = branch_separation(size, answer, before, after)
+    largest_width = largest_height = 0.0
+    for branch_before, branch_after in itertools.pairwise(parts):
+        width = branch_separation(size, output, branch_before, branch_after)
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
-        highest = max(highest, float(np.max(np.abs(width[1]))))
-        widest = max(widest, _input_separation(size, answer, before.rows, after.rows, height))
-    return widest, highest
+        largest_height = max(largest_height, float(np.max(np.abs(width[1]))))
+        largest_width = max(
+            largest_width, _input_separation(size, output, branch_before.rows, branch_after.rows, height)
+        )
+    return largest_width, largest_height
 
 
 def _input_separation(
-    size: FloatArray, answer: FloatArray, first: slice, second: slice, height: float
+    size: FloatArray, output: FloatArray, first_rows: slice, second_rows: slice, height: float
 ) -> float:
     """Return the largest input distance of two branches at equal output, without outer tenths."""
     curves = []
-    for rows in (first, second):
-        x, y = average_in_bins(size[rows], answer[rows], bins=200)
+    for rows in (first_rows, second_rows):
+        x, y = average_in_bins(size[rows], output[rows], bins=200)
         if y[-1] < y[0]:
             y = -y
         curves.append((x, np.maximum.accumulate(y)))
@@ -148,8 +150,8 @@ def assess_loops(loopset: Loops) -> Verdict:
     centred, even = recentre(loopset)
     width, height = np.max([loop_width_and_height(loop, even=even) for loop in centred.loops], 0).tolist()
     loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
-    pooled = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
-    mean, worst = float(pooled.mean()), float(pooled.max())
+    pooled_deviation = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
+    mean, worst_deviation = float(pooled_deviation.mean()), float(pooled_deviation.max())
     band_figures = [_band_residuals(*pair) for pair in loop_residuals]
     band_mean, band_noise = np.average(
         [each[:2] for each in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
@@ -158,31 +160,31 @@ def assess_loops(loopset: Loops) -> Verdict:
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
     floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
-    largest = largest_output(loopset)
+    largest_output_value = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
     gain = max(0.0, 1.0 - band_noise / band_mean) if band_mean > 0.0 else 0.0
     level: Level = "yes"
     if dynamics:
         level = "unknown"
-    elif band_mean < 5e-4 * largest or gain < 0.3:
+    elif band_mean < 5e-4 * largest_output_value or gain < 0.3:
         level = "no"
-    elif band_mean < 2e-3 * largest or gain < 0.6:
+    elif band_mean < 2e-3 * largest_output_value or gain < 0.6:
         level = "little"
     figures = Verdict(
         level=level,
         width=width,
         width_relative=width / span,
         height=height,
-        height_relative=height / largest,
+        height_relative=height / largest_output_value,
         single_mean=mean,
-        single_mean_relative=mean / largest,
-        single_worst=worst,
-        single_worst_relative=worst / largest,
+        single_mean_relative=mean / largest_output_value,
+        single_worst=worst_deviation,
+        single_worst_relative=worst_deviation / largest_output_value,
         noise_mean=floor,
-        noise_relative=floor / largest,
+        noise_relative=floor / largest_output_value,
         gain=gain,
         averaged=max(each[2] for each in band_figures),
-        band_noise_relative=band_noise / largest,
+        band_noise_relative=band_noise / largest_output_value,
         dynamics=dynamics,
         sentences=(),
     )
@@ -204,9 +206,9 @@ def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int
 
 
 def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
-    drive, answer = loopset.input, loopset.output
-    reference = name_full_scale(answer, largest_output(loopset))
-    unit, scale = choose_display_unit(answer, largest_output(loopset))
+    drive, output = loopset.input, loopset.output
+    reference = name_full_scale(output, largest_output(loopset))
+    unit, scale = choose_display_unit(output, largest_output(loopset))
     conclusion = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",
@@ -234,22 +236,25 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
         verdict,
     )
     needs_more = figures.level in {"little", "no"}
-    more = f"{GAIN_ADVICE[0].upper()}{GAIN_ADVICE[1:]}."
-    return (*sentences, more) if needs_more else sentences
+    advice = f"{GAIN_ADVICE[0].upper()}{GAIN_ADVICE[1:]}."
+    return (*sentences, advice) if needs_more else sentences
 
 
 def _curve_residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
-    size = np.concatenate([along for _, along, _ in curves])
-    answer = np.concatenate([own for _, _, own in curves])
+    size = np.concatenate([input_values for _, input_values, _ in curves])
+    output = np.concatenate([output_values for _, _, output_values in curves])
     order = np.argsort(size, kind="stable")
     starts = np.linspace(0, size.size, min(size.size, _MAX_BINS) + 1).astype(np.intp)[:-1]
     counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
     x = np.add.reduceat(size[order], starts) / counts
-    y = np.add.reduceat(answer[order], starts) / counts
-    x, first = np.unique(x, return_index=True)
-    y = np.add.reduceat(y * counts, first)
-    counts = np.add.reduceat(counts, first)
+    y = np.add.reduceat(output[order], starts) / counts
+    x, first_indices = np.unique(x, return_index=True)
+    y = np.add.reduceat(y * counts, first_indices)
+    counts = np.add.reduceat(counts, first_indices)
     y = y / counts
-    rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
-    curve = fit_monotone(y, counts) if rising else -fit_monotone(-y, counts)
-    return [(loop, own - np.interp(along, x, curve)) for loop, along, own in curves]
+    is_rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
+    curve = fit_monotone(y, counts) if is_rising else -fit_monotone(-y, counts)
+    return [
+        (loop, output_values - np.interp(input_values, x, curve))
+        for loop, input_values, output_values in curves
+    ]

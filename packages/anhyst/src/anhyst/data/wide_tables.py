@@ -14,7 +14,7 @@ _LENGTH_PATTERN = re.compile(r"(?<![\w.,])_?(?P<number>\d+(?:[.,]\d+)?)[ _]?(?P<
                      r"(?<=_)(?P<number2>\d+(?:[.,]\d+)?)[ _]?(?P<unit2>[a-zµμ]+)(?![a-z])",
                      re.IGNORECASE)  # fmt: skip
 _REPEATED_NAME = re.compile(r"(.+)#[2-9]\d*")
-_MAX_SHOWN = 4
+_MAX_SHOWN_NAMES = 4
 
 
 def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
@@ -58,8 +58,8 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
 
 
 def _have_input_and_output(headers: Sequence[Header]) -> bool:
-    known = {one.quantity.name for one in headers if one.is_known and one.quantity}
-    return not known.isdisjoint(DRIVE_QUANTITIES) and not known.isdisjoint(OUTPUT_MAPS)
+    known_quantities = {one.quantity.name for one in headers if one.is_known and one.quantity}
+    return not known_quantities.isdisjoint(DRIVE_QUANTITIES) and not known_quantities.isdisjoint(OUTPUT_MAPS)
 
 
 def _mask_length(match: re.Match[str]) -> str:
@@ -78,5 +78,5 @@ def _refuse_side_by_side(source: str, fault: str) -> None:
 
 
 def _quote_names(names: Sequence[str]) -> str:
-    shown = ", ".join(f"'{name}'" for name in names[:_MAX_SHOWN])
-    return shown if len(names) <= _MAX_SHOWN else f"{shown} and more"
+    shown = ", ".join(f"'{name}'" for name in names[:_MAX_SHOWN_NAMES])
+    return shown if len(names) <= _MAX_SHOWN_NAMES else f"{shown} and more"

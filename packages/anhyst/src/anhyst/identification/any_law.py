@@ -18,14 +18,14 @@ from anhyst.data.output_map import output_map
 from anhyst.identification.default_search import MAX_STARTS, SCREENED_SETS
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.model_building import is_scheduled_over_gap
-from anhyst.identification.objective import NO_ANSWER_DEVIATION
+from anhyst.identification.objective import UNSOLVED_DEVIATION
 from anhyst.identification.run import Outcome
 from anhyst.identification.screening import sample_unit_cube
 from anhyst.identification.uncertainty import correlation_length, describe_uncertainty
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
+from anhyst.model.parameters import VARYING_BY_GAP_MAP, GapMap, Parameter
 from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
@@ -82,12 +82,12 @@ class _AnyLawProblem:
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
-        varying: Collection[str] = MAY_VARY[self.gap_map] & {"rho", "c_H"}
+        varying_names: Collection[str] = VARYING_BY_GAP_MAP[self.gap_map] & {"rho", "c_H"}
         if self.gap_map == "free":
-            varying = ranges
+            varying_names = ranges
         coordinates = []
         for name, (low, high) in ranges.items():
-            is_varying = self.records.gap_count > 1 and name in varying
+            is_varying = self.records.gap_count > 1 and name in varying_names
             nodes = range(self.records.gap_count) if is_varying else (None,)
             coordinates += [_Coordinate(name, node, low, high) for node in nodes]
         fixed_by_gauge = _Coordinate("c_H", 0, 0.1, 10.0)
@@ -138,16 +138,16 @@ class _AnyLawProblem:
         """Return the weighted residuals."""
         outputs = self.outputs(self.model(entries, theta))
         if outputs is None:
-            return NO_ANSWER_DEVIATION * self.records.output_span * self.weights
+            return UNSOLVED_DEVIATION * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
     def fit_line(self, shape: FloatArray) -> tuple[float, float, float]:
         """Return gain and offset of the best linear regression on a shape, and its cost."""
         columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
-        weighted = columns * self.weights[:, None]
+        weighted_columns = columns * self.weights[:, None]
         target = self.measured * self.weights
-        (gain, offset), *_ = np.linalg.lstsq(weighted, target, rcond=None)
-        residual = weighted @ np.array([gain, offset]) - target
+        (gain, offset), *_ = np.linalg.lstsq(weighted_columns, target, rcond=None)
+        residual = weighted_columns @ np.array([gain, offset]) - target
         return float(gain), float(offset), float(residual @ residual) if gain > 0.0 else np.inf
 
     def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
@@ -223,10 +223,10 @@ def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
     short_fits = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in starts]
     best_short, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
     best = descend(entries, best_short.x, 1e-8, 60)
-    why = f"gap map '{problem.gap_map}' fits the loops best of those tried"
+    reason = f"gap map '{problem.gap_map}' fits the loops best of those tried"
     model = problem.model(entries, best.x)
     uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)
-    outcome = Outcome(model, uncertainty, len(entries), problem.evaluations, why)
+    outcome = Outcome(model, uncertainty, len(entries), problem.evaluations, reason)
     return 2.0 * float(best.cost), outcome
 
 

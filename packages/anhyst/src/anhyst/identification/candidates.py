@@ -198,7 +198,7 @@ _WORSE_FIT_RATIO = 2.5
 """Ratio of rms residuals beyond the noise, above which the law with the smaller residual is
 selected if it predicts withheld data as well."""
 
-_MIN_EXCESS_SHARE = 0.1  # smallest share of a cost that counts as model error, for any noise
+_MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to the model
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 """Exceptions that remove a candidate but do not end the search."""
@@ -258,16 +258,18 @@ class CandidateComparison:
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Select the best candidate by its errors at all withheld parts outside `outer_fold`."""
-        refitted = [candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)]
-        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted}
+        refitted_candidates = [
+            candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
+        ]
+        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted_candidates}
         if not any(errors.values()):
-            simplest = min(
+            simplest_candidate = min(
                 self.eligible, key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold))
             )
-            return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
+            return self._replace_by_better_fit(simplest_candidate, self.eligible, outer_fold)
         best = None
-        for rank in sorted({candidate.rank for candidate in refitted}):
-            same_rank = [candidate for candidate in refitted if candidate.rank == rank]
+        for rank in sorted({candidate.rank for candidate in refitted_candidates}):
+            same_rank = [candidate for candidate in refitted_candidates if candidate.rank == rank]
             means = {
                 model: mean_square_error(_comparable_errors(errors[model], same_rank)) for model in same_rank
             }
@@ -276,7 +278,7 @@ class CandidateComparison:
             if best is None or self._is_better(simplest_good, best, outer_fold):
                 best = simplest_good
         assert best is not None
-        return self._replace_by_better_fit(best, refitted, outer_fold)
+        return self._replace_by_better_fit(best, refitted_candidates, outer_fold)
 
     def _replace_by_better_fit(
         self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
@@ -321,7 +323,9 @@ class CandidateComparison:
         self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
         """Whether a candidate fits the loops several times worse than another, beyond the noise."""
-        own_excess, other_excess = (self._excess_cost(either, outer_fold) for either in (candidate, other))
+        own_excess, other_excess = (
+            self._excess_cost(each_candidate, outer_fold) for each_candidate in (candidate, other)
+        )
         return own_excess > _WORSE_FIT_RATIO**2 * other_excess
 
     def _excess_cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:

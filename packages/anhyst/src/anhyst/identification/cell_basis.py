@@ -83,8 +83,8 @@ class CellBasis:
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)
         height = np.ptp(matrix, axis=0)
-        r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
-        can_be_reached = (b <= self.max_field - r + slack) & ((b >= r) | self.is_even)
+        r, b, tolerance = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
+        can_be_reached = (b <= self.max_field - r + tolerance) & ((b >= r) | self.is_even)
         can_be_reached[:, 0] = r[:, 0] < self.max_field
         return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | can_be_reached.ravel())
 

@@ -140,7 +140,11 @@ _REVERSIBLE_PARAMETERS = (
 
 
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
-    """Return the fit parameters of a population; share and width of the first are the units."""
+    """Return the fit parameters of a population.
+
+    The first population has no share and no width, because its saturation and its width are the
+    units.
+    """
     parameters = (
         FitParameter(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", prior_mean=1.0),
         FitParameter(f"width_{index}", f"a_{index}/a_1", 3e-2, 3e1, "log", prior_mean=1.0),
@@ -284,10 +288,10 @@ def make_weight_kernel(kernel: CellKernel, law: tuple[float, ...]) -> WeightKern
     """Return the kernel of individual weights that starts from fitted populations."""
     start = kernel.make_cells(law)
     first_width, *other_widths = start.widths[1:].tolist()
-    added = [ratio * first_width for ratio in ADDED_WIDTH_RATIOS] + [
+    added_widths = [ratio * first_width for ratio in ADDED_WIDTH_RATIOS] + [
         FURTHER_WIDTH_RATIO * width for width in other_widths
     ]
-    widths = np.concatenate([start.widths, added])[: max(MAX_WIDTHS, start.widths.size)]
+    widths = np.concatenate([start.widths, added_widths])[: max(MAX_WIDTHS, start.widths.size)]
     weights = np.zeros((start.thresholds.size, widths.size))
     weights[:, : start.widths.size] = start.weights
     return WeightKernel(replace(start, widths=widths, weights=weights))

@@ -1,9 +1,10 @@
-"""Set up the least-squares problem of play cells with lag and creep, for loops of a displacement.
+"""Set up the least-squares problem of play cells with lag and creep for displacement loops.
 
-For a given lag and middle of the curves, the output is linear in the cell weights, the creep shares
-and the offset. :class:`CellProblem` computes the columns of this problem, and :class:`System`
-solves it with weights not below zero. Samples before the first far end of a record are excluded,
-because they depend on an uncertain history.
+If the lag and the centre field of the cell curves are given, the output is linear in the cell
+weights, the creep amplitudes and the offset. :class:`CellProblem` computes the columns of this
+problem, and :class:`System` solves it with weights not below zero. Samples before the drive first
+reaches its largest distance from its initial value are excluded, because they depend on an
+uncertain history.
 """
 
 from __future__ import annotations
@@ -50,10 +51,10 @@ OUTLIER_RATIO = 10.0
 """Multiple of the median deviation above which a sample is an outlier, such as a spike or the start
 of the amplifier."""
 
-FAR_END_SHARE = 0.98  # share of the input range at which the far end counts as reached
-MAX_UNKNOWN_SHARE = 0.3  # share of a record, at most, that is excluded as an initial curve
-MAX_OUTLIER_SHARE = 0.02  # share of samples, at most, that are excluded as outliers
-MAX_SAMPLES = 20_000  # fitted samples, at most
+FAR_END_SHARE = 0.98  # part of the largest distance from the first input value
+MAX_UNKNOWN_SHARE = 0.3  # maximum fraction of a record that is excluded as an initial curve
+MAX_OUTLIER_SHARE = 0.02  # maximum fraction of samples that are excluded as outliers
+MAX_SAMPLES = 20_000  # maximum number of fitted samples
 
 MAX_NOISE_RATIO = 1.1
 """Residual relative to the noise up to which noise explains it, so that no grid is tried."""
@@ -122,9 +123,12 @@ class System:
         for fold in range(self.fold_numbers.max() + 1):
             is_withheld = self.fold_numbers == fold
             withheld_matrix, target = matrix[is_withheld], self.target[is_withheld]
-            remaining = (normal - withheld_matrix.T @ withheld_matrix, rhs - withheld_matrix.T @ target)
+            remaining_system = (
+                normal - withheld_matrix.T @ withheld_matrix,
+                rhs - withheld_matrix.T @ target,
+            )
             for index, smoothness in enumerate(smoothness_values):
-                weights = self._solve_weights(*remaining, smoothness)[self.solved_columns]
+                weights = self._solve_weights(*remaining_system, smoothness)[self.solved_columns]
                 square_sums[index] += float(np.sum((withheld_matrix @ weights - target) ** 2))
         return [float(rms) for rms in np.sqrt(square_sums)]
 
@@ -202,8 +206,8 @@ class CellProblem:
 
     def remove_outliers(self) -> None:
         """Exclude a few samples that deviate strongly from the best fit without a lag."""
-        solved = [self.solve(Trial(0.0, middle)) for middle in self.middles]
-        best = min(solved, key=lambda attempt: attempt.rms)
+        solutions = [self.solve(Trial(0.0, middle)) for middle in self.middles]
+        best = min(solutions, key=lambda attempt: attempt.rms)
         assert best.weights is not None
         offset = float(best.weights[-2] - best.weights[-1])
         deviations = [
@@ -254,8 +258,8 @@ class CellProblem:
         """Time constants of the creep, s."""
         if not self.sample_time:
             return ()
-        longest = max(float(clock[-1] - clock[0]) for clock in self.clocks)
-        times = (share * longest for share in CREEP_TIME_SHARES)
+        longest_time = max(float(clock[-1] - clock[0]) for clock in self.clocks)
+        times = (share * longest_time for share in CREEP_TIME_SHARES)
         return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
@@ -414,7 +418,11 @@ def thin_loops(loopset: Loops) -> Loops:
 
 
 def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
-    """Return a mask of the samples that do not depend on the initial state, after the far end."""
+    """Return a mask of the samples that do not depend on the initial state.
+
+    They begin when the input first reaches FAR_END_SHARE of its largest distance from its first
+    value.
+    """
     mask = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
         return mask

@@ -1,6 +1,7 @@
 """Search the parameters of play cells from many starts, with one, two and three populations.
 
-The starts cover the range of normalised parameters that loops can show (:mod:`.screening`). The
+A population is a group of cells with one curve width and a distribution of thresholds. The starts
+cover the range of normalised parameters in which loops are typical (:mod:`.screening`). The
 Jiles-Atherton fit adds a few starts. All starts are compared on few samples. The better ones
 descend for a few steps, the best of these for more steps, and the last two to convergence. If the
 two final fits disagree and exceed the noise, more starts are tried. A further population starts
@@ -36,7 +37,7 @@ FINE_SAMPLES = 100
 fits."""
 
 _SEARCH_TABLE_ERROR = 1e-8
-"""Error of the cell tables during the search, as a share of the saturation."""
+"""Error of the cell tables during the search, as a fraction of the saturation."""
 _STARTS_PER_ROUND = 48  # random starts of one round
 _MAX_ROUNDS = 2  # rounds of random starts
 _MAX_SHORT_DESCENTS = 12
@@ -83,8 +84,8 @@ _WIDTHS_WITH_LANGEVIN_SLOPE = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve with the same initial slope as a Langevin curve of width 1."""
 
 _MAX_START_INTERACTION = 0.8
-"""Largest interaction of a start, as a share of the interaction at which the magnetisation jumps.
-"""
+"""Largest interaction of a start, as a fraction of the interaction at which the magnetisation
+jumps."""
 
 _ADDED_POPULATION_COST_RATIO = 0.98
 """Cost relative to one population less, above which the added population is discarded."""
@@ -98,11 +99,13 @@ _MAX_CURVE_COST_RATIO = 4.0
 
 _ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
 _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
-"""Widths and pinnings that are tried for an added population, relative to the first population."""
+"""Widths and pinnings that are tried for an added population, relative to those of the first
+population."""
 
-_PROBE_SHARE = 0.03
-_START_SHARE_RANGE = (0.05, 1.0)
-"""Share of an added population for estimating its effect, and range of the share at its start."""
+_PROBE_SATURATION_RATIO = 0.03
+_START_SATURATION_RANGE = (0.05, 1.0)
+"""Saturation of an added population, relative to the first population: the value for which its
+effect is estimated, and the range at the start of its fit."""
 
 _MAX_SUGGESTIONS = 8  # starts of an added population for each smaller fit
 
@@ -153,12 +156,12 @@ class _SampleLevels:
             fits = []
             for index, theta in enumerate(chosen):
                 earlier_starts = (
-                    earlier
-                    for earlier in range(index)
-                    if np.max(np.abs(theta - chosen[earlier])) < _EQUAL_START_DISTANCE
+                    earlier_index
+                    for earlier_index in range(index)
+                    if np.max(np.abs(theta - chosen[earlier_index])) < _EQUAL_START_DISTANCE
                 )
-                if (duplicate := next(earlier_starts, None)) is not None:
-                    fits.append(fits[duplicate])
+                if (duplicate_start := next(earlier_starts, None)) is not None:
+                    fits.append(fits[duplicate_start])
                     continue
                 goal = _HOPELESS_COST_RATIO * min((fit.cost for fit in fits), default=np.inf)
                 fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
@@ -205,12 +208,12 @@ class CellSearch:
                     fits = self._fit_candidate(self._make_levels(candidate, form), smaller_fits)
                     if smaller_fits and fits[0].cost > _ADDED_POPULATION_COST_RATIO * smaller_fits[0].cost:
                         continue
-                    reduced = self._remove_offsets(candidate, fits)
+                    reduced_fits = self._remove_offsets(candidate, fits)
                 except FAILURES as error:
                     self.drop(candidate, error)
                     continue
                 fits_by_shape[shape] = fits
-                fits_by_candidate[candidate] = Fits(fits[0], reduced)
+                fits_by_candidate[candidate] = Fits(fits[0], reduced_fits)
             lowest_cost = min((fits[0].cost for fits in fits_by_shape.values()), default=0.0)
             previous_fits = {
                 shape: fits
@@ -242,8 +245,8 @@ class CellSearch:
         if not smaller_fits and not self.is_usable(fits[0]):
             # Also descend from the Jiles-Atherton starts: their fits may be usable.
             followed = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
-            usable = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
-            fits = [*usable[:1], *fits][:_MAX_FINAL_DESCENTS]
+            usable_fits = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
+            fits = [*usable_fits[:1], *fits][:_MAX_FINAL_DESCENTS]
         return fits
 
     def _remove_offsets(self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]) -> FoundModel:
@@ -253,8 +256,8 @@ class CellSearch:
             return fit
         levels = self._make_levels(replace(candidate, fixed=fit.space.fixed), final_fits[0].space.form)
         starts = [levels.coarse.pack(final_fit.parameter_sets) for final_fit in (fit, *final_fits)]
-        searched, *_ = self._search_starts(levels, starts)
-        return min(fit, searched, key=lambda final_fit: final_fit.cost)
+        found_models, *_ = self._search_starts(levels, starts)
+        return min(fit, found_models, key=lambda final_fit: final_fit.cost)
 
     def _make_levels(self, candidate: ModelCandidate, form: ResponseForm) -> _SampleLevels:
         rough, coarse, fine = (
@@ -268,8 +271,9 @@ class CellSearch:
         """Search from random and given starts until the final fits agree or are within the noise.
 
         With few loops, agreement is not evidence, because flat valleys are long. If the residual
-        exceeds the noise, all starts then descend with the patient schedule. A slightly better
-        result of it is ignored: it differs by chance and does not predict other runs better.
+        exceeds the noise, all starts then descend with the patient schedule. A result of this
+        schedule that is only slightly better is ignored. Such a difference is due to chance and
+        does not improve predictions.
         """
         kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
@@ -403,13 +407,14 @@ def _rate_added_population(
             ]
         )
 
-    theta = make_start(_PROBE_SHARE)
+    theta = make_start(_PROBE_SATURATION_RATIO)
     try:
         _, gradient, normal = objective.normal_equations(theta)
     except NoResponseError:
         return -np.inf, theta
     share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
-    # With the map ``free``, each gap has its own share. All of them change together.
+    # With the map ``free``, each gap has its own share of the population. All shares change
+    # together.
     is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
     is_other = ~is_share
     other_normal = normal[np.ix_(is_other, is_other)]
@@ -417,12 +422,12 @@ def _rate_added_population(
         other_normal.shape[0]
     )
     coupling = normal[np.ix_(is_share, is_other)].sum(axis=0)
-    absorbed = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
-    curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed[:, 0]
-    reduced_gradient = gradient[is_share].sum() - coupling @ absorbed[:, 1]
+    absorbed_change = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
+    curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed_change[:, 0]
+    reduced_gradient = gradient[is_share].sum() - coupling @ absorbed_change[:, 1]
     step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the share
     gain = max(step, 0.0) * -reduced_gradient
-    return gain, make_start(float(np.clip(_PROBE_SHARE * (1.0 + step), *_START_SHARE_RANGE)))
+    return gain, make_start(float(np.clip(_PROBE_SATURATION_RATIO * (1.0 + step), *_START_SATURATION_RANGE)))
 
 
 def _add_population(
@@ -435,10 +440,10 @@ def _add_population(
     scaled_others = [
         value / total_slope if index % 4 == 0 else value for index, value in enumerate(other_values)
     ]
-    added = (share, width, pinning_1 * pinning, spread_1)
+    added_cells = (share, width, pinning_1 * pinning, spread_1)
     return replace(
         parameter_set,
-        law=(share_0 * total_slope, width_0, pinning_1, spread_1, *scaled_others, *added),
+        law=(share_0 * total_slope, width_0, pinning_1, spread_1, *scaled_others, *added_cells),
         omega=parameter_set.omega / total_slope,
         gain=parameter_set.gain / total_slope**power,
     )
@@ -450,8 +455,8 @@ def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecord
         candidate.gap_map, records.thinned(FINE_SAMPLES), fit.space.form, candidate.fixed, candidate.common
     )
     smoothness = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-    full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
-    return Fits(full, remove_unneeded_offsets(full, *_FINAL_STOP))
+    full_fit = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
+    return Fits(full_fit, remove_unneeded_offsets(full_fit, *_FINAL_STOP))
 
 
 def fit_cell_weights(fit: FoundModel, records: FitRecords) -> Fits:

@@ -180,17 +180,17 @@ def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
         return model, ""
     rates = sorted(errors)
     mean_errors = [float(np.mean(errors[rate])) for rate in rates]
-    accepted = [
+    accepted_rates = [
         rate
         for rate, error in zip(rates, mean_errors, strict=True)
         if error <= MAX_RATE_ERROR_RATIO * mean_errors[0]
     ]
-    excluded = [index for index, rate in enumerate(rates) if rate not in accepted]
-    first_excluded = excluded[0] if excluded else len(rates)
+    excluded_indices = [index for index, rate in enumerate(rates) if rate not in accepted_rates]
+    first_excluded = excluded_indices[0] if excluded_indices else len(rates)
     fastest = rates[max(0, first_excluded - 1)]
     assert model.dynamics is not None
     model = replace(model, dynamics=replace(model.dynamics, fastest=fastest))
-    if not excluded:
+    if not excluded_indices:
         return model, f"the loops run at up to {fastest:.2g} Hz; faster runs were not measured"
     return model, (
         f"the model is valid up to {fastest:.2g} Hz: its error is {100 * mean_errors[first_excluded - 1]:.2g} % of "

@@ -38,7 +38,7 @@ _BLOCKS_PER_LOOP = {1: 6, 2: 4}
 _CLEAR_SQUARE_RATIO = 1.0 / 9.0
 """Ratio of mean square errors below which a fit that is better everywhere needs no scatter test."""
 
-_MIN_PLACES = 4  # smallest number of places for "better everywhere"
+_MIN_WITHHELD_ITEMS = 4  # minimum number of withheld items for "better everywhere"
 EQUAL_ERROR_RATIO = 1.02
 """Ratio of cross-validation errors within which they count as equal."""
 
@@ -68,7 +68,7 @@ _GAP_SPACING_FACTOR = 1.5
 are twice as far apart as the gaps between which the model is used."""
 
 _MIN_ERROR_SHARE = 0.3
-"""Smallest share of a mean error that counts as model error, for any noise."""
+"""Minimum fraction of a mean error that is attributed to the model, however large the noise is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +195,10 @@ def _mean_squares_without_drift(
     """Return mean squares of the residuals at one gap, without their best linear drift."""
     times, all_residuals = np.concatenate(clocks), np.concatenate(residuals)
     slope = float(times @ all_residuals) / max(float(times @ times), 1e-300)
-    remaining = [residual - slope * time for residual, time in zip(residuals, clocks, strict=True)]
-    return tuple(float(residual @ residual) / residual.size for residual in remaining)
+    residuals_without_drift = [
+        residual - slope * time for residual, time in zip(residuals, clocks, strict=True)
+    ]
+    return tuple(float(residual @ residual) / residual.size for residual in residuals_without_drift)
 
 
 def mean_error(errors: Sequence[WithheldError]) -> float:
@@ -239,7 +241,7 @@ def is_better(
         scatter = float(np.std(gap_means, ddof=1))
         standard_error = max(standard_error, scatter / math.sqrt(len(gap_means)))
     min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
-    is_better_everywhere = differences.size >= _MIN_PLACES and bool(np.all(differences > 0.0))
+    is_better_everywhere = differences.size >= _MIN_WITHHELD_ITEMS and bool(np.all(differences > 0.0))
     if is_better_everywhere and mean_square_error(complex_) < _CLEAR_SQUARE_RATIO * mean_square_error(
         simpler
     ):
@@ -284,23 +286,23 @@ def expected_error(
     The errors contain one value for each withheld gap or block. The noise is subtracted. The result
     is None if no finite positive error remains.
     """
-    withheld = np.array(  # errors that consist mostly of noise are very uncertain
+    withheld_errors = np.array(  # errors that consist mostly of noise are very uncertain
         [
             max(math.sqrt(max(error**2 - noise_error**2, 0.0)), _MIN_ERROR_SHARE * error)
             for error, noise_error in zip(errors, noises, strict=True)
         ]
     )
-    if not withheld.size or not np.isfinite(withheld).all() or withheld.min() <= 0.0:
+    if not withheld_errors.size or not np.isfinite(withheld_errors).all() or withheld_errors.min() <= 0.0:
         return None
-    logs = np.log(withheld)
-    freedom = _PRIOR_GAPS + withheld.size - 1.0
+    logs = np.log(withheld_errors)
+    freedom = _PRIOR_GAPS + withheld_errors.size - 1.0
     variance = (_PRIOR_GAPS * PRIOR_LOG_STD**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
-    half_width = _student_quantile(freedom) * np.sqrt(variance * (1.0 + 1.0 / withheld.size))
+    half_width = _student_quantile(freedom) * np.sqrt(variance * (1.0 + 1.0 / withheld_errors.size))
     low, high = np.exp(logs.mean() - half_width), np.exp(logs.mean() + half_width)
     return CrossValidation(
-        error=float(withheld.mean()),
+        error=float(withheld_errors.mean()),
         interval=(float(low / (_GAP_SPACING_FACTOR if withheld_kind == "gap" else 1.0)), float(high)),
-        folds=tuple(withheld.tolist()),
+        folds=tuple(withheld_errors.tolist()),
         left_out=withheld_kind,
     )
 

@@ -165,8 +165,8 @@ def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]])
     """Descend for a few steps from each start, and to convergence from the best result."""
     max_steps = _SHORT_DESCENT_STEPS + space.records.gap_count
     short_fits = [descend_from(space, space.pack(sets), 1e-4, max_steps) for sets in starts]
-    final = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)
-    return replace(final, evaluations=final.evaluations + sum(fit.evaluations for fit in short_fits))
+    final_fit = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)
+    return replace(final_fit, evaluations=final_fit.evaluations + sum(fit.evaluations for fit in short_fits))
 
 
 def search_each_gap(form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]) -> FoundModel:

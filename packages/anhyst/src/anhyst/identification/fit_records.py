@@ -17,14 +17,14 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MAX_REST_SHARE = 0.01  # share of the largest input below which the smallest input counts as zero
+MAX_REST_SHARE = 0.01  # fraction of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
 """Largest difference of readings at the same rest, relative to the largest reading. A smaller
 offset counts as zero."""
 
 _REST_BAND = 0.005
-# a drive rests if this share of its samples is within a band above the lowest
+# a drive rests if this fraction of its samples is within a band above the lowest sample
 _MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
 """A reversal is round if the residual of one curve across it is at most this multiple of that of
@@ -61,8 +61,8 @@ def read_rest_offsets(loopset: Loops) -> RestReadings:
     later it contains remanence.
     """
     span = max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)
-    lowest = [_rest_input(loop, span) for loop in loopset.loops]
-    offset = _make_reading([value for value in lowest if value is not None], span)
+    lowest_inputs = [_rest_input(loop, span) for loop in loopset.loops]
+    offset = _make_reading([value for value in lowest_inputs if value is not None], span)
     if offset.std is None:
         return RestReadings()
     first_outputs = []
@@ -102,14 +102,14 @@ def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, s
         for first, second in pairwise(branch_list)
         if second.is_rising and drive[first.stop - 1] - drive.min() <= MAX_REST_SHARE * span
     ]
-    lowest = []
+    lowest_inputs = []
     for row, length in reversals:
         window = max(8, length // _BRANCH_PARTS_PER_TIP)
-        skip = max(2, window // 10)
-        if skip + 6 > window or row < window or row + window >= drive.size:
+        skipped_samples = max(2, window // 10)
+        if skipped_samples + 6 > window or row < window or row + window >= drive.size:
             continue
-        steps, times = np.arange(skip, window + 1), clock - clock[row]
-        fine_times = np.linspace(times[row - skip], times[row + skip], 101)
+        steps, times = np.arange(skipped_samples, window + 1), clock - clock[row]
+        fine_times = np.linspace(times[row - skipped_samples], times[row + skipped_samples], 101)
         side_rows = [row - steps, row + steps]
         fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
         window_rows = np.concatenate(side_rows)
@@ -118,12 +118,12 @@ def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, s
         sharp_cost = float(np.sum(np.concatenate(residuals) ** 2))
         round_cost = float(np.sum((drive[window_rows] - round_fit(times[window_rows])) ** 2))
         if round_cost <= _ROUND_REVERSAL_RATIO * sharp_cost:
-            lowest.append(float(round_fit(fine_times).min()))
+            lowest_inputs.append(float(round_fit(fine_times).min()))
         else:
-            before, after = (fit(fine_times) for fit in fits)
-            crossing = np.argmin(np.maximum(before, after))
-            lowest.append(0.5 * float(before[crossing] + after[crossing]))
-    return float(np.mean(lowest)) if lowest else default
+            values_before, values_after = (fit(fine_times) for fit in fits)
+            crossing = np.argmin(np.maximum(values_before, values_after))
+            lowest_inputs.append(0.5 * float(values_before[crossing] + values_after[crossing]))
+    return float(np.mean(lowest_inputs)) if lowest_inputs else default
 
 
 def _make_reading(values: Sequence[float], span: float) -> RestReading:
@@ -181,12 +181,12 @@ class FitRecord:
         if self.input.size <= max_samples:
             yield self
             return
-        lead = self.remembered_history
+        lead_history = self.remembered_history
         for start in range(0, self.input.size, max_samples):
             piece = slice(start, start + max_samples)
             yield replace(
                 self,
-                history=lead,
+                history=lead_history,
                 input=self.input[piece],
                 output=self.output[piece],
                 is_cycle=False,
@@ -194,7 +194,7 @@ class FitRecord:
                 is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
                 sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead = lead.extended(self.input[piece], self.gap).remembered()
+            lead_history = lead_history.extended(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
         """Return about `max_samples` samples at most, plus more in steep parts.
@@ -206,8 +206,8 @@ class FitRecord:
         if samples.size > thin_rows(self.input, max_samples).size:
             starts = np.concatenate([[0], (samples[1:] + samples[:-1] + 1) // 2])
             shares_before = np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
-            represented = np.add.reduceat(shares_before, starts)
-            shares = represented * (samples.size / represented.sum())
+            represented_samples = np.add.reduceat(shares_before, starts)
+            shares = represented_samples * (samples.size / represented_samples.sum())
         return replace(
             self,
             input=self.input[samples],
@@ -244,7 +244,7 @@ class FitRecords:
     def at_gap(self, gap: int) -> FitRecords:
         """Return only the loops of one gap, with the same scales."""
         records = tuple(
-            replace(record, gap=0, history=record.history.only_at(gap))
+            replace(record, gap=0, history=record.history.reversals_at_gap(gap))
             for record in self.loops
             if record.gap == gap
         )
@@ -292,8 +292,8 @@ class FitRecords:
 
 def block_numbers_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
     """Return the block of each sample, for blocks of equal travel of the drive."""
-    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    return np.asarray(np.minimum(travelled / travelled[-1] * blocks, blocks - 1), dtype=np.intp)
+    travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    return np.asarray(np.minimum(travel / travel[-1] * blocks, blocks - 1), dtype=np.intp)
 
 
 def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
@@ -302,11 +302,13 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
         order = sorted(times, key=lambda time: float(time[0]))
-        if len(times) < len(group) or not all(earlier[-1] <= later[0] for earlier, later in pairwise(order)):
+        if len(times) < len(group) or not all(
+            earlier_clock[-1] <= later_clock[0] for earlier_clock, later_clock in pairwise(order)
+        ):
             return [[np.zeros(loop.n) for loop in group] for group in groups]
         clocks.append([time - order[0][0] for time in times])
-    longest = max(float(clock[-1]) for group in clocks for clock in group)
-    return [[clock / longest for clock in group] for group in clocks]
+    longest_time = max(float(clock[-1]) for group in clocks for clock in group)
+    return [[clock / longest_time for clock in group] for group in clocks]
 
 
 def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
@@ -393,7 +395,7 @@ class InputHistory:
         gaps = np.full(drive.size, float(gap))
         return InputHistory(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
 
-    def only_at(self, gap: int) -> InputHistory:
+    def reversals_at_gap(self, gap: int) -> InputHistory:
         """Return only the reversals at one gap."""
         is_at_gap = self.gap_position == gap
         return InputHistory.at(self.drive[is_at_gap], 0)
@@ -407,9 +409,11 @@ class InputHistory:
         if not self.drive.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
-        stretches = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
+        reversals_by_part = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
         gaps = self.gap_position[np.concatenate([[0], edges])]
-        return InputHistory(np.concatenate(stretches), np.repeat(gaps, [points.size for points in stretches]))
+        return InputHistory(
+            np.concatenate(reversals_by_part), np.repeat(gaps, [points.size for points in reversals_by_part])
+        )
 
 
 def remembered_reversals(drive: FloatArray) -> FloatArray:
@@ -420,8 +424,8 @@ def remembered_reversals(drive: FloatArray) -> FloatArray:
     out are kept.
     """
     direction = np.sign(np.diff(drive))
-    moving = np.flatnonzero(direction)
-    reversal_rows = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
+    moving_rows = np.flatnonzero(direction)
+    reversal_rows = moving_rows[1:][direction[moving_rows[1:]] != direction[moving_rows[:-1]]]
     points = [float(drive[0])]
     for point in [*drive[reversal_rows].tolist(), float(drive[-1])]:
         points.append(point)

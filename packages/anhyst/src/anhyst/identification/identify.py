@@ -1,4 +1,4 @@
-"""Find a model from measured loops: check the inputs, search, and collect figures and provenance.
+"""Find a model from measured loops: check inputs, search, collect fit metrics and provenance.
 
 The slow loops determine the static model. If there are fast loops, their rate dependence is fitted
 afterwards. The result contains warnings and, if the model must not be used, the reason.
@@ -78,23 +78,23 @@ def identify(
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
 
-    def fit_static(some: Loops, before: Outcome | None) -> Outcome:
+    def fit_static(static_loops: Loops, previous_outcome: Outcome | None) -> Outcome:
         """Find the model of loops of one speed; with a previous outcome, continue its fit."""
-        law_name, cells = _laws_to_compare(some, law, search)
-        if _needs_creep_fit(some, law, search):
-            return fit_creeping(some)
+        law_name, cells = _laws_to_compare(static_loops, law, search)
+        if _needs_creep_fit(static_loops, law, search):
+            return fit_creeping(static_loops)
         if LAWS[law_name].kernel is None:
-            records = make_fit_records(some, weights)
+            records = make_fit_records(static_loops, weights)
             require_gaps(records, gap_map)
             return fit_any_law(
-                some, records.thinned(MAX_SEARCH_SAMPLES), law_name, gap_map, seed, offsets=offsets
+                static_loops, records.thinned(MAX_SEARCH_SAMPLES), law_name, gap_map, seed, offsets=offsets
             )
-        readings_at_rest = read_rest_offsets(some) if offsets and search == "default" else None
+        readings_at_rest = read_rest_offsets(static_loops) if offsets and search == "default" else None
         run = SearchRun(
-            form=make_response_form(some.input, some.output, law_name),
+            form=make_response_form(static_loops.input, static_loops.output, law_name),
             cells=cells,
             only_cells=law != AUTO,
-            records=make_fit_records(some, weights, readings_at_rest),
+            records=make_fit_records(static_loops, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
@@ -102,11 +102,15 @@ def identify(
             cpu_times=cpu_times,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
-        outcome = _continue_fit(run, some, before) if before else _search(run, some, gap_map, search)
-        resolved_model = free_unresolved_cells(outcome.model, some)
+        outcome = (
+            _continue_fit(run, static_loops, previous_outcome)
+            if previous_outcome
+            else _search(run, static_loops, gap_map, search)
+        )
+        resolved_model = free_unresolved_cells(outcome.model, static_loops)
         return (
             replace(outcome, model=resolved_model)
-            if has_plausible_initial_curve(resolved_model, some)
+            if has_plausible_initial_curve(resolved_model, static_loops)
             else outcome
         )
 
@@ -164,8 +168,8 @@ def identify(
 
 def check_options(law: str, gap_map: str, search: str) -> None:
     """Raise an error for unknown options and for options that exclude each other."""
-    if why := LAWS.explain_unusable(law):
-        raise InputError(f"law '{law}': {why}", code="not-installed", key="law")
+    if reason := LAWS.explain_unusable(law):
+        raise InputError(f"law '{law}': {reason}", code="not-installed", key="law")
     for option, value, choices in (
         ("law", law, (*LAWS, AUTO)),
         ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),
@@ -209,8 +213,8 @@ def _laws_to_compare(loops: Loops, law: str, search: str) -> tuple[str, tuple[Sh
     if law != AUTO:
         return law, ()
     # Laws that cannot be compiled are not compared for actuators that are compensated.
-    usable = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
-    return DEFAULT_LAW, tuple(shapes[name] for name in usable) if search == "default" else ()
+    usable_names = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
+    return DEFAULT_LAW, tuple(shapes[name] for name in usable_names) if search == "default" else ()
 
 
 def _fit_all_speeds(
@@ -227,12 +231,14 @@ def _fit_all_speeds(
         return replace(static(loops, None), rate_reason=rate_fit.reason)
     static_loops = remove_rate_effect(rate_fit.model, outcome.model, speeds.slow)
     if static_loops is not None:
-        corrected = static(static_loops, outcome)
+        corrected_outcome = static(static_loops, outcome)
         layers = rate_fit.model.layers
-        second_fit = fit_rate(corrected.model, loops, speeds, min_layers=layers.count if layers else 1)
+        second_fit = fit_rate(
+            corrected_outcome.model, loops, speeds, min_layers=layers.count if layers else 1
+        )
         if second_fit.error < rate_fit.error:
             rate_fit = second_fit
-            outcome = replace(outcome, uncertainty=corrected.uncertainty)
+            outcome = replace(outcome, uncertainty=corrected_outcome.uncertainty)
     uncertainty = rate_fit.add_to_uncertainty(outcome.uncertainty)
     return replace(outcome, model=rate_fit.model, uncertainty=uncertainty, rate_reason=rate_fit.reason)
 

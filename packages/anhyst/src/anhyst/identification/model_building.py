@@ -100,7 +100,7 @@ def _make_reluctance_positive(form: ResponseForm, table: list[dict[str, float]],
 
 
 def _physical_at_gap(
-    form: ResponseForm, parameter_set: ParameterSet, gap_map: str, input_name: str, answer: OutputMap
+    form: ResponseForm, parameter_set: ParameterSet, gap_map: str, input_name: str, output_quantity: OutputMap
 ) -> dict[str, float]:
     h, omega = parameter_set.h, parameter_set.omega
     if gap_map in SERIES_MAPS:
@@ -112,10 +112,10 @@ def _physical_at_gap(
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
     else:
-        is_known = answer.is_flux_density and gap_map != "circuit"
+        is_known = output_quantity.is_flux_density and gap_map != "circuit"
         saturation = parameter_set.gain / (MU_0 * (1.0 - alpha)) if is_known else DEFAULT_SATURATION
         a = h * saturation * (1.0 - alpha)
-    c_out = parameter_set.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
+    c_out = parameter_set.gain / (MU_0 * saturation * (1.0 - alpha)) ** output_quantity.power
     if abs(c_out - 1.0) < 1e-12:
         c_out = 1.0  # with measured flux density, it is 1 except for rounding
     return {
@@ -234,8 +234,8 @@ def explain_dead_band(fit_without: FoundModel, fit_with: FoundModel) -> str:
             f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
             f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
-    change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
+    deviation_change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
     return (
         f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
-        f"the deviation from the loops changes by {100.0 * change:+.1f} %"
+        f"the deviation from the loops changes by {100.0 * deviation_change:+.1f} %"
     )

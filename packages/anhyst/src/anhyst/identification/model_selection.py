@@ -114,8 +114,8 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
     choice = Selection(run, loopset, map_list)
     comparison = choice.comparison
     best = choice.select()
-    rejected = [candidate for candidate in map_list if candidate not in comparison.eligible]
-    map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected)
+    rejected_candidates = [candidate for candidate in map_list if candidate not in comparison.eligible]
+    map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected_candidates)
     candidates: tuple[CandidateFit, ...] = ()
     law_reason, ambiguity = "", 0.0
     base, base_fit = best, comparison.fits[best].reduced
@@ -134,7 +134,7 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
         are_laws_compared = True
         best, fit, dead_band = choice.finish_best(choice.compare_play_cells(best))
     if best.file_gap_map != base.file_gap_map:  # the law of play cells may need another map
-        map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected)
+        map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected_candidates)
         maps = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else maps
     if are_laws_compared or comparison.dropped:
         candidates = list_candidates(comparison, best, run.form.law)
@@ -173,8 +173,8 @@ class Selection:
         reference_records = run.search_records.at_gap(run.search_records.reference_gap)
 
         def search() -> Fits:
-            full = search_one_gap(run.form, reference_records, run.seed, run.fixed)
-            return Fits(full, full if self.maps else remove_unneeded_offsets(full))
+            full_search = search_one_gap(run.form, reference_records, run.seed, run.fixed)
+            return Fits(full_search, full_search if self.maps else remove_unneeded_offsets(full_search))
 
         fits = run.step("one gap", search)
         if not self.maps:
@@ -211,15 +211,15 @@ class Selection:
 
         def search() -> Fits:
             if gap_map == "free":
-                full = search_each_gap(run.form, run.search_records, run.seed, fixed)
+                full_search = search_each_gap(run.form, run.search_records, run.seed, fixed)
             elif gap_map in {"leakage", "circuit"}:
                 series = reluctance_fit or join_gaps(
                     run.form, run.search_records, "reluctance", starts, fixed
                 )
-                full = join_circuit(series, gap_map, candidate.common)
+                full_search = join_circuit(series, gap_map, candidate.common)
             else:
-                full = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
-            return Fits(full, remove_unneeded_offsets(full))
+                full_search = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
+            return Fits(full_search, remove_unneeded_offsets(full_search))
 
         fits = run.step("gap maps", search)
         if run.best is None or (candidate.rank == 0 and fits.reduced.cost < run.best.cost):
@@ -257,10 +257,10 @@ class Selection:
         cell_entries += map_variants
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
             best = min(cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0)
-            refined = with_fitted_weights(best)
+            refined_candidate = with_fitted_weights(best)
             refine = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
-            run.step("play cells", partial(self._try_fit, refined, refine))
-            refined_entries = [refined] if refined in comparison.fits else []
+            run.step("play cells", partial(self._try_fit, refined_candidate, refine))
+            refined_entries = [refined_candidate] if refined_candidate in comparison.fits else []
             run.step("left out", partial(self._refit_folds, refined_entries))
             cell_entries += refined_entries
         else:
@@ -280,25 +280,29 @@ class Selection:
         without interaction are fitted first.
         """
         run, comparison = self.run, self.comparison
-        coupled = cell_candidates(select_cell_map(base, self.maps), run.cells)
+        coupled_candidates = cell_candidates(select_cell_map(base, self.maps), run.cells)
         is_single_loop = len(run.search_records.loops) == 1 and base.gap_map == "none"
-        uncoupled = [without_interaction(candidate) for candidate in coupled]
+        uncoupled_candidates = [without_interaction(candidate) for candidate in coupled_candidates]
         if not is_single_loop or run.form.power != 1 or "omega" in base.fixed:
-            uncoupled = []
+            uncoupled_candidates = []
         base_fit, exceeds_noise = comparison.fits[base].full, self.exceeds_noise
         search = CellSearch(
             base_fit, run.search_records, run.seed, exceeds_noise, self.is_usable, comparison.drop
         )
 
         def work() -> dict[ModelCandidate, Fits]:
-            found: dict[ModelCandidate, Fits] = {}
-            for candidates in filter(None, (uncoupled, coupled)):
-                if all(exceeds_noise(fits.reduced) for fits in found.values()):
-                    found |= search.fit_candidates(candidates)
-            return found
+            fits_by_candidate: dict[ModelCandidate, Fits] = {}
+            for candidates in filter(None, (uncoupled_candidates, coupled_candidates)):
+                if all(exceeds_noise(fits.reduced) for fits in fits_by_candidate.values()):
+                    fits_by_candidate |= search.fit_candidates(candidates)
+            return fits_by_candidate
 
         comparison.fits.update(run.step("play cells", work))
-        return [candidate for candidate in (*uncoupled, *coupled) if candidate in comparison.fits]
+        return [
+            candidate
+            for candidate in (*uncoupled_candidates, *coupled_candidates)
+            if candidate in comparison.fits
+        ]
 
     def _try_fit(self, candidate: ModelCandidate, fit: Callable[[], Fits]) -> None:
         """Fit a candidate, or drop it if the fit fails."""
@@ -359,15 +363,17 @@ class Selection:
         compiled, if it fits several times better than any usable candidate.
         """
         comparison = self.comparison
-        usable = [candidate for candidate in candidates if self.is_usable(comparison.fits[candidate].reduced)]
-        if not usable or is_scheduled_over_gap(self.loopset):
-            return usable or candidates
-        return usable + [
+        usable_candidates = [
+            candidate for candidate in candidates if self.is_usable(comparison.fits[candidate].reduced)
+        ]
+        if not usable_candidates or is_scheduled_over_gap(self.loopset):
+            return usable_candidates or candidates
+        return usable_candidates + [
             candidate
             for candidate in candidates
             if candidate.gap_map == "free"
-            and candidate not in usable
-            and all(comparison.is_several_times_worse(other, candidate) for other in usable)
+            and candidate not in usable_candidates
+            and all(comparison.is_several_times_worse(other, candidate) for other in usable_candidates)
         ]
 
     def select(self) -> ModelCandidate:
@@ -397,7 +403,7 @@ class Selection:
         error = comparison.finite_withheld_error(candidate)
         if comparison.withheld_kind != "gap" or not error or loopset.schedule is None:
             return False
-        simpler = [
+        simpler_models = [
             (make_model(comparison.fits[other].reduced, loopset), other_error)
             for other in comparison.fits
             if other.gap_map != candidate.gap_map
@@ -407,7 +413,7 @@ class Selection:
             and (other_error := comparison.finite_withheld_error(other)) is not None
         ]
         return is_overfitted_between_gaps(
-            make_model(comparison.fits[candidate].reduced, loopset), error, simpler, loopset
+            make_model(comparison.fits[candidate].reduced, loopset), error, simpler_models, loopset
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
@@ -500,8 +506,8 @@ def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[Fou
         return find_compile_obstacle(make_model(fit, loopset)) is None and _passes_acceptance(fit, loopset)
 
     def work() -> FoundModel:
-        is_start_deployable = is_deployable(fit)
-        return add_dead_band(fit, lambda candidate: not is_start_deployable or is_deployable(candidate))
+        is_initial_fit_deployable = is_deployable(fit)
+        return add_dead_band(fit, lambda candidate: not is_initial_fit_deployable or is_deployable(candidate))
 
     with_dead_band = run.step("dead band", work)
     return with_dead_band, explain_dead_band(fit, with_dead_band)

@@ -166,11 +166,12 @@ DRIFT_STD = 0.003
 """
 
 _MAX_PIECE_SAMPLES = 20_000
-"""Number of samples whose derivatives are stored at once, to limit memory. A Jiles-Atherton law has
-few parameters and needs its whole cycle to close it."""
+"""Maximum number of samples whose derivatives are stored at the same time, to limit memory. A
+Jiles-Atherton cycle is never split, because its steady state needs the whole cycle; it has few
+parameters."""
 
 # residual for parameters without a solution, relative to the largest output
-NO_ANSWER_DEVIATION = 10.0
+UNSOLVED_DEVIATION = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +228,7 @@ class Objective:
     @property
     def no_answer_deviations(self) -> FloatArray:
         """Residuals that replace those of parameters without a solution."""
-        large_residual = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
+        large_residual = UNSOLVED_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
             [large_residual, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
         )
@@ -266,11 +267,14 @@ class Objective:
         for gap, output, derivatives in responses:
             samples = slice(start, start + output.size)
             weights = self.weights[samples]
-            value, weighted = ((output - self.measured[samples]) * weights, derivatives * weights[:, None])
-            gap_normals[gap] += weighted.T @ weighted
-            gap_gradients[gap] += value @ weighted
+            value, weighted_derivatives = (
+                (output - self.measured[samples]) * weights,
+                derivatives * weights[:, None],
+            )
+            gap_normals[gap] += weighted_derivatives.T @ weighted_derivatives
+            gap_gradients[gap] += value @ weighted_derivatives
             if self._drift.is_present:
-                gap_drifts[gap] += self._drift.direction[samples] @ weighted
+                gap_drifts[gap] += self._drift.direction[samples] @ weighted_derivatives
             start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
@@ -327,9 +331,9 @@ class Objective:
         for index in range(theta.size):
             pair = []
             for step in (-1e-5, 1e-5):
-                moved = theta.copy()
-                moved[index] = np.clip(moved[index] + step, lower[index], upper[index])
-                pair.append((moved[index], self.deviations(moved)))
+                moved_theta = theta.copy()
+                moved_theta[index] = np.clip(moved_theta[index] + step, lower[index], upper[index])
+                pair.append((moved_theta[index], self.deviations(moved_theta)))
             columns.append((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
         return np.stack(columns, axis=1)
 

@@ -59,7 +59,7 @@ class Variables:
     names: tuple[str, ...]  # parameters that vary
     low: FloatArray  # bounds of the coordinates, shape (n,)
     high: FloatArray
-    # unit of each coordinate that is neither a logarithm nor alpha
+    # scale of each coordinate that is neither a logarithm nor alpha
     spans: Mapping[str, float]
 
     @property
@@ -99,7 +99,7 @@ def _to_coordinate(name: str, value: float, spans: Mapping[str, float]) -> float
 
 
 def make_variables(
-    records: FitRecords, drive: Quantity, answer: Quantity, fixed: frozenset[str]
+    records: FitRecords, drive: Quantity, output_quantity: Quantity, fixed: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Return the search variables with their bounds, and the parameters with known values."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
@@ -108,10 +108,10 @@ def make_variables(
     if drive.name == "field":
         fixed_values["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
-    if output_map(answer).is_flux_density:
+    if output_map(output_quantity).is_flux_density:
         fixed_values["c_out"] = 1.0
         saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
-    power = output_map(answer).power
+    power = output_map(output_quantity).power
     bounds = {
         "M_s": saturation,
         "a": shape,
@@ -168,8 +168,8 @@ def mean_over_gaps(name: str, values: Sequence[float]) -> float:
 
 def names_set_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that :func:`move_to_one_gauge` makes equal at all gaps."""
-    tied = {"M_s": "c_out", "a": "c_H"}
-    return tuple(name for name, partner in tied.items() if partner in searched)
+    partner_names = {"M_s": "c_out", "a": "c_H"}
+    return tuple(name for name, partner in partner_names.items() if partner in searched)
 
 
 def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
@@ -184,7 +184,7 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
     """
     names = names_set_by_gauge(searched)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
-    moved = []
+    moved_sets = []
     for values in sets:
         arrays = {name: np.asarray(value) for name, value in values.items()}
         form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
@@ -197,11 +197,11 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
             moved_values["c_H"] = a / form["scale"]
         if "c_out" in searched:
             moved_values["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
-        moved.append(values | moved_values)
-    return moved
+        moved_sets.append(values | moved_values)
+    return moved_sets
 
 
-NO_ANSWER_COST = 10.0  # cost of parameters without a solution
+UNSOLVED_COST = 10.0  # cost of parameters without a solution
 _KAPPA_RANGE = (2e-3, 5e2)  # range of pinning over shape that the tables of the core support
 
 
@@ -219,7 +219,7 @@ class Criterion:
         self.evaluations = 0
 
     def cost_of_set(self, values: Mapping[str, float]) -> float:
-        """Return the cost of one set by the exact law, or :data:`NO_ANSWER_COST`."""
+        """Return the cost of one set by the exact law, or :data:`UNSOLVED_COST`."""
         self.evaluations += 1
         parameter_set = make_parameter_set(values, self._form.power)
         try:
@@ -236,7 +236,7 @@ class Criterion:
                 for share, record in zip(self._shares, self._loops, strict=True)
             )
         except NoResponseError:
-            return NO_ANSWER_COST
+            return UNSOLVED_COST
 
     def costs_of_sets(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return the costs of many sets, shape (count,); infinite if the batch cannot compute one.
@@ -249,13 +249,20 @@ class Criterion:
         is_supported &= form["kappa"] < _KAPPA_RANGE[1]
         costs = np.full(is_supported.size, np.inf)
         self.evaluations += is_supported.size
-        supported = {name: array[is_supported] for name, array in form.items()}
+        supported_values = {name: array[is_supported] for name, array in form.items()}
         in_0, out_0 = values["in_0"][is_supported], values["out_0"][is_supported]
-        sets = np.stack([supported["kappa"], supported["c"], supported["omega"], supported["scale"]])
+        sets = np.stack(
+            [
+                supported_values["kappa"],
+                supported_values["c"],
+                supported_values["omega"],
+                supported_values["scale"],
+            ]
+        )
         criteria = np.zeros(in_0.size)
         for share, record in zip(self._shares, self._loops, strict=True):
             m, xi = follow_sets(record, np.arange(record.input.size), sets, in_0)
-            output = supported["gain"] * (m + supported["h"] * xi) ** self._form.power + out_0
+            output = supported_values["gain"] * (m + supported_values["h"] * xi) ** self._form.power + out_0
             criteria += share * np.abs(output - record.output[:, None]).sum(axis=0)
         costs[is_supported] = criteria
         return costs
@@ -263,9 +270,9 @@ class Criterion:
 
 def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
     """Return the criterion of eq. 16 for given outputs."""
-    measured = np.concatenate([record.output for record in records.loops])
+    measured_output = np.concatenate([record.output for record in records.loops])
     counts = np.concatenate([np.full(d.output.size, d.weight**2) for d in records.loops])
-    return float(np.average(np.abs(outputs - measured), weights=counts) / records.output_span)
+    return float(np.average(np.abs(outputs - measured_output), weights=counts) / records.output_span)
 
 
 def run_simplex(

@@ -34,7 +34,7 @@ from anhyst.identification.paper_parameters import (
 from anhyst.identification.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import MAY_VARY, Parameter
+from anhyst.model.parameters import VARYING_BY_GAP_MAP, Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
@@ -119,8 +119,8 @@ class EvolutionStrategy:
     def _mutate(self) -> None:
         """Mutate the step sizes (log-normal), then the variables with these steps (normal)."""
         common = self._random.standard_normal((self._lambda, 1))
-        single = self._random.standard_normal(self._sigma.shape)
-        self._sigma = self._sigma * np.exp(self._tau_common * common + self._tau * single)
+        individual_steps = self._random.standard_normal(self._sigma.shape)
+        self._sigma = self._sigma * np.exp(self._tau_common * common + self._tau * individual_steps)
         span = self._high - self._low
         self._sigma = np.clip(self._sigma, _MIN_STEP * span, span)
         steps = self._sigma * self._random.standard_normal(self._x.shape)
@@ -211,10 +211,10 @@ class PaperSearch:
         def cost(theta: FloatArray) -> float:
             return criterion.cost_of_set(values | _to_floats(variables.to_parameters(theta)))
 
-        best, _ = run_simplex(
+        best_values, _ = run_simplex(
             cost, variables, variables.to_coordinates(values), evaluations_per_variable * variables.size
         )
-        return values | _to_floats(variables.to_parameters(best)), criterion.evaluations
+        return values | _to_floats(variables.to_parameters(best_values)), criterion.evaluations
 
     def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
         """Run the evolution strategy at one gap over the whole range of the named parameters."""
@@ -238,8 +238,8 @@ class PaperSearch:
         starts = [values, evolved_values] if set(names) <= values.keys() else [evolved_values]
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
         best = min(starts, key=criterion.cost_of_set)
-        refined, simplex_evaluations = self.refine(gap, best, names, self.effort.final)
-        return refined, evaluations + simplex_evaluations
+        refined_set, simplex_evaluations = self.refine(gap, best, names, self.effort.final)
+        return refined_set, evaluations + simplex_evaluations
 
     def search_gaps(
         self, stage: str, sets: Sequence[Values], names: Sequence[str]
@@ -282,7 +282,7 @@ def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
     parameters: dict[str, Parameter] = dict(state.sets[0])
     for name in () if is_single_gap else state.varying:
         parameters[name] = tuple(values[name] for values in state.sets)
-    is_scaling = set(state.varying) <= MAY_VARY["scaling"]
+    is_scaling = set(state.varying) <= VARYING_BY_GAP_MAP["scaling"]
     return Model(
         name="model",
         input=loopset.input,

@@ -71,14 +71,14 @@ def move_to_common_gauge(bench: PaperSearch, free_state: SearchState) -> SearchS
     from the result of the neighbouring gap and from the own set. The neighbour's result is
     preferred unless it costs more.
     """
-    moved = move_to_one_gauge(free_state.sets, bench.searched_names, bench.run.form.power)
+    moved_sets = move_to_one_gauge(free_state.sets, bench.searched_names, bench.run.form.power)
     reference = bench.run.records.reference_gap
     sets: dict[int, Values] = {}
     evaluations = free_state.evaluations
     for gap in [reference, *range(reference + 1, bench.gap_count), *range(reference - 1, -1, -1)]:
         neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
         sets[gap], gap_evaluations = bench.run.stage(
-            f"gap {gap} in one gauge", partial(_search_from_neighbour, bench, gap, moved[gap], neighbour)
+            f"gap {gap} in one gauge", partial(_search_from_neighbour, bench, gap, moved_sets[gap], neighbour)
         )
         evaluations += gap_evaluations
     return bench.make_state([sets[gap] for gap in range(bench.gap_count)], free_state.varying, evaluations)
@@ -104,12 +104,12 @@ def reductions(
     while len(state.varying) > 1:
         trials = {name: _try_freezing(bench, state, name) for name in state.varying if name != last}
         costs = {name: trial.cost for name, trial in trials.items()}
-        frozen, previous = _select_cheapest(state, costs), state
-        evaluations = previous.evaluations + sum(trial.evaluations for trial in trials.values())
-        stage = _stage_name(trials[frozen].varying, "in full at gap {}")
-        sets, full_evaluations = bench.search_gaps(stage, trials[frozen].sets, trials[frozen].varying)
-        state = bench.make_state(sets, trials[frozen].varying, evaluations + full_evaluations)
-        yield state, ReductionStep(frozen, previous.cost, state.cost, costs)
+        fixed_name, previous_state = _select_cheapest(state, costs), state
+        evaluations = previous_state.evaluations + sum(trial.evaluations for trial in trials.values())
+        stage = _stage_name(trials[fixed_name].varying, "in full at gap {}")
+        sets, full_evaluations = bench.search_gaps(stage, trials[fixed_name].sets, trials[fixed_name].varying)
+        state = bench.make_state(sets, trials[fixed_name].varying, evaluations + full_evaluations)
+        yield state, ReductionStep(fixed_name, previous_state.cost, state.cost, costs)
 
 
 def _try_freezing(bench: PaperSearch, state: SearchState, name: str) -> SearchState:
@@ -238,12 +238,12 @@ def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterS
     (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, it must be
     fixed.
     """
-    unscaled = float(
+    c_h_without_reluctance = float(
         np.mean([parameter_set.scale * (1.0 - h * parameter_set.omega) for parameter_set in sets])
     )
     gain = float(np.mean([parameter_set.gain for parameter_set in sets]))
     return [
-        replace(parameter_set, h=h, gain=gain, scale=unscaled / (1.0 - h * parameter_set.omega))
+        replace(parameter_set, h=h, gain=gain, scale=c_h_without_reluctance / (1.0 - h * parameter_set.omega))
         for parameter_set in sets
     ]
 

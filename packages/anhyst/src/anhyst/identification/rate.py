@@ -297,23 +297,23 @@ def _with_series_reluctance(model: Model) -> Model:
     new_alpha = max(0.0, 1.0 - float(total.min()))
     factor = (1.0 - alpha) / (1.0 - new_alpha)
     specs = (*law.with_role("saturation"), *law.with_role("reversible"))
-    scaled = (*(spec.name for spec in specs), "c_H")
-    parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled}
+    scaled_names = (*(spec.name for spec in specs), "c_H")
+    parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled_names}
     circuit = {"alpha": new_alpha, "rho": np.maximum(total / (1.0 - new_alpha) - 1.0, 0.0).tolist()}
     return replace(model, parameters={**model.parameters, **parameters, **circuit})
 
 
 def remove_rate_effect(model: Model, static: Model, slow_loops: Loops) -> Loops | None:
     """Subtract the rate effect from slow loops; return None if it is negligible."""
-    static_squares, rate_squares, corrected = [], [], []
+    static_squares, rate_squares, corrected_loops = [], [], []
     for loop in slow_loops.loops:
         static_output = static.predict_loop(loop)
         rate_effect = model.predict_loop(loop) - static_output
         static_squares.append(np.mean((loop.output - static_output) ** 2))
         rate_squares.append(np.mean(rate_effect**2))
-        corrected.append(replace(loop, output=loop.output - rate_effect))
+        corrected_loops.append(replace(loop, output=loop.output - rate_effect))
     return (
         None
         if np.mean(rate_squares) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(static_squares)
-        else slow_loops.with_loops(corrected)
+        else slow_loops.with_loops(corrected_loops)
     )

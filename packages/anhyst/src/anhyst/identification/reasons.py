@@ -1,7 +1,7 @@
 """Explain the selected law and gap map in sentences, and list all candidates.
 
-A sentence states the figures that decided. If another candidate has a smaller error, the sentence
-names it and explains why it was not selected.
+A sentence states the errors that decided the selection. If another candidate has a smaller error,
+the sentence names it and explains why it was not selected.
 """
 
 from __future__ import annotations
@@ -52,12 +52,15 @@ def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: Mode
 def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
     """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
-    withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
+    withheld_names = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
     own_error = comparison.finite_withheld_error(best)
     if own_error is None:
-        return f"law {names[best]}: the simplest, because no candidate has a solution at all withheld samples"
+        return (
+            f"law {names[best]}: the simplest, because for each candidate the error at some withheld "
+            "samples cannot be computed"
+        )
     text = (
-        f"law {names[best]} predicts withheld {withheld[comparison.withheld_kind]} with a mean error of "
+        f"law {names[best]} predicts withheld {withheld_names[comparison.withheld_kind]} with a mean error of "
         f"{_percent(own_error)} of the largest output"
     )
     errors = {
@@ -124,11 +127,11 @@ def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, g
         f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own_error)} of the "
         "largest output"
     )
-    if others := ", ".join(
+    if other_maps := ", ".join(
         f"{map_name} {_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
         for map_name, error in errors.items()
     ):
-        reason += f" ({others})"
+        reason += f" ({other_maps})"
     if any(error < own_error for error in errors.values()):
         reason += "; a smaller error is within its scatter, or belongs to a more complex map or a worse fit"
     return reason

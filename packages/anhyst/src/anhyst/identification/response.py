@@ -306,10 +306,10 @@ class _SolverInputs:
 def _follow_record(
     form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
 ) -> CellPath:
-    skipped = record.history.drive.size
+    skipped_samples = record.history.drive.size
     drive = np.concatenate([record.history.drive, record.input])
     terms = _SolverInputs(form, sets[record.gap], drive, _DERIVATIVE_COUNT)
-    terms.omega[:skipped], terms.r[:skipped] = history_inputs(sets, record.history)
+    terms.omega[:skipped_samples], terms.r[:skipped_samples] = history_inputs(sets, record.history)
     # The effect of the circuit at other gaps through the history is neglected in the derivatives.
     at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
     terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
@@ -317,7 +317,7 @@ def _follow_record(
     seeds = np.zeros((_DERIVATIVE_COUNT, 3))
     *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), seeds)
     require_answer(status)
-    return CellPath(*(values[skipped:] for values in path))
+    return CellPath(*(values[skipped_samples:] for values in path))
 
 
 def _start_derivatives(
@@ -342,7 +342,7 @@ def _start_derivatives(
 
 
 def _langevin(x: float) -> tuple[float, float]:
-    """Return the Langevin function and its slope at one place."""
+    """Return the Langevin function and its slope at one field."""
     value, slope = langevin(np.array([x]))
     return value.item(), slope.item()
 

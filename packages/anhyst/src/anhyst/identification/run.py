@@ -74,11 +74,11 @@ class SearchRun:
             return
         self._key = _key(self)
         try:
-            stored = json.loads(self.checkpoint.read_text(encoding="utf-8"))
+            stored_content = json.loads(self.checkpoint.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return  # no checkpoint, or not a valid one: start from the beginning
-        if isinstance(stored, dict) and stored.get("key") == self._key:
-            self._stored_stages = dict(stored.get("stages", {}))
+        if isinstance(stored_content, dict) and stored_content.get("key") == self._key:
+            self._stored_stages = dict(stored_content.get("stages", {}))
 
     @cached_property
     def search_records(self) -> FitRecords:
@@ -286,21 +286,21 @@ class IdentifyResult(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return all samples of the loops, measured and modelled."""
         output = self.loops.output
-        fitted = np.concatenate(self.fitted)
-        measured = np.concatenate([loop.output for loop in self.loops.loops])
+        fitted_output = np.concatenate(self.fitted)
+        measured_output = np.concatenate([loop.output for loop in self.loops.loops])
         return {
             **self.loops.to_columns(),
-            f"{output.column}_fitted": fitted,
-            f"{output.column}_residual": measured - fitted,
+            f"{output.column}_fitted": fitted_output,
+            f"{output.column}_residual": measured_output - fitted_output,
         }
 
     def draw(self, ax: Axes) -> None:
         """Draw the measured loops, and the modelled ones dashed."""
         self.loops.draw(ax)
         scale, _ = length_scale(self.loops.output)
-        for loop, fitted in zip(self.loops.loops, self.fitted, strict=True):
+        for loop, fitted_output in zip(self.loops.loops, self.fitted, strict=True):
             plotted = thinning_slice(loop.n)
-            ax.plot(loop.input[plotted], scale * fitted[plotted], color="0.15", lw=0.8, ls="--")
+            ax.plot(loop.input[plotted], scale * fitted_output[plotted], color="0.15", lw=0.8, ls="--")
         ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
 
     def save(self, path: PathLike) -> Path:

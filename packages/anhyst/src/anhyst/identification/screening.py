@@ -46,7 +46,7 @@ _MIN_SIDE_RATIO = 0.3
 _SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
 
 
-def batch_level() -> str:
+def batch_instruction_set() -> str:
     """Return the instruction set of the batch: the processor's best, or the environment's."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
@@ -92,11 +92,11 @@ def sample_sets(
     kappa = np.clip(max_field * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
     omega = 0.1 * 3000.0 ** draw[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
-    saturated = 1.0 / np.tanh(max_field) - 1.0 / max_field
-    drive = np.maximum(max_field + omega * saturated, 0.1 * max_field)
-    largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
-    in_0 = _MAX_BIAS_RATIO * largest * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
-    return np.stack([kappa, c, omega, largest / drive, in_0])
+    langevin_at_max = 1.0 / np.tanh(max_field) - 1.0 / max_field
+    drive = np.maximum(max_field + omega * langevin_at_max, 0.1 * max_field)
+    largest_input = max(float(np.max(np.abs(record.input))) for record in records.loops)
+    in_0 = _MAX_BIAS_RATIO * largest_input * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
+    return np.stack([kappa, c, omega, largest_input / drive, in_0])
 
 
 def screen_sets(
@@ -120,9 +120,9 @@ def follow_sets(
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
     drive = np.ascontiguousarray(record.input[sample_indices])
     # The path to the first sample uses small steps, because long linear steps are not exact.
-    rise = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])])
-    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
-    follow(drive=rise, keep=False)
+    initial_path = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])])
+    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_instruction_set())
+    follow(drive=initial_path, keep=False)
     for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
         follow(drive=drive, keep=False)
     m, xi = follow(drive=drive)
@@ -144,13 +144,13 @@ def _moments(
         m, x_out = follow_sets(record, sample_indices, sets, offset)
         shape = (m + form.h * x_out) ** form.power
         weight = record.weight**2 * record.input.size / sample_indices.size
-        measured = record.output[sample_indices]
+        measured_samples = record.output[sample_indices]
         moments[0] += weight * sample_indices.size
         moments[1] += weight * shape.sum(axis=0)
         moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
-        moments[3] += weight * measured.sum()
-        moments[4] += weight * (measured @ shape)
-        total += weight * float(measured @ measured)
+        moments[3] += weight * measured_samples.sum()
+        moments[4] += weight * (measured_samples @ shape)
+        total += weight * float(measured_samples @ measured_samples)
     return moments, total
 
 
@@ -189,8 +189,8 @@ def _select_best_sets(space: CoordinateSpace, sets: FloatArray, max_starts: int)
     if "out_0" in space.fixed:
         out_0 = np.zeros(out_0.size)
     kappa, c, omega, scale, in_0 = sets
-    best = np.stack([kappa, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
-    return [space.form.make_set(values) for values in best.tolist()]
+    best_sets = np.stack([kappa, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
+    return [space.form.make_set(values) for values in best_sets.tolist()]
 
 
 def scan_gap(
@@ -200,20 +200,20 @@ def scan_gap(
     count = len(start_sets)
     table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
     if space.gap_map in SERIES_MAPS:
-        unscaled = table[3] * (1.0 - space.form.h * table[2])
+        input_per_field = table[3] * (1.0 - space.form.h * table[2])
         log_omegas = np.linspace(np.log(0.05), np.log(300.0), _SCAN_VALUES)
         table[2] = np.tile(np.exp(log_omegas) - JUMP_INTERACTION, count)
-        table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
+        table[3] = input_per_field / np.maximum(1.0 - space.form.h * table[2], 0.01)
     else:
         table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN_VALUES), count)
     cost = _table_cost(space, gap, table).reshape(count, _SCAN_VALUES)
-    best = np.argmin(cost, axis=1)
-    best_columns = best + _SCAN_VALUES * np.arange(count)
+    best_indices = np.argmin(cost, axis=1)
+    best_columns = best_indices + _SCAN_VALUES * np.arange(count)
     sets = [
         replace(parameter_set, omega=float(table[2, index]), scale=float(table[3, index]))
         for parameter_set, index in zip(start_sets, best_columns, strict=True)
     ]
-    return sets, cost[np.arange(count), best]
+    return sets, cost[np.arange(count), best_indices]
 
 
 def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> FloatArray:
@@ -255,13 +255,13 @@ _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
 """Share of the drive across the iron, with a gap and without one. Without a gap, interaction may
 increase the field."""
 
-_MAX_INTERACTION = 0.8  # largest interaction, as a share of that at which the magnetisation jumps
+_MAX_INTERACTION = 0.8  # largest interaction, relative to the one at which M jumps
 
 _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Law parameters, largest effective field in their units, share of the drive across the iron."""
+    """Law parameters, largest effective field in their units, part of the drive across the iron."""
 
     law: tuple[float, ...]
     max_field: float

@@ -1,8 +1,9 @@
 """Convert between the coordinates of a search and the parameters at each gap.
 
-A coordinate vector has one entry for each parameter common to all gaps, and one entry per gap for
-each gap-dependent parameter, in the order of the names of its form. Positive parameters are
-exponentials of their coordinates; ``omega``, with either sign and any size, is the hyperbolic sine.
+A coordinate vector has one entry for each parameter that is common to all gaps, and one entry per
+gap for each gap-dependent parameter. The entries are in the order of the names in its
+:class:`ResponseForm`. Positive parameters are exponentials of their coordinates; ``omega``, with
+either sign and any size, is the hyperbolic sine.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ LEAKAGE_PARAMETER = FitParameter(
 
 _MIN_OMEGA = 1e-6
 
-MIN_GAP_FLUX_SHARE = 0.05  # smallest share of the iron's flux that passes the gap
+MIN_GAP_FLUX_SHARE = 0.05  # smallest fraction of the iron's flux that passes the gap
 
 CIRCUIT_PARAMETERS = (
     FitParameter("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
@@ -144,10 +145,10 @@ class CoordinateSpace:
         return cast("GapMap", FILE_GAP_MAPS.get(self.gap_map, self.gap_map))
 
     def leakage(self, theta: FloatArray) -> float:
-        """Return the leakage per unit of omega, as a share of the iron's flux."""
+        """Return the leakage per unit of omega, as a fraction of the iron's flux."""
         values, _ = self.to_parameters(theta)
-        widest = self.names.index(f"omega[{self.records.gap_count - 1}]")
-        return float(values[self.names.index("leakage")] / max(values[widest], _MIN_OMEGA))
+        widest_gap_index = self.names.index(f"omega[{self.records.gap_count - 1}]")
+        return float(values[self.names.index("leakage")] / max(values[widest_gap_index], _MIN_OMEGA))
 
     @property
     def size(self) -> int:
@@ -215,7 +216,7 @@ class CoordinateSpace:
     def unpack(self, theta: FloatArray) -> list[tuple[ParameterSet, FloatArray]]:
         """Return the parameters at each gap, and their derivatives, shape (parameters, size)."""
         values, slopes = self.to_parameters(theta)
-        unpacked = []
+        parameter_sets = []
         for columns, at_gap in zip(
             self._coordinate_indices, np.append(values, 0.0)[self._coordinate_indices].tolist(), strict=True
         ):
@@ -230,8 +231,8 @@ class CoordinateSpace:
                 at_gap[row] *= ratio
                 jacobian[row] *= ratio
                 jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]
-            unpacked.append((self.form.make_set(at_gap), jacobian))
-        return unpacked
+            parameter_sets.append((self.form.make_set(at_gap), jacobian))
+        return parameter_sets
 
     @cached_property
     def _row_indices(self) -> tuple[int, int, int]:

@@ -48,11 +48,11 @@ def correlation_length(deviations: FloatArray) -> float:
     along a record, so that counting each sample would make the uncertainty far too small.
     """
     centred = deviations - deviations.mean()
-    power = float(centred @ centred)
-    if power == 0.0:
+    sum_of_squares = float(centred @ centred)
+    if sum_of_squares == 0.0:
         return 1.0
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: centred.size] / power
+    correlation = np.fft.irfft(spectrum)[: centred.size] / sum_of_squares
     negative = np.flatnonzero(correlation <= 0.0)
     zero_lag = int(negative[0]) if negative.size else centred.size
     return max(1.0, 2.0 * float(correlation[:zero_lag].sum()) - 1.0)
@@ -125,19 +125,19 @@ def describe_uncertainty(
     names: Sequence[str], values: Sequence[float], stds: Sequence[float], correlation: FloatArray
 ) -> list[str]:
     """Describe which parameters are uncertain, and which are not separable."""
-    uncertain = [
+    uncertain_items = [
         (name, "more than its value" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
         for name, value, std in zip(names, values, stds, strict=True)
         if "offset" not in name and std > _MAX_RELATIVE_STD * abs(value)
     ]
     sentences = [
-        f"{name} is barely determined by these loops: uncertain by {share}" for name, share in uncertain
+        f"{name} is barely determined by these loops: uncertain by {share}" for name, share in uncertain_items
     ]
-    if len(uncertain) > _MAX_NAMED_PARAMETERS:
-        listed = ", ".join(name for name, _ in uncertain[:_MAX_NAMED_PARAMETERS])
+    if len(uncertain_items) > _MAX_NAMED_PARAMETERS:
+        names_text = ", ".join(name for name, _ in uncertain_items[:_MAX_NAMED_PARAMETERS])
         sentences = [
-            f"{len(uncertain)} of {len(names)} parameters are barely determined individually by these loops, "
-            f"uncertain by more than {100 * _MAX_RELATIVE_STD:.0f} %: {listed}, ..."
+            f"{len(uncertain_items)} of {len(names)} parameters are barely determined individually by these loops, "
+            f"uncertain by more than {100 * _MAX_RELATIVE_STD:.0f} %: {names_text}, ..."
         ]
     sentences.extend(
         f"{', '.join(names[index] for index in group)}: not separable (correlations above "
@@ -168,24 +168,26 @@ def _group_correlated(correlation: FloatArray) -> list[list[int]]:
     """Group parameters that are connected by strong correlations."""
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
-        correlated = [
+        correlated_groups = [
             g for g in groups if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
         ]
-        groups = [g for g in groups if g not in correlated] + [[*(o for g in correlated for o in g), index]]
+        groups = [g for g in groups if g not in correlated_groups] + [
+            [*(o for g in correlated_groups for o in g), index]
+        ]
     return [sorted(group) for group in groups if len(group) > 1]
 
 
 OFFSET_NAMES = frozenset({"in_0", "out_0"})
 
 USUAL_OFFSET_STD = 0.01
-"""Standard deviation of usual sensor offsets, as a share of the range."""
+"""Standard deviation of usual sensor offsets, as a fraction of the range."""
 
 MIN_REST_READING_STD = 5e-4
-"""Smallest standard error of a reading at rest, as a share of the range."""
+"""Minimum standard error of a reading at rest, as a fraction of the range."""
 
 _MAX_OFFSET_PENALTY = 25.0
 """Largest penalty of an unusual offset, and of a contradiction to a reading at rest, as twice the
-logarithm of the odds. Clear evidence in the loops can still exceed either."""
+logarithm of the odds. Clear evidence in the loops can still exceed this penalty."""
 
 _CONTRADICTION_SIGMAS = 4.0
 """Number of standard errors above which a fitted offset contradicts the sensor reading."""
@@ -237,20 +239,21 @@ def remove_unneeded_offsets(
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
     # For any values of the remaining offsets, the reduced fit is rejected above this cost.
-    remaining = sum(name in OFFSET_NAMES for name, _ in space.entries)
-    goal = math.exp(
-        full_score / independent_samples - remaining * math.log(independent_samples) / independent_samples
+    remaining_offsets = sum(name in OFFSET_NAMES for name, _ in space.entries)
+    goal_cost = math.exp(
+        full_score / independent_samples
+        - remaining_offsets * math.log(independent_samples) / independent_samples
     )
     if contradicted:
-        goal = _MAX_REST_READING_COST_RATIO * fit.cost
-    reduced = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal)
-    is_better = score(reduced.cost, reduced.space, reduced.theta) <= full_score
-    best = reduced if is_better or (contradicted and reduced.cost <= goal) else fit
+        goal_cost = _MAX_REST_READING_COST_RATIO * fit.cost
+    reduced_fit = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal_cost)
+    is_better = score(reduced_fit.cost, reduced_fit.space, reduced_fit.theta) <= full_score
+    best_fit = reduced_fit if is_better or (contradicted and reduced_fit.cost <= goal_cost) else fit
     try:
-        Objective(best.space).outputs(best.parameter_sets)
+        Objective(best_fit.space).outputs(best_fit.parameter_sets)
     except NoResponseError:  # the reduced fit may have no solution
-        best = fit
-    return replace(best, evaluations=fit.evaluations + reduced.evaluations + 1)
+        best_fit = fit
+    return replace(best_fit, evaluations=fit.evaluations + reduced_fit.evaluations + 1)
 
 
 def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
@@ -267,8 +270,8 @@ def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
 def _neighbour_correlation(deviation: FloatArray) -> float:
     """Return the correlation of residuals with those of the next sample, 0 if it is negative."""
     centred = deviation - deviation.mean()
-    power = float(centred @ centred)
-    return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
+    sum_of_squares = float(centred @ centred)
+    return max(0.0, float(centred[1:] @ centred[:-1]) / sum_of_squares) if sum_of_squares > 0.0 else 0.0
 
 
 def _predict_without_offsets(
@@ -394,18 +397,23 @@ def initial_curve_distance(model: Model, loopset: Loops) -> float:
     """Return the largest distance of a model's initial curve below its loop, in loop widths."""
     if not is_actuator(loopset):
         return 0.0
-    largest = max(float(loop.input.max()) for loop in loopset.loops)
-    if largest <= 0.0:
+    largest_input = max(float(loop.input.max()) for loop in loopset.loops)
+    if largest_input <= 0.0:
         return 0.0
-    rise = np.linspace(0.0, largest, _INITIAL_CURVE_SAMPLES)
+    ascending_input = np.linspace(0.0, largest_input, _INITIAL_CURVE_SAMPLES)
     largest_distance = 0.0
     for value in loopset.schedule_values if model.needs_schedule else (None,):
         try:
-            initial_curve = model.predict(rise, value, history="demagnetised").output
-            settled = model.predict(np.concatenate([rise[::-1], rise]), value, history="settled").output
+            initial_curve = model.predict(ascending_input, value, history="demagnetised").output
+            settled_output = model.predict(
+                np.concatenate([ascending_input[::-1], ascending_input]), value, history="settled"
+            ).output
         except (InputError, NegativeResult):
             return float("inf")
-        descending, ascending = (settled[_INITIAL_CURVE_SAMPLES - 1 :: -1], settled[_INITIAL_CURVE_SAMPLES:])
+        descending, ascending = (
+            settled_output[_INITIAL_CURVE_SAMPLES - 1 :: -1],
+            settled_output[_INITIAL_CURVE_SAMPLES:],
+        )
         width = float(np.max(np.abs(descending - ascending)))
         distance = float(np.max(np.abs(ascending) - np.abs(initial_curve)))
         largest_distance = max(largest_distance, distance / width if width > 0.0 else 0.0)
@@ -434,10 +442,10 @@ def field_step_after_reversal(model: Model, loops: Loops) -> float:
     steps = []
     for loop in loops.loops:
         schedule = loop.schedule if model.needs_schedule else None
-        predicted = model.predict(loop.input, schedule, loop.time, loop.history)
+        prediction = model.predict(loop.input, schedule, loop.time, loop.history)
         alpha = model.parameters_at(loop.schedule_value if model.needs_schedule else None)["alpha"]
-        magnetisation = predicted.flux_density / MU_0 - predicted.field
-        field_steps = np.diff(predicted.field + alpha * magnetisation)
+        magnetisation = prediction.flux_density / MU_0 - prediction.field
+        field_steps = np.diff(prediction.field + alpha * magnetisation)
         steps.append(np.abs(field_steps[1:][field_steps[1:] * field_steps[:-1] < 0.0]))
     reversal_steps = np.concatenate(steps)
     return float(np.median(reversal_steps)) if reversal_steps.size else 0.0
@@ -456,18 +464,18 @@ def free_unresolved_cells(model: Model, loops: Loops) -> Model:
     if not cells.weights[is_unresolved].any() or not cells.weights[1 + unresolved_count :].any():
         return model
     max_cost = _UNRESOLVED_COST_RATIO * _mean_square_error(model, loops)
-    best_model, accepted, rejected = model, 0, unresolved_count + 1
-    while rejected - accepted > 1:
+    best_model, accepted_count, rejected_count = model, 0, unresolved_count + 1
+    while rejected_count - accepted_count > 1:
         middle = (
             unresolved_count
-            if best_model is model and rejected > unresolved_count
-            else (accepted + rejected) // 2
+            if best_model is model and rejected_count > unresolved_count
+            else (accepted_count + rejected_count) // 2
         )
         freed = _free_first_cells(model, cells, middle)
         if _mean_square_error(freed, loops) <= max_cost:
-            best_model, accepted = freed, middle
+            best_model, accepted_count = freed, middle
         else:
-            rejected = middle
+            rejected_count = middle
     return best_model
 
 
@@ -478,9 +486,11 @@ def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
     remaining_cells = replace(
         cells, thresholds=np.delete(cells.thresholds, np.s_[1 : 1 + count]), weights=weights
     )
-    removed = {spec.name for spec in model.operator_law.parameters}
-    removed -= {spec.name for spec in get_law(model.law, remaining_cells).parameters}
-    remaining_parameters = {name: value for name, value in model.parameters.items() if name not in removed}
+    removed_names = {spec.name for spec in model.operator_law.parameters}
+    removed_names -= {spec.name for spec in get_law(model.law, remaining_cells).parameters}
+    remaining_parameters = {
+        name: value for name, value in model.parameters.items() if name not in removed_names
+    }
     return replace(model, cells=remaining_cells, parameters=remaining_parameters)
 
 

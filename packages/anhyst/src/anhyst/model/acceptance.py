@@ -20,7 +20,7 @@ from anhyst.support.numeric import FloatArray
 GAPS_PER_INTERVAL = 20
 DRIVES_PER_BRANCH = 100
 
-MAX_FALL = 1e-4
+MAX_OUTPUT_FALL = 1e-4
 """Largest fall of the output, relative to the largest output, that counts as none. It is a tenth of
 the resolution of the best force sensors, and far above rounding errors."""
 
@@ -54,14 +54,14 @@ class GapCheck:
     @property
     def failing(self) -> tuple[float, ...]:
         """Gaps where the output falls or could not be computed, m."""
-        falls = _falls_as_gap_closes(self.sign * self.output, self.sign * self.offset)
-        has_fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > MAX_FALL
+        relative_falls = _falls_as_gap_closes(self.sign * self.output, self.sign * self.offset)
+        has_fallen = np.fmax.reduce(relative_falls, axis=1, initial=0.0) > MAX_OUTPUT_FALL
         return tuple(self.gaps[has_fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
     def passed(self) -> bool:
         """Whether the output rises everywhere as the gap closes."""
-        return not self.failure and self.fall <= MAX_FALL
+        return not self.failure and self.fall <= MAX_OUTPUT_FALL
 
     def text(self, unit: str) -> str:
         """Return the result as a sentence; ``unit`` is the unit of the drive."""
@@ -91,7 +91,7 @@ class DriveCheck:
     @property
     def passed(self) -> bool:
         """Whether the output never falls as the drive rises."""
-        return not self.failure and self.fall <= MAX_FALL
+        return not self.failure and self.fall <= MAX_OUTPUT_FALL
 
     def text(self, unit: str) -> str:
         """Return the result as a sentence; ``unit`` is the unit of the drive."""
@@ -111,16 +111,16 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
 
     The test starts from the demagnetised state and from remanence after the largest drive, and uses
     100 drives up to the largest measured one, at each node and half-way between nodes. Rest is the
-    drive that the sensor reads at zero, if its offset is at most :data:`MAX_SENSOR_OFFSET`.
+    sensor reading at zero drive, but at most :data:`MAX_SENSOR_OFFSET` of the largest drive.
     """
     if not output_map(model.output).is_even or model.valid is None:
         return None
-    largest = _largest_drive(model)
+    largest_drive = _largest_drive(model)
     start = _rest_drive(model, MAX_SENSOR_OFFSET)
-    rise = np.linspace(start, largest, DRIVES_PER_BRANCH)
+    ascending_drive = np.linspace(start, largest_drive, DRIVES_PER_BRANCH)
     states = {
         "demagnetised": "from the demagnetised state",
-        f"conditioned:{start!r},{largest!r},{start!r}": "from remanence",
+        f"conditioned:{start!r},{largest_drive!r},{start!r}": "from remanence",
     }
     worst_check = DriveCheck(0.0, start, "")
     largest_output = max(map(abs, model.valid.output))
@@ -130,19 +130,19 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
         gaps = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
     for gap in gaps:
         for history, start_text in states.items():
-            where = start_text
+            start_description = start_text
             if gap is not None and model.schedule is not None:
-                where = f"at {model.schedule.show(gap)} {start_text}"
+                start_description = f"at {model.schedule.show(gap)} {start_text}"
             try:
-                time = slow_times(rise.size)
-                output = run_record(model, "drive", rise, gap, time, history).output
+                time = slow_times(ascending_drive.size)
+                output = run_record(model, "drive", ascending_drive, gap, time, history).output
             except (InputError, NegativeResult) as error:
-                return DriveCheck(np.inf, start, where, str(error))
-            falls = np.maximum.accumulate(output) - output
-            row = int(np.argmax(falls))
-            fall = float(falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
-            if fall > worst_check.fall:
-                worst_check = DriveCheck(fall, float(rise[row]), where)
+                return DriveCheck(np.inf, start, start_description, str(error))
+            output_falls = np.maximum.accumulate(output) - output
+            row = int(np.argmax(output_falls))
+            largest_fall = float(output_falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
+            if largest_fall > worst_check.fall:
+                worst_check = DriveCheck(largest_fall, float(ascending_drive[row]), start_description)
     return worst_check
 
 
@@ -198,22 +198,26 @@ def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = N
     failures: list[tuple[float, str]] = []
     for index, gap in enumerate(gaps.tolist()):
         try:
-            fixed, schedule = (model, gap) if at is None else (at(gap), None)
-            offset[index] = fixed.interpolate_parameter("out_0", gap)[0] - np.min(model.parameters["out_0"])
-            largest = _largest_drive(model)
-            shares = np.atleast_1d(model.parameters["in_0"]) / largest
-            share = fixed.interpolate_parameter("in_0", gap)[0] / largest
-            applied = drive - largest * float(np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET))
+            model_at_gap, schedule = (model, gap) if at is None else (at(gap), None)
+            offset[index] = model_at_gap.interpolate_parameter("out_0", gap)[0] - np.min(
+                model.parameters["out_0"]
+            )
+            largest_drive = _largest_drive(model)
+            shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
+            share = model_at_gap.interpolate_parameter("in_0", gap)[0] / largest_drive
+            applied_drive = drive - largest_drive * float(
+                np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET)
+            )
             time = slow_times(drive.size)
-            output[index] = run_record(fixed, "drive", applied, schedule, time, "settled").output
+            output[index] = run_record(model_at_gap, "drive", applied_drive, schedule, time, "settled").output
         except (InputError, NegativeResult) as error:
             failures.append((gap, str(error)))
     if failures:
         gap, failure = failures[0]
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", sign, failure)
-    fall = _falls_as_gap_closes(sign * output, sign * offset)
-    gap_index, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
-    worst_place = float(fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
+    relative_fall = _falls_as_gap_closes(sign * output, sign * offset)
+    gap_index, sample = np.unravel_index(int(np.argmax(relative_fall)), relative_fall.shape)
+    worst_place = float(relative_fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
     branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
     return GapCheck(gaps, drive, output, offset, *worst_place, branch, sign)
 
@@ -234,17 +238,17 @@ def _largest_drive(model: ModelData) -> float:
 
 
 def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
-    """Return the smallest drive that is not negative at any gap, at most a share of the largest."""
-    largest = _largest_drive(model)
-    shares = np.atleast_1d(model.parameters["in_0"]) / largest
-    return largest * float(np.clip(shares.max(), 0.0, max_share))
+    """Return the smallest drive that is nowhere negative, at most `max_share` of the largest drive."""
+    largest_drive = _largest_drive(model)
+    shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
+    return largest_drive * float(np.clip(shares.max(), 0.0, max_share))
 
 
 def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
     """Return how far the output is below that of any wider gap, relative to the largest output."""
-    tiny = np.finfo(np.float64).tiny
-    largest = float(np.fmax.reduce(np.abs(output), axis=None, initial=tiny))
-    max_offset = MAX_SENSOR_OFFSET * largest
+    smallest_output = np.finfo(np.float64).tiny
+    largest_output = float(np.fmax.reduce(np.abs(output), axis=None, initial=smallest_output))
+    max_offset = MAX_SENSOR_OFFSET * largest_output
     closing = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
     running_maximum = np.fmax.accumulate(closing, axis=0)
-    return (running_maximum - closing)[::-1] / largest
+    return (running_maximum - closing)[::-1] / largest_output

@@ -147,11 +147,11 @@ class Model(Result, ModelData):
     def facts(self) -> dict[str, str]:
         """Return law, gap map, valid ranges and accuracy."""
         facts = {"name": self.name, "law": self.law, "gap map": self.gap_map}
-        if (valid := self.valid) is not None:
-            facts[self.input.name] = range_text(*valid.input, self.input.unit)
-            facts[self.output.name] = range_text(*valid.output, self.output.unit)
-            if valid.schedule is not None and self.schedule is not None:
-                facts["holds from"] = " to ".join(map(self.schedule.show, valid.schedule))
+        if (valid_range := self.valid) is not None:
+            facts[self.input.name] = range_text(*valid_range.input, self.input.unit)
+            facts[self.output.name] = range_text(*valid_range.output, self.output.unit)
+            if valid_range.schedule is not None and self.schedule is not None:
+                facts["holds from"] = " to ".join(map(self.schedule.show, valid_range.schedule))
         if (fit := self.fit) is not None:
             share = 100.0 / fit.largest_output
             facts["fit"] = f"mean {share * fit.mean_abs:.2g} %, worst {share * fit.worst:.2g} %"
@@ -181,9 +181,9 @@ class Model(Result, ModelData):
 
     def with_read_options(self, options: ReadOptions) -> Self:
         """Return the model with the options for reading its measurements in its provenance."""
-        origin = self.provenance
-        settings = dict(origin.settings) | options.as_settings()
-        return replace(self, provenance=replace(origin, settings=settings))
+        provenance = self.provenance
+        settings = dict(provenance.settings) | options.as_settings()
+        return replace(self, provenance=replace(provenance, settings=settings))
 
     def save(self, path: PathLike) -> Path:
         """Write the model file; see :func:`anhyst.model.writer.write_model`."""
@@ -239,9 +239,9 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
         for name, value in model.provenance.settings.items()
         if name.startswith(SETTING_PREFIX)
     }
-    unknown = set(texts) - {item.name for item in fields(ReadOptions)}
-    if unknown:
-        key = f"provenance.settings.{SETTING_PREFIX}{min(unknown)}"
+    unknown_options = set(texts) - {item.name for item in fields(ReadOptions)}
+    if unknown_options:
+        key = f"provenance.settings.{SETTING_PREFIX}{min(unknown_options)}"
         raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
     options = ReadOptions.from_text(**texts)
     return options.read([_find_source(source.path, source.sha256, Path(folder)) for source in sources])
@@ -322,7 +322,7 @@ def _find_jump(model: Model) -> str | None:
 def _gaps_to_check(model: Model) -> FloatArray:
     """Return gaps evenly over the valid range, and the nodes inside it."""
     nodes = np.array(model.nodes)
-    valid = None if model.valid is None else model.valid.schedule
-    low, high = valid or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))
-    inside = nodes[(nodes > low) & (nodes < high)]
-    return np.unique(np.concatenate([np.linspace(low, high, GAP_SAMPLES), inside]))
+    valid_gaps = None if model.valid is None else model.valid.schedule
+    low, high = valid_gaps or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))
+    nodes_inside = nodes[(nodes > low) & (nodes < high)]
+    return np.unique(np.concatenate([np.linspace(low, high, GAP_SAMPLES), nodes_inside]))

@@ -130,11 +130,15 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
 
 def _find_changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
     pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
-    return tuple(Change(name, old, new) for name, old, new in pairs if old != new)
+    return tuple(
+        Change(name, first_value, second_value)
+        for name, first_value, second_value in pairs
+        if first_value != second_value
+    )
 
 
 def _settings(model: Model) -> dict[str, Value]:
-    schedule, valid = model.schedule, model.valid
+    schedule, valid_range = model.schedule, model.valid
     return {
         "law": model.law,
         "cells": str(model.cells) if model.cells else None,
@@ -143,9 +147,9 @@ def _settings(model: Model) -> dict[str, Value]:
         "history": str(model.history),
         "schedule": schedule.column if schedule else None,
         "nodes": model.nodes,
-        f"valid {model.input.symbol}": valid.input if valid else None,
-        f"valid {model.output.symbol}": valid.output if valid else None,
-        "valid schedule": valid.schedule if valid else None,
+        f"valid {model.input.symbol}": valid_range.input if valid_range else None,
+        f"valid {model.output.symbol}": valid_range.output if valid_range else None,
+        "valid schedule": valid_range.schedule if valid_range else None,
     }
 
 
@@ -181,7 +185,12 @@ def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> Lo
     ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
     cycle = np.concatenate([ascending, ascending[-2::-1]])
     times = slow_times(cycle.size)
-    output, other = (model.predict(cycle, gap, times, "settled").output for model in (first, second))
-    differences = np.abs(output - other)
-    largest, worst_drive = (full_scale(first.output, (output,)), float(cycle[int(np.argmax(differences))]))
-    return LoopDifference(gap, largest, float(differences.mean()), float(differences.max()), worst_drive)
+    output, other_output = (model.predict(cycle, gap, times, "settled").output for model in (first, second))
+    differences = np.abs(output - other_output)
+    largest_output, worst_drive = (
+        full_scale(first.output, (output,)),
+        float(cycle[int(np.argmax(differences))]),
+    )
+    return LoopDifference(
+        gap, largest_output, float(differences.mean()), float(differences.max()), worst_drive
+    )

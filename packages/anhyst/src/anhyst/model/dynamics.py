@@ -43,7 +43,7 @@ class Dynamics:
 
     lag: float = 0.0  # delay from the drive to the output, s, 0 or above
     times: tuple[float, ...] = ()  # time constants of the creep, s, above 0, ascending
-    # final contribution of each slow part, relative to the immediate output; 0 or above
+    # final contribution of each creep component, relative to the immediate output; 0 or above
     shares: tuple[float, ...] = ()
     # highest cycle rate at which the model was validated, Hz; 0: unknown
     fastest: float = 0.0
@@ -95,9 +95,9 @@ class Dynamics:
         """Return the slow parts at the start of a cycle in its steady state."""
         step = float(np.median(np.diff(time)))
 
-        def run_cycle(slow: FloatArray) -> FloatArray:
-            _, end, last = self.apply_creep(inputs, time, slow, is_flux_known=is_flux_known)
-            return self.advance(last, end, step)
+        def run_cycle(slow_parts: FloatArray) -> FloatArray:
+            _, end, last_flux = self.apply_creep(inputs, time, slow_parts, is_flux_known=is_flux_known)
+            return self.advance(last_flux, end, step)
 
         offset = run_cycle(np.zeros(len(self.times)))
         matrix = np.stack([run_cycle(unit) - offset for unit in np.eye(len(self.times))], axis=1)
@@ -109,7 +109,10 @@ class Dynamics:
 
 
 def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> FloatArray:
-    """Return one slow part for a known input; Python floats are faster than arrays here."""
+    """Return the state ``s_j`` of one creep time constant for a known flux density.
+
+    Python floats are faster than arrays here.
+    """
     slow_part, flux_before = float(start), 0.0
     slow_values: list[float] = []
     for factor, value in zip(decay.tolist(), inputs.tolist(), strict=True):

@@ -148,11 +148,11 @@ class ModelData:
             raise InputError(text, code=problems[0].code, key=problems[0].key)
         if nodes and self.schedule is None:
             raise wrong_key("model", "there are nodes but no scheduling variable; add it", code="no-schedule")
-        complete = {
+        complete_parameters = {
             name: parameters.get(name, 0.0 if spec.default is None else spec.default)
             for name, spec in self.specs.items()
         }
-        object.__setattr__(self, "parameters", MappingProxyType(complete))
+        object.__setattr__(self, "parameters", MappingProxyType(complete_parameters))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by value: caches and the read-only view of the parameters cannot be pickled."""
@@ -278,8 +278,8 @@ class ModelData:
         query = np.atleast_1d(np.asarray(at, dtype=np.float64))
         if name in self.curves and query.size:
             values = self.curves[name](query)
-            for extreme in (values.min(), values.max()):
-                if problem := self.specs[name].find_problem(float(extreme)):
+            for extreme_value in (values.min(), values.max()):
+                if problem := self.specs[name].find_problem(float(extreme_value)):
                     raise InputError(
                         f"{name} {problem}, in the extrapolation beyond the nodes "
                         f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay closer to them",

@@ -41,7 +41,7 @@ CIRCUIT_SPECS = (
 
 _ALWAYS_VARYING = frozenset({"c_out", "in_0", "out_0", "gamma"})
 
-MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
+VARYING_BY_GAP_MAP: Mapping[GapMap, frozenset[str]] = MappingProxyType(
     {
         "none": frozenset(),
         "scaling": _ALWAYS_VARYING | {"c_H"},
@@ -90,14 +90,14 @@ def find_problems(
             if len(value) != len(nodes):
                 text = f"has {len(value)} values for {len(nodes)} nodes; give one for each node"
                 problems.append(Problem(name, text, code="length-differs"))
-            if gap_map != "free" and name not in MAY_VARY[gap_map]:
+            if gap_map != "free" and name not in VARYING_BY_GAP_MAP[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text, code="may-not-vary"))
-        fault = next(filter(None, (spec.find_problem(single) for single in values)), None)
+        fault = next(filter(None, (spec.find_problem(number) for number in values)), None)
         if fault is not None:
             problems.append(Problem(name, fault, code="out-of-range"))
-    unknown = [name for name in parameters if name not in specs]
-    problems.extend(Problem(name, "is unknown", code="extra-forbidden") for name in unknown)
+    unknown_names = [name for name in parameters if name not in specs]
+    problems.extend(Problem(name, "is unknown", code="extra-forbidden") for name in unknown_names)
     return problems
 
 
@@ -135,10 +135,10 @@ class Circuit:
         An even output has two solutions; the positive one is used. Below ``out_0``, it has none:
         the flux density is then zero and the flag False.
         """
-        shaped = (demand - self.out_0) / self.c_out
+        flux_power = (demand - self.out_0) / self.c_out
         if not self.output_map.is_even:
-            return shaped, np.ones(shaped.shape, dtype=np.bool_)
-        return np.sqrt(np.maximum(shaped, 0.0)), shaped >= 0.0
+            return flux_power, np.ones(flux_power.shape, dtype=np.bool_)
+        return np.sqrt(np.maximum(flux_power, 0.0)), flux_power >= 0.0
 
 
 MAX_LOGARITHM = 700.0  # exp overflows at 709.8
@@ -272,14 +272,14 @@ def _cubic(nodes: FloatArray, heights: FloatArray, slopes: FloatArray) -> Callab
     """Return the cubic Hermite curve between the nodes."""
     width = np.diff(nodes)
     secant = np.diff(heights) / width
-    second = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
-    third = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
+    second_coefficient = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
+    third_coefficient = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
     inner_nodes = nodes[1:-1]
 
     def at(query: FloatArray) -> FloatArray:
         segment = inner_nodes.searchsorted(query, side="right")
         offset = query - nodes[segment]
-        slope = slopes[segment] + offset * (second[segment] + offset * third[segment])
+        slope = slopes[segment] + offset * (second_coefficient[segment] + offset * third_coefficient[segment])
         return np.asarray(heights[segment] + offset * slope)
 
     return at

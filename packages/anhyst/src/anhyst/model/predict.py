@@ -25,7 +25,8 @@ NOT_CONVERGED = -5
 NOT_SETTLED = -6  # the computation ended without a solution
 
 MIN_RUN_SAMPLES = 8
-"""Number of samples below which a constant scheduling value counts as moving."""
+"""Minimum number of samples at each scheduling value of a run. A shorter run at one value is
+treated as a moving schedule."""
 
 _Step = Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray, int, int]
@@ -36,7 +37,8 @@ PIECE_SAMPLES = 1 << 16
 
 MAX_CYCLES = 10_000
 CYCLE_TOLERANCE = 1e-12
-"""A cycle is closed if its state returns within this tolerance, relative to a and M_s."""
+"""A cycle is closed if its state returns within this tolerance: fields relative to the parameter
+``a``, the magnetisation relative to ``M_s``."""
 
 
 class SampleError(InputError):
@@ -149,9 +151,9 @@ def _run_with_dynamics(
     inputs: FloatArray,
     schedule: ArrayLike | None,
     time: FloatArray,
-    past: History,
+    initial_history: History,
 ) -> Prediction:
-    """Compute a record with lag and creep; the drive is advanced by the lag before its demand."""
+    """Compute a record with lag and creep. For a demand, the drive is advanced by the lag."""
     dynamics, at = model.dynamics, None
     assert dynamics is not None
     if schedule is not None:
@@ -159,11 +161,11 @@ def _run_with_dynamics(
 
     def convert_creep(flux: FloatArray) -> FloatArray:
         """Return the output with creep for a drive, without it for a demand."""
-        if past.kind == "settled":
-            slow = dynamics.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
+        if initial_history.kind == "settled":
+            slow_parts = dynamics.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
         else:  # after a long time at rest
-            slow = np.full(len(dynamics.times), _flux_at_rest(model, at, past))
-        creep, _, _ = dynamics.apply_creep(flux, time, slow, is_flux_known=kind == "drive")
+            slow_parts = np.full(len(dynamics.times), _flux_at_rest(model, at, initial_history))
+        creep, _, _ = dynamics.apply_creep(flux, time, slow_parts, is_flux_known=kind == "drive")
         return model.circuit(at, np.zeros(inputs.size)).output(creep)
 
     fast_inputs, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
@@ -172,7 +174,7 @@ def _run_with_dynamics(
     elif dynamics.times:
         flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
         fast_inputs = convert_creep(flux)
-    run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, past)
+    run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, initial_history)
     drive, output = inputs, run.output
     if kind == "demand":
         # advanced by the lag; the last value is held after the end
@@ -183,13 +185,15 @@ def _run_with_dynamics(
     return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
-def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) -> float:
+def _flux_at_rest(model: ModelData, schedule: FloatArray | None, initial_history: History) -> float:
     """Return the flux density, T, at the last reversal before the first sample."""
-    if not past.turning_points:
+    if not initial_history.turning_points:
         return 0.0
     first_gap = None if schedule is None else schedule[:1]
-    last_drive = as_samples(past.turning_points[-1:], "turning point")
-    return float(_run_without_dynamics(model, "drive", last_drive, first_gap, [0.0], past).flux_density[0])
+    last_drive = as_samples(initial_history.turning_points[-1:], "turning point")
+    return float(
+        _run_without_dynamics(model, "drive", last_drive, first_gap, [0.0], initial_history).flux_density[0]
+    )
 
 
 def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
@@ -216,9 +220,9 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
     if record.rate is not None:
         # A steady-state cycle returns to its start at its own rate. Before any other first sample,
         # the rate is unknown and taken as zero.
-        later = record.rate[run][1:]
-        settled = history.kind == "settled" and later.size
-        record.rate[run.start] = np.median(later) if settled else 0.0
+        later_rates = record.rate[run][1:]
+        settled = history.kind == "settled" and later_rates.size
+        record.rate[run.start] = np.median(later_rates) if settled else 0.0
     state, cycles = initial_state(record.model, iron, history, start), 0
     if history.kind == "settled":
         state, cycles = _settle(iron, record, run, state)
@@ -242,8 +246,8 @@ def initial_state(
 ) -> FloatArray:
     """Return the state of the iron before the first sample."""
     state = np.zeros(model.states)
-    remembered = history.kind == "conditioned" or model.operator_law.remembers
-    if not history.turning_points or not remembered:
+    is_remembered = history.kind == "conditioned" or model.operator_law.remembers
+    if not history.turning_points or not is_remembered:
         return state
     # The exact step does not depend on the sampling, so reversals are enough.
     points = np.array(history.turning_points)

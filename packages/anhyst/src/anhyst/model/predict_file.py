@@ -114,7 +114,7 @@ class RunSummary(Result):
         ax.set_ylabel(self.column)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures, without the columns."""
+        """Return the summary values, without the columns."""
         fields_ = asdict(replace(self, columns={}))
         del fields_["columns"]
         return fields_
@@ -155,23 +155,23 @@ def run_file(
         check_writable(out, input_files=paths)
     model = resolve_model(model, direction)
     table = read_columns(source, columns, progress, scale, flip)
-    past = history_text(model.history if history is None else history)
-    answers, valid, runs, warnings = _compute_runs(model, direction, table, past)
-    answer = model.output if direction == "predict" else model.input
-    name, computed = _add_computed_columns(table, answer, answers, valid)
+    history_option = history_text(model.history if history is None else history)
+    computed_values, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
+    computed_quantity = model.output if direction == "predict" else model.input
+    name, computed = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
     if out is not None:
         write_csv(out, computed)
     return RunSummary(
         out=None if out is None else str(out),
         column=name,
-        unit=answer.unit,
+        unit=computed_quantity.unit,
         rows=len(table),
         runs=len(runs),
-        history=past,
-        low=float(answers.min()),
-        high=float(answers.max()),
-        outside=int((~valid).sum()),
-        deviation=_deviation(table, answer, answers, runs),
+        history=history_option,
+        low=float(computed_values.min()),
+        high=float(computed_values.max()),
+        outside=int((~is_valid).sum()),
+        deviation=_deviation(table, computed_quantity, computed_values, runs),
         warnings=tuple(map(word_for_reader, warnings)),
         columns=computed,
     )
@@ -198,7 +198,7 @@ def _compute_runs(
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
     histories = _find_histories(model, direction, table, runs, values, schedule, history)
-    answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
+    computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
         run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
@@ -213,17 +213,17 @@ def _compute_runs(
         except (InputError, NegativeResult) as error:
             location = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
             raise error.with_location(f"{table.path}{location}") from error
-        answers[rows] = result.output if forward else result.drive
+        computed_values[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
-    drive, output = (values, answers) if forward else (answers, values)
+    drive, output = (values, computed_values) if forward else (computed_values, values)
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += (
         [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
-    return answers, valid, runs, (*flags, *lines)
+    return computed_values, valid, runs, (*flags, *lines)
 
 
 def _find_histories(
@@ -241,14 +241,17 @@ def _find_histories(
     earlier runs.
     """
     history_before = History.parse(history)
-    measured, time = (_read_measured(table, _column_name(table, model.output)), _read_measured(table, "time"))
-    if history_before != SETTLED or direction == "invert" or measured is None or time is None:
+    measured_output, time = (
+        _read_measured(table, _column_name(table, model.output)),
+        _read_measured(table, "time"),
+    )
+    if history_before != SETTLED or direction == "invert" or measured_output is None or time is None:
         return [history_before] * len(runs)
     loops = []
     try:
         for index, rows in enumerate(runs):
             run_schedule = None if schedule is None else schedule[rows]
-            loops.append(Loop(str(index), values[rows], measured[rows], run_schedule, time[rows]))
+            loops.append(Loop(str(index), values[rows], measured_output[rows], run_schedule, time[rows]))
     except InputError:  # a run that is not a loop
         return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
@@ -291,7 +294,7 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _add_computed_columns(
-    table: DataTable, quantity: Quantity, answer: FloatArray, valid: NDArray[np.bool_]
+    table: DataTable, quantity: Quantity, computed_quantity: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and all columns with the computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
@@ -301,20 +304,20 @@ def _add_computed_columns(
     if flag in columns:
         flag = "valid_model"
     if name in columns or flag in columns:
-        duplicate = name if name in columns else flag
-        text = f"{table.path}: already has a column '{duplicate}'; rename it in the file"
-        raise InputError(text, code="exists-already", key=duplicate)
-    return name, columns | {name: answer, flag: valid}
+        duplicate_name = name if name in columns else flag
+        text = f"{table.path}: already has a column '{duplicate_name}'; rename it in the file"
+        raise InputError(text, code="exists-already", key=duplicate_name)
+    return name, columns | {name: computed_quantity, flag: valid}
 
 
 def _deviation(
-    table: DataTable, quantity: Quantity, predicted: FloatArray, runs: list[Rows]
+    table: DataTable, quantity: Quantity, predicted_values: FloatArray, runs: list[Rows]
 ) -> Deviation | None:
-    measured = _read_measured(table, _column_name(table, quantity))
-    if measured is None:
+    measured_values = _read_measured(table, _column_name(table, quantity))
+    if measured_values is None:
         return None
-    differences = np.abs(predicted - measured)
-    largest = full_scale(quantity, (measured[rows] for rows in runs))
+    differences = np.abs(predicted_values - measured_values)
+    largest_value = full_scale(quantity, (measured_values[rows] for rows in runs))
     mean, rms = float(differences.mean()), float(np.sqrt(np.square(differences).mean()))
-    of = name_full_scale(quantity, largest)
-    return Deviation(mean, rms, float(differences.max()), largest, of)
+    of = name_full_scale(quantity, largest_value)
+    return Deviation(mean, rms, float(differences.max()), largest_value, of)

@@ -85,10 +85,10 @@ def describe_far_value(
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
-    largest = max(map(abs, limits))
+    largest_limit = max(map(abs, limits))
     largest_value = float(values[np.argmax(np.abs(values))])
-    if abs(largest_value) > UNIT_ERROR_RATIO * largest > 0.0:
-        factor = abs(largest_value) / largest
+    if abs(largest_value) > UNIT_ERROR_RATIO * largest_limit > 0.0:
+        factor = abs(largest_value) / largest_limit
         text = f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} of the model"
         unit_guess = likely_unit(quantity, factor)
         return f"{text}; given in {unit_guess}?" if unit_guess else text
@@ -107,14 +107,14 @@ def likely_unit(quantity: Quantity, times: float) -> str:
     """Return the unit, a thousandth or millionth of SI, that explains a factor; else empty."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     small_units = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
-    nearest = min(
+    nearest_unit = min(
         (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )
-    if nearest is None or not 1.0 / 32.0 < nearest.scale * times < 32.0:
+    if nearest_unit is None or not 1.0 / 32.0 < nearest_unit.scale * times < 32.0:
         return ""
-    return nearest.symbol
+    return nearest_unit.symbol
 
 
 def warn_if_far(model: ModelData, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None) -> None:
@@ -132,15 +132,15 @@ def warn_if_far(model: ModelData, quantity: Quantity, values: FloatArray, schedu
         warnings.warn(text, ImplausibleWarning, stacklevel=4)  # the caller of the model's method
 
 
-_UNREACHABLE = "demand an output below that of any drive"
+_UNREACHABLE = "demand an output that is too low for every drive"
 
 
 def _describe_samples(is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str) -> str:
     first_bad = int(np.argmin(is_good))
-    where = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
+    location = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
     return (
         f"{int((~is_good).sum())} of {is_good.size} {'rows' if rows else 'samples'} {description} "
-        f"(first: {where}, {values[first_bad]:g} {unit})"
+        f"(first: {location}, {values[first_bad]:g} {unit})"
     )
 
 
@@ -195,21 +195,21 @@ class Prediction(Result):
 
     def facts(self) -> dict[str, str]:
         """Return ranges, assumed history, and the number of samples outside the valid range."""
-        drive, answer = self.quantities
+        drive, output_quantity = self.quantities
         return {
             "samples": str(self.drive.size),
             drive.name: range_text(self.drive.min(), self.drive.max(), drive.unit),
-            answer.name: range_text(self.output.min(), self.output.max(), answer.unit),
+            output_quantity.name: range_text(self.output.min(), self.output.max(), output_quantity.unit),
             "history": str(self.history),
             "outside the valid range": count_text(int((~self.valid).sum()), "sample"),
         }
 
     def to_columns(self) -> dict[str, Any]:
         """Return the samples, SI."""
-        drive, answer = self.quantities
+        drive, output_quantity = self.quantities
         return {
             drive.column: self.drive,
-            answer.column: self.output,
+            output_quantity.column: self.output,
             "iron_B_T": self.flux_density,
             "iron_H_A_per_m": self.field,
             "valid": self.valid,
@@ -218,8 +218,8 @@ class Prediction(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw output over drive."""
-        drive, answer = self.quantities
-        scale, label = length_scale(answer)
+        drive, output_quantity = self.quantities
+        scale, label = length_scale(output_quantity)
         plotted = thinning_slice(self.drive.size)
         ax.plot(self.drive[plotted], scale * self.output[plotted], lw=1.1)
         ax.set_xlabel(drive.label)

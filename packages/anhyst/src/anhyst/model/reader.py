@@ -49,20 +49,22 @@ class _Reader:
             if version is None:
                 text = f"is missing; a file of this anhyst says version = {schema.VERSION}"
             self.file.add_problem(("version",), text, code="wrong-version")
-        self._stop_if_wrong()
-        drive, answer, schedule = (self._quantity(content, key) for key in ("input", "output", "schedule"))
-        self._stop_if_wrong()
+        self._raise_if_problems()
+        drive, output_quantity, schedule = (
+            self._quantity(content, key) for key in ("input", "output", "schedule")
+        )
+        self._raise_if_problems()
         assert drive is not None
-        assert answer is not None
+        assert output_quantity is not None
         name = content.get("law")
         law = LAWS.get(name) if isinstance(name, str) else None
-        self.names = schema.section_names(None, drive, answer, schedule)
+        self.names = schema.section_names(None, drive, output_quantity, schedule)
         cells = self._cells(content)
         if law is not None and cells is not None:
-            with self._collecting("cells"):
+            with self._collect_table_error("cells"):
                 law = get_law(law.name, cells)
-            self._stop_if_wrong()
-        self.names = schema.section_names(law, drive, answer, schedule)
+            self._raise_if_problems()
+        self.names = schema.section_names(law, drive, output_quantity, schedule)
         self._strip_units(content, ())
         try:
             table = schema.model_table(law).model_validate(content)
@@ -70,9 +72,9 @@ class _Reader:
             self._collect(error)
             table = None
         self._check_ranges(content, law)
-        self._stop_if_wrong()
+        self._raise_if_problems()
         assert table is not None
-        return self._build(kind, table, drive, answer, schedule, cells)
+        return self._build(kind, table, drive, output_quantity, schedule, cells)
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
         """Read the table of cells first, because it determines the remaining parameters."""
@@ -80,12 +82,12 @@ class _Reader:
         if table_text is None:
             return None
         self._strip_units(table_text, ("cells",))
-        self._stop_if_wrong()
+        self._raise_if_problems()
         try:
             table = schema.CellsTable.model_validate(table_text)
         except ValidationError as error:
             self._collect(error, ("cells",))
-            self._stop_if_wrong()
+            self._raise_if_problems()
             raise
         rows = {len(row) for row in table.weights}
         if rows != {len(table.widths)} or len(table.weights) != len(table.thresholds):
@@ -94,16 +96,16 @@ class _Reader:
                 "threshold and one column for each width"
             )
             self.file.add_problem(self._file_path(("cells", "weights")), text, code="wrong-shape")
-            self._stop_if_wrong()
+            self._raise_if_problems()
         thresholds, widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
         centres, cells = None if table.centres is None else np.array(table.centres), None
-        with self._collecting("cells"):
+        with self._collect_table_error("cells"):
             cells = CellWeights(thresholds, widths, weights, table.shape, centres)
-        self._stop_if_wrong()
+        self._raise_if_problems()
         return cells
 
     @contextmanager
-    def _collecting(self, key: str) -> Iterator[None]:
+    def _collect_table_error(self, key: str) -> Iterator[None]:
         """Collect the error of a table, without the location in its text."""
         try:
             yield
@@ -179,9 +181,9 @@ class _Reader:
 
     def _file_path(self, location: KeyPath) -> KeyPath:
         """Return the path in the file of a location in the validated tables."""
-        *table, last = location
+        *table, last_key = location
         names = self._names_in(tuple(table))
-        return (*table, names[last][1] if last in names else last)
+        return (*table, names[last_key][1] if last_key in names else last_key)
 
     def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
         """Check values that types cannot check, if all types are correct."""
@@ -193,10 +195,10 @@ class _Reader:
             for name, value in parameters.items()
         }
         nodes = content.get("schedule", {}).get("nodes", [])
-        places = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
+        key_paths = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
         for problem in find_problems(law, values, nodes, content["gap_map"]):
-            place = places.get(problem.key, ("parameters", problem.key))
-            self.file.add_problem(self._file_path(place), problem.text, code=problem.code)
+            key_path = key_paths.get(problem.key, ("parameters", problem.key))
+            self.file.add_problem(self._file_path(key_path), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
                 text = "the first must not exceed the second"
@@ -224,25 +226,25 @@ class _Reader:
         kind: type[Record],
         table: schema.ModelTable,
         drive: Quantity,
-        answer: Quantity,
+        output_quantity: Quantity,
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
         dynamics, layers, dynamics_table = None, None, table.dynamics
-        with self._collecting("history"):
+        with self._collect_table_error("history"):
             history = History.parse(table.history)
         if dynamics_table is not None:
             times, shares = tuple(dynamics_table.creep_times), tuple(dynamics_table.creep_shares)
-            with self._collecting("dynamics"):
+            with self._collect_table_error("dynamics"):
                 dynamics = Dynamics(dynamics_table.lag, times, shares, dynamics_table.fastest)
         if table.layers is not None:
-            with self._collecting("layers"):
+            with self._collect_table_error("layers"):
                 layers = Layers(**dict(table.layers))
-        self._stop_if_wrong()
+        self._raise_if_problems()
         model = kind(
             name=table.name,
             input=drive,
-            output=answer,
+            output=output_quantity,
             parameters={
                 name: tuple(value) if isinstance(value, list) else value
                 for name, value in dict(table.parameters).items()
@@ -261,12 +263,12 @@ class _Reader:
             dynamics=dynamics,
             layers=layers,
         )
-        with self._collecting("parameters"):
+        with self._collect_table_error("parameters"):
             for node in model.nodes if model.needs_fixed_gap else (None,):
                 model.iron_at(node)
-        self._stop_if_wrong()
+        self._raise_if_problems()
         return model
 
-    def _stop_if_wrong(self) -> None:
+    def _raise_if_problems(self) -> None:
         if self.file.problems:
             raise self.file.to_error()

@@ -33,10 +33,10 @@ from anhyst.support.numeric import FloatArray
 NEGLIGIBLE_DEVIATION = 1e-4
 """Deviation below any sensor resolution, relative to the largest output."""
 
-MAX_WORST_IN_RMS = 8.0
+MAX_NOISE_PEAK_RATIO = 8.0
 """Largest deviation that noise may reach, as a multiple of its rms. Normal noise of 1e6 samples
 reaches 5."""
-MIN_OUTLIER = 0.01
+MIN_OUTLIER_DEVIATION = 0.01
 """Smallest deviation that is reported as an outlier, relative to full scale."""
 _MIN_JUMP_SHARE = 0.1
 """Step of the input between two samples, relative to its range, above which it is a jump."""
@@ -82,12 +82,12 @@ class ResidualAnalysis:
     rms: float  # of all samples, relative to the largest output
     noise: float  # rms of the sensor noise, relative to the largest output
     beyond_noise: float = 0.0  # rms without the noise; zero if the residual is noise
-    # shapes of the residual and the share of its variance that they explain, the largest first;
+    # shapes of the residual and the fraction of its variance that they explain, the largest first;
     # empty if no known shape was found
     shapes: tuple[tuple[Shape, float], ...] = ()
     start_samples: int = 0  # samples at the start of a record with the effect of a wrong history
-    # largest deviation, if noise of this rms cannot reach it; the other fields except rms then
-    # exclude such samples
+    # largest deviation; None if noise of this rms could cause it. With an outlier, all other fields
+    # except rms were computed without the samples above this limit
     outlier: Outlier | None = None
 
     @property
@@ -112,7 +112,7 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
         return ResidualAnalysis(rms, rms)
     outlier = _find_outlier(records, rms, span)
     if outlier is not None:
-        limit = MAX_WORST_IN_RMS * rms * span
+        limit = MAX_NOISE_PEAK_RATIO * rms * span
         without_outliers = [
             replace(record_, deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0))
             for record_ in records
@@ -129,17 +129,19 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if rms * span <= max_noise and _is_white([record.deviation for record in records]):
         return ResidualAnalysis(rms, rms)
     max_samples = min(_MAX_RECORD_SAMPLES, max(_MIN_RECORD_SAMPLES, _MAX_TOTAL_SAMPLES // len(records)))
-    thinned = [record.every_nth(math.ceil(record.deviation.size / max_samples)) for record in records]
-    return _attribute_to_shapes(thinned, rms, span, (noise_rms, max_noise))
+    thinned_records = [
+        record.keep_every_nth_sample(math.ceil(record.deviation.size / max_samples)) for record in records
+    ]
+    return _attribute_to_shapes(thinned_records, rms, span, (noise_rms, max_noise))
 
 
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
     """Return the largest deviation; None if noise of this rms may reach it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    sizes = [abs(float(each.deviation[row])) for each, row in zip(records, worst_samples, strict=True)]
+    sizes = [abs(float(item.deviation[row])) for item, row in zip(records, worst_samples, strict=True)]
     index = int(np.argmax(sizes))
     size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
-    if size < max(MAX_WORST_IN_RMS * rms, MIN_OUTLIER):
+    if size < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
         return None
     steps = np.abs(np.diff(drive[max(sample - _MAX_LAG_SAMPLES, 0) : sample + _MAX_LAG_SAMPLES]))
     is_at_jump = float(steps.max(initial=0.0)) > _MIN_JUMP_SHARE * float(np.ptp(drive))
@@ -214,7 +216,7 @@ def _attribute_to_shapes(
     variants = [
         _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in bases
     ]
-    attributed: list[tuple[Shape, float]] = []
+    attributed_shapes: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
     while variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
@@ -228,7 +230,7 @@ def _attribute_to_shapes(
         excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
         if noise_model.can_explain(excess + variant.expected_squares, variant.expected_squares, size):
             break
-        attributed.append((variant.shape, excess / deviation.size))
+        attributed_shapes.append((variant.shape, excess / deviation.size))
         explained = variant.columns @ (variant.columns.T @ remaining)
         start_samples = (
             _count_start_samples(records, explained, noise_model.variance)
@@ -242,22 +244,22 @@ def _attribute_to_shapes(
         noise_rms = remaining_rms
     noise_rms = min(noise_rms / span, rms)
     beyond_noise = math.sqrt(rms**2 - noise_rms**2)
-    if beyond_noise < NEGLIGIBLE_DEVIATION or not (attributed or noise_rms < remaining_rms / span):
+    if beyond_noise < NEGLIGIBLE_DEVIATION or not (attributed_shapes or noise_rms < remaining_rms / span):
         return ResidualAnalysis(rms, rms)
-    shares = tuple((name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed)
+    shares = tuple((name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed_shapes)
     return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
 
 
 def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
     """Count the samples at the start of records until the effect of a wrong history has faded."""
-    longest, start = 0, 0
+    longest_start, start = 0, 0
     for record in records:
-        visible = np.flatnonzero(
+        visible_samples = np.flatnonzero(
             np.abs(explained[start : start + record.deviation.size]) > math.sqrt(variance)
         )
-        longest = max(longest, int(visible[-1]) + 1 if visible.size else 0)
+        longest_start = max(longest_start, int(visible_samples[-1]) + 1 if visible_samples.size else 0)
         start += record.deviation.size
-    return longest
+    return longest_start
 
 
 _MIN_SECOND_SHARE = 0.2
@@ -296,7 +298,7 @@ def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
 
 
 def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
-    """Describe in one line: the share of noise, the shape, the remedy and outliers."""
+    """Describe the noise fraction, the shape, the remedy and outliers in one line."""
     text, outlier = _residual_text(residual, loopset, model), residual.outlier
     if outlier is None:
         return text
@@ -326,21 +328,21 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
             "or a sensor that lags; inspect the record"
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
-    main, share = residual.shapes[0]
+    main_shape, share = residual.shapes[0]
     text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
-    text += _SHAPE_TEXTS[main].what.format(
+    text += _SHAPE_TEXTS[main_shape].what.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )
     if len(residual.shapes) > 1 and residual.shapes[1][1] >= _MIN_SECOND_SHARE:
-        second, share = residual.shapes[1]
-        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second].short.format(at=schedule_name)})"
-    if main == "gap":
+        second_shape, share = residual.shapes[1]
+        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second_shape].short.format(at=schedule_name)})"
+    if main_shape == "gap":
         remedy = f"measure another {schedule_name}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
         return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
     is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
     other_law = "; try --law auto" if is_named else ", and neither can the other laws that were compared"
-    return f"{text}: {_SHAPE_TEXTS[main].advice.format(other=other_law)}"
+    return f"{text}: {_SHAPE_TEXTS[main_shape].advice.format(other=other_law)}"
 
 
 class _ShapeText(NamedTuple):

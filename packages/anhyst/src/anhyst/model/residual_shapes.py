@@ -32,7 +32,7 @@ _DECAY_POWERS = (1, 2, 4)
 """Powers of the remaining part of the first branch, along which the effect of a wrong history
 fades."""
 _MIN_INDEPENDENT_SHARE = 1e-6
-"""Smallest share of the strongest direction with which a direction counts as independent."""
+"""Minimum strength of an independent direction, relative to the strongest direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ class Residual:
     gap: int  # index of its scheduling value
     is_cycle: bool  # whether the record is a cycle that is repeated until it closes
 
-    def every_nth(self, step: int) -> Residual:
+    def keep_every_nth_sample(self, step: int) -> Residual:
         """Return every n-th sample; `step` is n."""
-        drive, measured, deviation = (
+        drive, measured_output, deviation = (
             values[::step] for values in (self.drive, self.measured, self.deviation)
         )
-        return Residual(drive, measured, deviation, self.gap, self.is_cycle)
+        return Residual(drive, measured_output, deviation, self.gap, self.is_cycle)
 
 
 def _branch_positions(record: Residual) -> FloatArray:
@@ -86,8 +86,8 @@ def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
         [_branch_positions(record) for record in records], axis=1
     )
     drive = np.concatenate([record.drive for record in records])
-    middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
-    x = (drive - middle) / max(half, 1e-300)
+    middle, half_range = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
+    x = (drive - middle) / max(half_range, 1e-300)
     sizes = [record.drive.size for record in records]
     gap = np.repeat([record.gap for record in records], sizes)
     largest_outputs = np.zeros(int(gap.max()) + 1)
@@ -122,15 +122,15 @@ def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray)
     # The modelled output is used, because the measured one contains the noise and would explain it.
     output = np.concatenate([record.measured + record.deviation for record in records])
     gain = output / max(float(np.abs(output).max()), 1e-300)
-    shared = np.column_stack([legvander(x, _LEVEL_DEGREE), gain])
-    return np.hstack([(gap == node)[:, None] * shared for node in np.unique(gap)])
+    shared_columns = np.column_stack([legvander(x, _LEVEL_DEGREE), gain])
+    return np.hstack([(gap == node)[:, None] * shared_columns for node in np.unique(gap)])
 
 
 def _columns_by_branch_size(half_span: FloatArray, position: FloatArray, rising: FloatArray) -> FloatArray:
     """Return level, curvature and width, in proportion to the size of a branch."""
     size = half_span / float(half_span.max())
-    shared = legvander(position, _LEVEL_DEGREE)
-    both_directions = np.hstack([shared, rising[:, None] * shared])
+    shared_columns = legvander(position, _LEVEL_DEGREE)
+    both_directions = np.hstack([shared_columns, rising[:, None] * shared_columns])
     return np.hstack([size[:, None] * both_directions, size[:, None] ** 2 * both_directions])
 
 
@@ -145,9 +145,9 @@ def orthonormal_basis(columns: FloatArray) -> FloatArray:
     )
 
 
-def remove_explained(columns: FloatArray, others: FloatArray) -> FloatArray:
+def remove_explained(columns: FloatArray, other_columns: FloatArray) -> FloatArray:
     """Subtract the part of columns that others explain; columns without a remainder are dropped."""
-    span = orthonormal_basis(others)
+    span = orthonormal_basis(other_columns)
     remaining = columns - span @ (span.T @ columns)
     squares_before = np.einsum("nk,nk->k", columns, columns)
     squares_after = np.einsum("nk,nk->k", remaining, remaining)
@@ -194,23 +194,25 @@ def estimate_coloured_noise(deviation: FloatArray, shapes: FloatArray, sizes: Se
     remaining = deviation - shapes @ (shapes.T @ deviation)
     power = max(float(remaining @ remaining), 1e-300)
     seen_correlation = float(remaining @ _mean_of_neighbours(remaining, lengths)) / power
-    shifted = _mean_of_neighbours(shapes, lengths)
+    neighbour_means = _mean_of_neighbours(shapes, lengths)
     # einsum uses one thread; a threaded product would wait for other threads.
-    shape_products = np.einsum("nk,nl->kl", shapes, shifted)
+    shape_products = np.einsum("nk,nl->kl", shapes, neighbour_means)
 
     def expected_sums(correlation: float) -> tuple[float, float]:
         """Return the expected sums of squares and of products with the sample before."""
         smooth = _apply_correlation(shapes, correlation, lengths)
-        projected = np.einsum("nk,nl->kl", shapes, smooth)
+        projected_shapes = np.einsum("nk,nl->kl", shapes, smooth)
         product_sum = (
             correlation * (deviation.size - len(lengths))
-            - 2.0 * float(np.einsum("nk,nk->", shifted, smooth))
-            + float(np.einsum("kl,kl->", shape_products, projected))
+            - 2.0 * float(np.einsum("nk,nk->", neighbour_means, smooth))
+            + float(np.einsum("kl,kl->", shape_products, projected_shapes))
         )
-        return deviation.size - float(np.trace(projected)), product_sum
+        return deviation.size - float(np.trace(projected_shapes)), product_sum
 
-    expected = [expected_sums(correlation_) for correlation_ in _CORRELATION_GRID]
-    ratio = np.maximum.accumulate([product_sum / expected_power for expected_power, product_sum in expected])
+    expected_by_correlation = [expected_sums(correlation_) for correlation_ in _CORRELATION_GRID]
+    ratio = np.maximum.accumulate(
+        [product_sum / expected_power for expected_power, product_sum in expected_by_correlation]
+    )
     correlation = float(np.interp(seen_correlation, ratio, _CORRELATION_GRID))
     degrees_of_freedom = max(deviation.size - shapes.shape[1], 2)
     # Add the uncertainty of the correlation, except for noise that may be white.
@@ -218,12 +220,12 @@ def estimate_coloured_noise(deviation: FloatArray, shapes: FloatArray, sizes: Se
     added_sigmas = min(max(correlation / error - _FREE_SIGMAS, 0.0), _MAX_ADDED_SIGMAS)
     correlation = min(correlation + added_sigmas * error, float(_CORRELATION_GRID[-1]))
     expected_power, _ = expected_sums(correlation)
-    independence = (1.0 - correlation**2) / (1.0 + correlation**2)
+    independent_fraction = (1.0 - correlation**2) / (1.0 + correlation**2)
     return ColouredNoise(
         lengths,
         power / expected_power,
         correlation,
-        max(degrees_of_freedom * independence, _MIN_DEGREES_OF_FREEDOM),
+        max(degrees_of_freedom * independent_fraction, _MIN_DEGREES_OF_FREEDOM),
     )
 
 

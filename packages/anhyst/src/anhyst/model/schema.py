@@ -136,7 +136,7 @@ class FitFigures(FileRecord):
     """Deviation of the model from all measured loops."""
 
     # largest absolute output of all loops (of a displacement: largest range), SI; full scale of
-    # relative figures
+    # relative values
     largest_output: Output
     mean_abs: Output  # deviations over all samples as in :class:`LoopFit`, SI
     rms: Output
@@ -172,22 +172,25 @@ def fit_figures(
     for loop, output in zip(loopset.loops, fitted, strict=True):
         deviation = np.abs(output - loop.output)
         deviations.append(deviation)
-        full = full_scale(loopset.output, (loop.output,))
+        full_scale_output = full_scale(loopset.output, (loop.output,))
         mean, worst = float(deviation.mean()), float(deviation.max())
-        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst))
-    pooled = np.concatenate(deviations)
-    largest, pooled_rms = largest_output(loopset), rms(pooled)
+        rows.append(
+            LoopFit(loop.label, loop.schedule_value, loop.n, full_scale_output, mean, rms(deviation), worst)
+        )
+    pooled_deviations = np.concatenate(deviations)
+    largest_output_value, pooled_rms = largest_output(loopset), rms(pooled_deviations)
     return FitFigures(
-        largest_output=largest,
-        mean_abs=float(pooled.mean()),
+        largest_output=largest_output_value,
+        mean_abs=float(pooled_deviations.mean()),
         rms=pooled_rms,
-        worst=float(pooled.max()),
+        worst=float(pooled_deviations.max()),
         loops=tuple(rows),
         left_out=dict(left_out),
         monotone=monotone,
         cross_validation=cross_validation,
         candidates=tuple(
-            replace(fit, rms=pooled_rms / largest) if fit.note == CHOSEN else fit for fit in candidates
+            replace(fit, rms=pooled_rms / largest_output_value) if fit.note == CHOSEN else fit
+            for fit in candidates
         ),
     )
 
@@ -238,8 +241,8 @@ def _number(value: Any) -> Any:
 
 
 def _law(name: str) -> str:
-    if why := LAWS.explain_unusable(name):
-        raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
+    if reason := LAWS.explain_unusable(name):
+        raise PydanticCustomError("unknown_choice", reason.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
         law_names = [repr(law) for law in LAWS]
         raise PydanticCustomError(
@@ -340,11 +343,13 @@ def column(name: str, unit: str) -> str:
     return Quantity("", name, unit).column
 
 
-def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names:
+def parameter_names(law: Law | None, drive: Quantity, output_quantity: Quantity) -> Names:
     """Return the keys of ``[parameters]`` for a law (if known), an input and an output."""
-    power = output_map(answer).power
+    power = output_map(output_quantity).power
     c_h_key = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
-    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
+    ratio = (
+        column(f"c_{output_quantity.symbol}", output_quantity.unit) + f"_per_T{power if power > 1 else ''}"
+    )
     return {
         **{
             spec.name: (spec.name, column(spec.name, spec.unit) if spec.unit != "1" else spec.name)
@@ -353,18 +358,21 @@ def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names
         "rho": ("rho", "rho"),
         "c_H": ("c_H", c_h_key),
         "gamma": ("gamma", "gamma_A_s_per_m_T"),
-        "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
+        "c_out": (f"c_{output_quantity.symbol}", "c_B" if output_quantity.unit == "T" else ratio),
         "in_0": (f"{drive.symbol}_0", column(f"{drive.symbol}_0", drive.unit)),
-        "out_0": (f"{answer.symbol}_0", column(f"{answer.symbol}_0", answer.unit)),
+        "out_0": (f"{output_quantity.symbol}_0", column(f"{output_quantity.symbol}_0", output_quantity.unit)),
     }
 
 
 def section_names(
-    law: Law | None, drive: Quantity, answer: Quantity, schedule: Quantity | None
+    law: Law | None, drive: Quantity, output_quantity: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys with units of each table (``[[fit.loop]]`` as ``fit, loop``)."""
-    deviations = {name: (name, column(name, answer.unit)) for name in output_fields(FitFigures)}
-    ranges = {"input": (drive.symbol, drive.column), "output": (answer.symbol, answer.column)}
+    deviations = {name: (name, column(name, output_quantity.unit)) for name in output_fields(FitFigures)}
+    ranges = {
+        "input": (drive.symbol, drive.column),
+        "output": (output_quantity.symbol, output_quantity.column),
+    }
     nodes: Names = {}
     if schedule is not None:
         ranges["schedule"] = (schedule.symbol, schedule.column)
@@ -372,7 +380,7 @@ def section_names(
     schedule_name = {"schedule": ranges["schedule"]} if schedule is not None else {}
     return {
         ("schedule",): nodes,
-        ("parameters",): parameter_names(law, drive, answer),
+        ("parameters",): parameter_names(law, drive, output_quantity),
         ("cells",): {
             name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights", "centres")
         },
@@ -389,11 +397,11 @@ def section_names(
 
 def find_field(key: str, names: Names) -> str | None:
     """Return the field that a key with a missing or another unit means, if any."""
-    for name, (name_without_unit, full) in names.items():
-        if key == full:
+    for name, (name_without_unit, full_name) in names.items():
+        if key == full_name:
             continue
         if key in {name, name_without_unit} or (
-            name_without_unit != full and key.startswith(f"{name_without_unit}_")
+            name_without_unit != full_name and key.startswith(f"{name_without_unit}_")
         ):
             return name
     return None

@@ -59,9 +59,9 @@ class Stepper:
                     key="valid",
                 )
             low, high = model.valid.input
-            slow = [0.0, 1e9, 2e9]  # so slow that eddy currents are negligible
+            slow_times = [0.0, 1e9, 2e9]  # so slow that eddy currents are negligible
             cycle = [low, high, low]
-            self._state = run_record(model, "drive", cycle, schedule, slow, "settled").state
+            self._state = run_record(model, "drive", cycle, schedule, slow_times, "settled").state
         else:
             self._state = initial_state(model, self._iron, history_before, self._schedule)
         self._output: float | None = None
@@ -72,12 +72,12 @@ class Stepper:
         self._flux = self._flux_at_rest(history_before)
         self._slow_parts = np.full(len(self._dynamics.times) if self._dynamics else 0, self._flux)
 
-    def _flux_at_rest(self, past: History) -> float:
+    def _flux_at_rest(self, initial_history: History) -> float:
         """Return the flux density before the first step, after creep has settled, T."""
-        if self._dynamics is None or past.kind == "demagnetised":
+        if self._dynamics is None or initial_history.kind == "demagnetised":
             return 0.0
-        points = past.turning_points
-        if past.kind == "settled" and self.model.valid is not None:
+        points = initial_history.turning_points
+        if initial_history.kind == "settled" and self.model.valid is not None:
             points = self.model.valid.input[:1]
         circuit = self._circuit(self._schedule, None)
         core = circuit.magnetomotive(np.array(points[-1:]))
@@ -136,9 +136,9 @@ class Stepper:
         core = circuit.magnetomotive(drive)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
         check_status(status, "applied drive", 0, drive)
-        added, self._slow_parts = self._creep(dt)
+        added_flux, self._slow_parts = self._creep(dt)
         self._state, self._schedule, self._flux = state, gap, float(flux[0])
-        self._output = float(circuit.output(flux + added)[0])
+        self._output = float(circuit.output(flux + added_flux)[0])
         return self._output
 
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
@@ -146,8 +146,10 @@ class Stepper:
         drive = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", drive.size)
         if self._dynamics is not None or np.any(self.model.interpolate_parameter("gamma", at) > 0.0):
-            why = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
-            raise InputError(f"the model {why}; commit each sample with dt", code="time-missing", key="t_s")
+            reason = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
+            raise InputError(
+                f"the model {reason}; commit each sample with dt", code="time-missing", key="t_s"
+            )
         for end in (at.min(), at.max()):
             self._at(float(end))
         circuit = self.model.circuit(at, np.zeros(drive.size))

@@ -162,8 +162,8 @@ def _parameters(model: ModelData) -> str:
     lines = []
     for name, spec in model.specs.items():
         value = model.parameters[name]
-        written = toml_value(list(value) if isinstance(value, tuple) else value)
-        lines.append((f"{names[name][1]} = {written}", spec.meaning))
+        value_text = toml_value(list(value) if isinstance(value, tuple) else value)
+        lines.append((f"{names[name][1]} = {value_text}", spec.meaning))
     width = min(max(len(line) for line, _ in lines), 48)
     return "".join(f"{line:<{width}}  # {meaning}\n" for line, meaning in lines)
 
@@ -189,24 +189,26 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
     name only if the model has one.
     """
     hints = get_type_hints(type(record), include_extras=True)
-    largest: float = getattr(record, "largest_output", 0.0)
+    largest_output: float = getattr(record, "largest_output", 0.0)
     text = ""
     for field in fields(cast("Any", record)):
         value, key = getattr(record, field.name), names.get(field.name, ("", field.name))[1]
-        if value in (None, field.default, {}) or _holds_tables(value):
+        if value in (None, field.default, {}) or _contains_tables(value):
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        written = toml_value(_plain(value, is_whole=hints[field.name] is schema.Whole))
+        value_text = toml_value(_plain(value, is_whole=hints[field.name] is schema.Whole))
         share = (
-            field.name in schema.output_fields(type(record)) and field.name != "largest_output" and largest
+            field.name in schema.output_fields(type(record))
+            and field.name != "largest_output"
+            and largest_output
         )
-        text += f"{toml_key(key)} = {written}"
-        text += f"  # {100.0 * value / largest:.3g} %\n" if share else "\n"
+        text += f"{toml_key(key)} = {value_text}"
+        text += f"  # {100.0 * value / largest_output:.3g} %\n" if share else "\n"
     return text
 
 
-def _holds_tables(value: object) -> bool:
+def _contains_tables(value: object) -> bool:
     return isinstance(value, FileRecord) or (
         isinstance(value, tuple) and any(isinstance(item, FileRecord) for item in value)
     )
@@ -248,5 +250,5 @@ def _uncertainty(uncertainty: schema.Uncertainty) -> str:
 
 
 def _rows(rows: Iterable[Sequence[float] | str]) -> str:
-    inside = "".join(f"    {toml_value(row)},\n" for row in rows)
-    return f"[\n{inside}]"
+    rows_text = "".join(f"    {toml_value(row)},\n" for row in rows)
+    return f"[\n{rows_text}]"

@@ -54,8 +54,8 @@ SMALL_LOOP_SHARE = 0.25
 """Share of the largest input range in a panel below which a loop gets its own panel."""
 MAX_DRAWN_COST_RATIO = 3.0
 """Ratio to the highest bar above which the cost of a candidate is written instead of drawn."""
-MAX_NUMBERED_SIZE = 14
-"""Largest size of a correlation matrix whose cells show their values."""
+MAX_ROWS_WITH_NUMBERS = 14
+"""Largest number of rows of a correlation matrix whose cells show their values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +73,9 @@ def group_by_schedule(loopset: Loops) -> list[Group]:
     indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices_by_value.setdefault(loop.schedule_value, []).append(index)
-    moving = f"{display_name(loopset.schedule)} moving"
+    moving_label = f"{display_name(loopset.schedule)} moving"
     return [
-        Group(moving if value is None else schedule_text(loopset.schedule, value), tuple(indices))
+        Group(moving_label if value is None else schedule_text(loopset.schedule, value), tuple(indices))
         for value, indices in indices_by_value.items()
     ]
 
@@ -106,9 +106,9 @@ def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
 @use_report_style
 def figure_speeds(loopset: Loops, fitted: Fitted, speeds: SpeedGroups) -> Figure:
     """Draw measured and modelled loops, one panel for each speed, slow ones first."""
-    places = {id(loop): index for index, loop in enumerate(loopset.loops)}
+    loop_indices = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
-        Group(speed_text(group), tuple(places[id(loop)] for loop in group))
+        Group(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
         for group in (speeds.slow.loops, *speeds.fast)
     ]
     return _draw_loops(loopset, fitted, groups)
@@ -137,10 +137,10 @@ def figure_differences(loopset: Loops, fitted: Fitted, single_valued: Sequence[F
         )
         for index in group.indices:
             loop, output = loopset.loops[index], fitted[index]
-            x, without = x_scale.factor * loop.input, np.interp(loop.input, *curve)
-            _draw_measured(ax, x, y_scale.factor * (loop.output - without))
+            x, baseline_output = x_scale.factor * loop.input, np.interp(loop.input, *curve)
+            _draw_measured(ax, x, y_scale.factor * (loop.output - baseline_output))
             if output is not None:
-                ax.plot(x, y_scale.factor * (output - without), color=MODEL_COLOUR, lw=0.9)
+                ax.plot(x, y_scale.factor * (output - baseline_output), color=MODEL_COLOUR, lw=0.9)
         _label_axes(ax, axes, loopset, x_scale, y_scale, y_text="minus the curve")
     _add_legend(figure)
     return figure
@@ -204,9 +204,9 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
         None if output is None else output - loop.output
         for loop, output in zip(loopset.loops, fitted, strict=True)
     ]
-    largest = [float(np.max(np.abs(residual))) for residual in residuals if residual is not None]
+    largest_residuals = [float(np.max(np.abs(residual))) for residual in residuals if residual is not None]
     x_scale = quantity_scale(loopset.input, [_max_abs(loop.input) for loop in loopset.loops])
-    y_scale = quantity_scale(loopset.output, largest)
+    y_scale = quantity_scale(loopset.output, largest_residuals)
     for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.indices]
         sigma = np.average([estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops])
@@ -224,7 +224,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     return figure
 
 
-def rising_samples(loop: Loop) -> NDArray[np.bool_]:
+def mask_rising_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return which samples are on ascending branches of the input, shape (n,)."""
     is_rising = np.zeros(loop.n, dtype=np.bool_)
     for part in find_branches(loop.input):
@@ -241,12 +241,12 @@ def _draw_residuals(
             loop, residual = loopset.loops[index], residuals[index]
             if residual is None:
                 continue
-            rows = rising_samples(loop) == is_rising
+            rows = mask_rising_samples(loop) == is_rising
             x.append(x_scale.factor * loop.input[rows])
             y.append(y_scale.factor * residual[rows])
-        drawn = np.concatenate(x), np.concatenate(y)
-        dots = _dot_style(colour, 2.4 if drawn[0].size < 2000 else 1.4)
-        ax.plot(*drawn, rasterized=True, alpha=0.7, **dots)
+        drawn_points = np.concatenate(x), np.concatenate(y)
+        dots = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
+        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dots)
 
 
 @use_report_style
@@ -257,20 +257,20 @@ def figure_reduction(
     figure = new_figure(3.2)
     ax = figure.subplots()
     costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
-    frozen = [names.get(step.frozen, step.frozen) for step in steps]
+    fixed_names = [names.get(step.frozen, step.frozen) for step in steps]
     ax.bar(range(costs.size), costs, width=0.55, color=[MEASURED_COLOUR, *([MODEL_COLOUR] * len(steps))])
     for index, cost in enumerate(costs.tolist()):
         text = f"{format_number(cost, 2)} %"
         ax.annotate(text, (index, cost), (0, 3), textcoords="offset points", ha="center")
     rejected_costs = [cost for step in steps for cost, _ in _rejected_candidates(step)]
     highest_bar = max(float(costs.max()), 1e-9)
-    highest = max(
+    highest_cost = max(
         [highest_bar, *(cost for cost in rejected_costs if cost <= MAX_DRAWN_COST_RATIO * highest_bar)]
     )
-    ax.set_ylim(0.0, 1.2 * highest)
+    ax.set_ylim(0.0, 1.2 * highest_cost)
     for index, step in enumerate(steps, start=1):
-        _draw_candidates(ax, index + 0.36, _rejected_candidates(step), highest, names)
-    ax.set_xticks(range(costs.size), ["all free", *(f"fix {name}" for name in frozen)])
+        _draw_candidates(ax, index + 0.36, _rejected_candidates(step), highest_cost, names)
+    ax.set_xticks(range(costs.size), ["all free", *(f"fix {name}" for name in fixed_names)])
     ax.set_xlim(-0.5, costs.size - 0.2)
     ax.grid(visible=False, axis="x")
     ax.set_ylabel("mean deviation,\n% of the largest output")
@@ -283,18 +283,21 @@ def figure_reduction(
 
 
 def _draw_candidates(
-    ax: Axes, x: float, costs: list[tuple[float, str]], highest: float, names: Mapping[str, str]
+    ax: Axes, x: float, costs: list[tuple[float, str]], highest_cost: float, names: Mapping[str, str]
 ) -> None:
-    """Draw a ring and a name for each candidate; those above the figure at its upper edge."""
+    """Draw a ring and a name for each candidate.
+
+    If a cost exceeds the axis limit, only its name and value are drawn, at the upper edge.
+    """
     label_y = -np.inf
     for cost, name in costs:
         text = names.get(name, name)
-        if cost > highest:
+        if cost > highest_cost:
             text += f" ↑ {format_number(cost, 2)} %"
         else:
             ax.plot(x, cost, "o", mfc="none", color=FALLING_COLOUR, ms=5.0)
         # Keep a distance between the labels of similar costs.
-        label_y = max(min(cost, 1.1 * highest), label_y + 0.055 * highest)
+        label_y = max(min(cost, 1.1 * highest_cost), label_y + 0.055 * highest_cost)
         ax.annotate(text, (x + 0.05, label_y), va="center", fontsize=7.5, color="#8A3B00")
 
 
@@ -312,7 +315,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     """Draw the correlations of the fitted quantities as a heat map."""
     matrix = np.array(uncertainty.correlation)
     count = matrix.shape[0]
-    shows_numbers = count <= MAX_NUMBERED_SIZE
+    shows_numbers = count <= MAX_ROWS_WITH_NUMBERS
     height = 0.9 + (0.3 if shows_numbers else 0.19) * count
     figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()
@@ -375,8 +378,8 @@ def _label_axes(
     full_scale = y_scale.factor * largest_output(loopset)
     is_at_right = (index + 1) % columns == 0 or index + 1 == len(axes)
     if y_text and is_at_right and full_scale > 0.0:
-        functions = (lambda y: 100.0 * y / full_scale, lambda y: 0.01 * y * full_scale)
-        axis = ax.secondary_yaxis("right", functions=functions)
+        axis_conversions = (lambda y: 100.0 * y / full_scale, lambda y: 0.01 * y * full_scale)
+        axis = ax.secondary_yaxis("right", functions=axis_conversions)
         axis.set_ylabel("% of full scale")
         axis.spines["right"].set_visible(True)
 

@@ -47,12 +47,16 @@ MAX_LOOPS = 15
 
 def parameter_unit(model: Model, name: str) -> str:
     """Return the SI unit of a parameter; ``"1"`` for a dimensionless one."""
-    drive, answer = model.input.unit, model.output.unit
-    turns = {"A": "1/m", "A/m": "1"}.get(drive, f"A/(m {drive})")
-    ratio = "1" if answer == "T" else f"{answer}/T" + ("²" if model.power == 2 else "")
-    return {"c_H": turns, "gamma": "A s/(m T)", "c_out": ratio, "in_0": drive, "out_0": answer}.get(
-        name, model.specs[name].unit
-    )
+    input_unit, output_unit = model.input.unit, model.output.unit
+    c_h_unit = {"A": "1/m", "A/m": "1"}.get(input_unit, f"A/(m {input_unit})")
+    ratio = "1" if output_unit == "T" else f"{output_unit}/T" + ("²" if model.power == 2 else "")
+    return {
+        "c_H": c_h_unit,
+        "gamma": "A s/(m T)",
+        "c_out": ratio,
+        "in_0": input_unit,
+        "out_0": output_unit,
+    }.get(name, model.specs[name].unit)
 
 
 def varying_parameters(model: Model) -> tuple[str, ...]:
@@ -101,8 +105,8 @@ def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray
     if check is not None:
         return check.gaps, check.drive, check.output
     low, high = model.valid_range.input
-    rising = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
-    drive = np.concatenate([rising, rising[-2::-1]])
+    ascending_drive = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
+    drive = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
     schedule = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID_POINTS), *model.nodes])
     output = np.full((schedule.size, drive.size), np.nan)
     for index, value in enumerate(schedule.tolist()):
@@ -129,7 +133,7 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
 
 
 @use_report_style
-def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None:
+def figure_between_gaps(model: Model, check: GapCheck | None = None) -> Figure | None:
     """Draw the loops at nodes and midpoints, and the output over the scheduling variable."""
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None
@@ -144,11 +148,11 @@ def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None
 
 def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale) -> None:
     assert model.schedule is not None
-    rising = np.linspace(*model.valid_range.input, CURVE_POINTS)
-    drive = np.concatenate([rising, rising[-2::-1]])
-    places = nodes_and_midpoints(model)
+    ascending_drive = np.linspace(*model.valid_range.input, CURVE_POINTS)
+    drive = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
+    schedule_values = nodes_and_midpoints(model)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
-    for (at, is_node), colour in zip(places, _ordered_colours(len(places)), strict=True):
+    for (at, is_node), colour in zip(schedule_values, _ordered_colours(len(schedule_values)), strict=True):
         output = steady_state_loop(model, drive, at)
         if output is None:
             continue
@@ -184,8 +188,8 @@ def _draw_over_schedule(
     ax.set_xlabel(axis_label(model.schedule, schedule_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
     ax.set_title(f"{display_name(model.output)} at a fixed {display_name(model.input)}")
-    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
-    ax.legend(handles=handles, fontsize=7.5, handlelength=2.6, **below)
+    legend_position: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
+    ax.legend(handles=handles, fontsize=7.5, handlelength=2.6, **legend_position)
 
 
 def _mark_failure(
@@ -197,8 +201,8 @@ def _mark_failure(
         ax.axvline(at, color=ALARM_COLOUR, lw=2.0)
         return Line2D([], [], color=ALARM_COLOUR, lw=2.0, label="cannot be computed")
     is_rising = check.branch == "rising"
-    half = check.drive.size // 2 + 1
-    drive_distance = np.abs(check.drive[:half] - check.at_drive)
+    half_size = check.drive.size // 2 + 1
+    drive_distance = np.abs(check.drive[:half_size] - check.at_drive)
     index = int(np.argmin(drive_distance)) if is_rising else -1 - int(np.argmin(drive_distance))
     curve = output_scale.factor * check.output[:, index]
     row = int(np.argmin(np.abs(check.gaps - check.gap)))

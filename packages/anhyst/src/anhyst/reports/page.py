@@ -14,7 +14,7 @@ from anhyst.data.verdict import GAIN_ADVICE
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
-from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
+from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
 from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
 from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_evidence
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
@@ -43,7 +43,7 @@ _RMS_PER_MEAN_ABS = float(np.sqrt(0.5 * np.pi))
 
 
 def make_headline(subject: ModelSubject) -> Headline:
-    """Return the head of the page: what the model is, its verdict and its main figures."""
+    """Return the head of the page: what the model is, its verdict and its main values."""
     model = subject.model
     schedule_part = f" over the {subject.schedule_name}" if model.varying else ""
     description = (
@@ -63,11 +63,11 @@ def make_headline(subject: ModelSubject) -> Headline:
     basis, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
-        plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
-        place = f" at {len(schedule_values)} {plural}" if len(schedule_values) > 1 else ""
+        schedule_plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
+        schedule_text = f" at {len(schedule_values)} {schedule_plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
         samples = sum(loop.samples for loop in loops)
-        basis = f"Identified from {count}{place}, {samples} samples."
+        basis = f"Identified from {count}{schedule_text}, {samples} samples."
     return Headline(
         title=model.name,
         description=description,
@@ -142,13 +142,13 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         return None
     assessment, scale = evidence.verdict, subject.deviation_scale
 
-    def with_percent(value: float) -> str:
+    def format_with_percent(value: float) -> str:
         return f"{scale.format_with_unit(value)} ({subject.percent_of_largest(value)})"
 
     def row(name: Cell, mean: float, rms: float, worst: float | None) -> list[str | Cell]:
         bar = mean / largest_mean if largest_mean else None
-        worst_text = format_number(float("nan")) if worst is None else with_percent(worst)
-        return [name, Cell(with_percent(mean), bar=bar), with_percent(rms), worst_text]
+        worst_text = format_number(float("nan")) if worst is None else format_with_percent(worst)
+        return [name, Cell(format_with_percent(mean), bar=bar), format_with_percent(rms), worst_text]
 
     single_rms, noise = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
     largest_mean = max(assessment.single_mean, fit.mean_abs)
@@ -157,7 +157,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
         row(Cell("Noise alone (no model can be better)"), noise, _RMS_PER_MEAN_ABS * noise, None),
     ]
-    largest = subject.output_scale.format_with_unit(fit.largest_output, 4)
+    largest_output_text = subject.output_scale.format_with_unit(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
     curve = (
         f"one monotone curve for each {subject.schedule_name}"
@@ -165,7 +165,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         else "one monotone curve"
     )
     caption = (
-        f"Percentages of {subject.full_scale_text}, {largest}. The best single-valued curve "
+        f"Percentages of {subject.full_scale_text}, {largest_output_text}. The best single-valued curve "
         f"({curve}, fitted to the same loops) is the best that a look-up table without memory can reach."
     )
     return make_table("Deviation from the measurement", head, cells, caption)
@@ -233,7 +233,7 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
         section_residuals(subject),
         sections_model.section_parameters_over(subject),
         sections_model.section_reduction(subject),
-        sections_model.section_between(subject),
+        sections_model.section_between_nodes(subject),
         sections_model.section_laws(subject),
         sections_model.section_gap_map(subject),
         sections_model.section_parameters(subject),
@@ -258,13 +258,13 @@ def write_plots(
         "loops": figure_loops(loopset, fitted),
         "residuals": figure_residuals(loopset, fitted),
         "parameters": figure_parameters(model),
-        "between_gaps": figure_between(model, model.check_over_gap()),
+        "between_gaps": figure_between_gaps(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,
     }
     target.mkdir(parents=True, exist_ok=True)
-    written = []
+    written_paths = []
     for name, figure in figures.items():
         if figure is not None:
             write_png(figure, target / f"{name}.png")
-            written.append(target / f"{name}.png")
-    return tuple(written)
+            written_paths.append(target / f"{name}.png")
+    return tuple(written_paths)

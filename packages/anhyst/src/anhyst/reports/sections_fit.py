@@ -44,15 +44,15 @@ def section_loops(subject: ModelSubject) -> Section | None:
     evidence = subject.evidence
     if evidence is None:
         return None
-    panels, distance_text = _panels_text(subject, evidence), ""
+    panels, deviation_text = _panels_text(subject, evidence), ""
     if subject.fit is not None:
-        worst = subject.deviation_scale.format_with_unit(subject.fit.worst)
-        distance_text = f"The lines lie within {worst} of the points."
+        worst_text = subject.deviation_scale.format_with_unit(subject.fit.worst)
+        deviation_text = f"The lines lie within {worst_text} of the points."
     blocks: list[Block] = [
         subject.picture(
             figures.figure_loops(evidence.loops, evidence.fitted),
             f"{subject.output_name} over {subject.input_name}, {panels}: measured samples as grey points, "
-            f"the modelled loops as blue lines. {distance_text}",
+            f"the modelled loops as blue lines. {deviation_text}",
             f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(evidence),
         ),
         subject.picture(
@@ -63,12 +63,12 @@ def section_loops(subject: ModelSubject) -> Section | None:
             "remains. A curve without hysteresis would be the zero line.",
         ),
     ]
-    small = figures.figure_small_loops(evidence.loops, evidence.fitted)
-    if small is not None:
+    small_loops_figure = figures.figure_small_loops(evidence.loops, evidence.fitted)
+    if small_loops_figure is not None:
         count = len(figures.find_small_loops(evidence.loops))
         blocks.append(
             subject.picture(
-                small,
+                small_loops_figure,
                 f"The {count} smallest loops, each in a panel of its own scale: measured samples "
                 "as grey points, the model as blue lines.",
                 "Small loops, which are not visible in the panels above, each in its own scale.",
@@ -78,7 +78,8 @@ def section_loops(subject: ModelSubject) -> Section | None:
 
 
 VISIBLE_HEIGHT_SHARE = 0.01
-"""Increase of the loop height, as a share of the output range, above which the speed is visible."""
+"""Increase of the loop height, as a fraction of the output range, above which the effect of the
+rate is reported."""
 
 _CYCLE_SAMPLES = 200
 _SPEED_RATIOS = np.geomspace(1e-3, 1.5, 40)
@@ -128,17 +129,17 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
 
 
 def _corner_text(model: Model) -> str:
-    """Return a sentence about the speed above which the modelled loops are higher."""
+    """Return a sentence about the frequency above which eddy currents widen the modelled loops."""
     layers_text = f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
     corner, uncertainty, share = (rate_corner(model), model.uncertainty, format_percent(VISIBLE_HEIGHT_SHARE))
     if corner is None:
         return (
-            f"The iron is {layers_text}; up to the speed of the fastest loops, the height of the modelled "
-            f"loops changes by less than {share}."
+            f"The iron is {layers_text}. Up to the frequency of the fastest loops, the opening of the modelled "
+            f"loops increases by less than {share} of the output range."
         )
     text = (
-        f"The iron is {layers_text}. From {corner:.3g}{NBSP}Hz on, the loops of the model are higher than slow "
-        f"loops by {share} of their largest {display_name(model.output)}"
+        f"The iron is {layers_text}. Above {corner:.3g}{NBSP}Hz, eddy currents increase the opening of the "
+        f"modelled loops by more than {share} of the range of the {display_name(model.output)}"
     )
     if uncertainty is None or GAMMA_NAME not in uncertainty.names:
         return f"{text}."
@@ -149,7 +150,9 @@ def _corner_text(model: Model) -> str:
 
 
 def rate_corner(model: Model) -> float | None:
-    """Return the frequency (Hz) above which loops are higher by :data:`VISIBLE_HEIGHT_SHARE`.
+    """Return the cycle frequency at which eddy currents visibly widen the loops, Hz.
+
+    The opening of the loops is then larger than that of slow loops by :data:`VISIBLE_HEIGHT_SHARE`.
 
     The cycles are full cycles at the first node. Time enters a model only as gamma times a rate.
     Therefore, the corner frequency is inversely proportional to gamma.
@@ -163,14 +166,19 @@ def rate_corner(model: Model) -> float | None:
     for rate in rates.tolist():
         time = np.arange(_CYCLE_SAMPLES) / (_CYCLE_SAMPLES * rate)
         output = model.predict(drive, node, time, "settled").output
-        falling = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
-        heights.append(float(np.max(falling - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output)))
+        descending_output = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
+        heights.append(
+            float(np.max(descending_output - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output))
+        )
     increase = np.array(heights) - heights[0]
-    visible = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
-    if not visible.size:
+    visible_indices = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
+    if not visible_indices.size:
         return None
-    first = int(visible[0])
-    increases, logs = increase[first - 1 : first + 1], np.log(rates[first - 1 : first + 1])
+    first_visible = int(visible_indices[0])
+    increases, logs = (
+        increase[first_visible - 1 : first_visible + 1],
+        np.log(rates[first_visible - 1 : first_visible + 1]),
+    )
     return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, increases, logs)))
 
 
@@ -214,16 +222,16 @@ def section_residuals(subject: ModelSubject) -> Section | None:
 
 def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
     """Return a sentence about the largest deviation of the model."""
-    worst: tuple[float, int, int] = (-1.0, 0, 0)
+    worst_point: tuple[float, int, int] = (-1.0, 0, 0)
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
     for index, (loop, output) in enumerate(pairs):
         if output is None:
             continue
         residual = np.abs(output - loop.output)
-        worst = max(worst, (float(residual.max()), index, int(np.argmax(residual))))
-    size, index, sample = worst
+        worst_point = max(worst_point, (float(residual.max()), index, int(np.argmax(residual))))
+    size, index, sample = worst_point
     loop = evidence.loops.loops[index]
-    branch = "rising" if figures.rising_samples(loop)[sample] else "falling"
+    branch = "rising" if figures.mask_rising_samples(loop)[sample] else "falling"
     schedule_value = loop.schedule_value
     place = "" if schedule_value is None or evidence.loops.schedule is None else (
         f", {schedule_text(evidence.loops.schedule, schedule_value)}"
@@ -242,19 +250,21 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
         return []
     rows = []
     for group in groups:
-        residuals, rising = [], []
+        residuals, rising_masks = [], []
         for index in group.indices:
             loop, output = evidence.loops.loops[index], evidence.fitted[index]
             if output is not None:
                 residuals.append(output - loop.output)
-                rising.append(figures.rising_samples(loop))
+                rising_masks.append(figures.mask_rising_samples(loop))
         if not residuals:
             continue
-        pooled, is_rising = np.concatenate(residuals), np.concatenate(rising)
-        mean = float(np.mean(np.abs(pooled)))
-        row = [group.title, str(pooled.size), scale.format(mean), subject.percent_of_largest(mean)]
-        row += map(scale.format, (rms(pooled), float(np.max(np.abs(pooled)))))
-        row += [scale.format(_mean_or_none(pooled[branch]), 2) for branch in (is_rising, ~is_rising)]
+        pooled_residuals, is_rising = np.concatenate(residuals), np.concatenate(rising_masks)
+        mean = float(np.mean(np.abs(pooled_residuals)))
+        row = [group.title, str(pooled_residuals.size), scale.format(mean), subject.percent_of_largest(mean)]
+        row += map(scale.format, (rms(pooled_residuals), float(np.max(np.abs(pooled_residuals)))))
+        row += [
+            scale.format(_mean_or_none(pooled_residuals[branch]), 2) for branch in (is_rising, ~is_rising)
+        ]
         rows.append(row)
     head = [subject.schedule_name, "samples", scale.heading("mean"), "of largest", scale.heading("rms"),
             scale.heading("worst"), scale.heading("bias rising"), scale.heading("bias falling")]  # fmt: skip
@@ -273,37 +283,44 @@ def _mean_or_none(values: FloatArray) -> float | None:
 def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     scale = subject.deviation_scale
     size = quantity_scale(subject.model.output, [loop.largest_output for loop in loops])
-    worst, largest_mean = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
+    worst_deviation, largest_mean = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
     columns: list[Column] = [
         (size.heading("largest"), lambda fit: size.format(fit.largest_output)),
         (
             scale.heading("mean"),
-            lambda one: Cell(
-                scale.format(one.mean_abs), bar=one.mean_abs / largest_mean if largest_mean else None
+            lambda entry: Cell(
+                scale.format(entry.mean_abs), bar=entry.mean_abs / largest_mean if largest_mean else None
             ),
         ),
-        ("of largest", lambda one: subject.percent_of_largest(one.mean_abs)),
+        ("of largest", lambda entry: subject.percent_of_largest(entry.mean_abs)),
         (
             "of own",
-            lambda one: format_percent(one.mean_abs / one.largest_output if one.largest_output else None),
+            lambda entry: format_percent(
+                entry.mean_abs / entry.largest_output if entry.largest_output else None
+            ),
         ),
-        (scale.heading("rms"), lambda one: scale.format(one.rms)),
-        (scale.heading("worst"), lambda one: Cell(scale.format(one.worst), strong=one.worst == worst)),
+        (scale.heading("rms"), lambda entry: scale.format(entry.rms)),
+        (
+            scale.heading("worst"),
+            lambda entry: Cell(scale.format(entry.worst), strong=entry.worst == worst_deviation),
+        ),
     ]
     caption = (
-        f"“Of largest”: mean in parts of {subject.full_scale_text} of all loops; “of own”: of "
+        f"“Of largest”: mean relative to {subject.full_scale_text} of all loops; “of own”: relative to "
         "the largest of that loop."
     )
     if subject.evidence:
         curves = zip(loops, subject.evidence.baseline, strict=False)
-        single = {id(one): float(np.mean(np.abs(curve))) for one, curve in curves}
-        columns.append((scale.heading("single-valued"), lambda one: scale.format(single[id(one)])))
+        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in curves}
+        columns.append(
+            (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
+        )
         caption += " “Single-valued”: mean deviation of the best single-valued curve."
     return _table_by_loop(subject, loops, columns, "Errors by loop", caption)
 
 
 def section_measurement(subject: ModelSubject) -> Section | None:
-    """Return the section with the figures of each loop, and what was repaired and noted."""
+    """Return the section with the values of each loop, and with the repairs and notes."""
     evidence = subject.evidence
     if evidence is None:
         return None
@@ -345,20 +362,20 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
         inspection.output, [v for o in loops for v in (o.output_low, o.output_high)]
     )
     columns: list[Column] = [
-        ("samples", lambda one: str(one.samples)),
-        ("cycles", lambda one: format_number(one.cycles, 2, short=True)),
+        ("samples", lambda entry: str(entry.samples)),
+        ("cycles", lambda entry: format_number(entry.cycles, 2, short=True)),
         (
             input_scale.heading(subject.input_name),
-            lambda one: _format_range(input_scale, one.input_low, one.input_high),
+            lambda entry: _format_range(input_scale, entry.input_low, entry.input_high),
         ),
         (
             output_scale.heading(subject.output_name),
-            lambda one: _format_range(output_scale, one.output_low, one.output_high),
+            lambda entry: _format_range(output_scale, entry.output_low, entry.output_high),
         ),
     ]
     if any(loop.step is not None for loop in loops):
-        columns.append(("step [ms]", lambda one: format_number(1e3 * (one.step or 0.0), short=True)))
-    columns.append(("history", lambda one: str(one.history)))
+        columns.append(("step [ms]", lambda entry: format_number(1e3 * (entry.step or 0.0), short=True)))
+    columns.append(("history", lambda entry: str(entry.history)))
     return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
 
 
@@ -367,20 +384,20 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     input_scale = quantity_scale(inspection.input, [loop.width for loop in loops])
     output_scale = quantity_scale(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
-        (input_scale.heading("width"), lambda one: input_scale.format(one.width)),
-        (output_scale.heading("height"), lambda one: output_scale.format(one.height)),
-        (output_scale.heading("noise σ"), lambda one: output_scale.format(one.noise, 2)),
+        (input_scale.heading("width"), lambda entry: input_scale.format(entry.width)),
+        (output_scale.heading("height"), lambda entry: output_scale.format(entry.height)),
+        (output_scale.heading("noise σ"), lambda entry: output_scale.format(entry.noise, 2)),
     ]
-    optional: list[Column] = [
-        (output_scale.heading("drift"), lambda one: output_scale.format(one.drift, 2)),
-        (output_scale.heading("closure"), lambda one: output_scale.format(one.closure, 2)),
-        (input_scale.heading("offset in"), lambda one: input_scale.format(one.input_offset, 2)),
-        (output_scale.heading("offset out"), lambda one: output_scale.format(one.output_offset, 2)),
-        ("skew", lambda one: format_number(float("nan") if one.skew is None else one.skew, 2)),
-        ("saturation", lambda one: Scale(1.0, "").format(one.saturation, 2)),
+    optional_columns: list[Column] = [
+        (output_scale.heading("drift"), lambda entry: output_scale.format(entry.drift, 2)),
+        (output_scale.heading("closure"), lambda entry: output_scale.format(entry.closure, 2)),
+        (input_scale.heading("offset in"), lambda entry: input_scale.format(entry.input_offset, 2)),
+        (output_scale.heading("offset out"), lambda entry: output_scale.format(entry.output_offset, 2)),
+        ("skew", lambda entry: format_number(float("nan") if entry.skew is None else entry.skew, 2)),
+        ("saturation", lambda entry: Scale(1.0, "").format(entry.saturation, 2)),
     ]
-    unknown = format_number(float("nan"))
-    columns += [c for c in optional if any(c[1](loop) != unknown for loop in loops)]
+    unknown_text = format_number(float("nan"))
+    columns += [c for c in optional_columns if any(c[1](loop) != unknown_text for loop in loops)]
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "

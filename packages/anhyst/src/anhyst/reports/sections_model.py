@@ -13,7 +13,7 @@ from anhyst.model.schema import CrossValidation, Uncertainty
 from anhyst.reports.figures import figure_correlation, figure_reduction
 from anhyst.reports.figures_over_schedule import (
     DRIVE_SHARES,
-    figure_between,
+    figure_between_gaps,
     figure_parameters,
     nodes_and_midpoints,
     parameter_unit,
@@ -68,13 +68,13 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     figure = figure_parameters(model)
     if figure is None:
         return None
-    varying, scale = (
+    varying_names, scale = (
         ", ".join(model.file_keys[name][0] for name in varying_parameters(model)),
         subject.schedule_scale,
     )
     nodes = ", ".join(scale.format(node, 4, short=True) for node in model.nodes)
     alt = (
-        f"{varying} over the {subject.schedule_name}: dots at the nodes {nodes} {scale.unit}, a smooth "
+        f"{varying_names} over the {subject.schedule_name}: dots at the nodes {nodes} {scale.unit}, a smooth "
         "curve between them that does not overshoot."
     )
     caption = (
@@ -101,7 +101,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     steps = subject.model.reduction
     if not steps:
         return None
-    first, last = steps[0].cost_before, steps[-1].cost_after
+    first_cost, last_cost = steps[0].cost_before, steps[-1].cost_after
     names = {
         name: GREEK_LETTERS.get(short_name, short_name)
         for name, (short_name, _) in subject.model.file_keys.items()
@@ -110,7 +110,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         f"After the best sets for each {subject.schedule_name or 'node'} were found, one parameter after "
         "the other was fixed at its mean, and the others were fitted again. In each round, each "
         "remaining parameter was tried, and the one with the smallest cost was fixed. From "
-        f"{format_percent(first)} mean deviation with all free to {format_percent(last)} with only the last "
+        f"{format_percent(first_cost)} mean deviation with all free to {format_percent(last_cost)} with only the last "
         "one varying."
     )
     largest_cost = max(step.cost_after for step in steps)
@@ -119,21 +119,23 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         costs = sorted((cost, name) for name, cost in step.candidates.items())
         alternatives = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
         alternatives_text = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in alternatives)
-        frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
+        fixed_cell = Cell(names.get(step.frozen, step.frozen), strong=True)
         bar = step.cost_after / largest_cost if largest_cost else None
-        after = Cell(format_percent(step.cost_after, 3), bar=bar)
-        rise = format_percent(step.cost_after - step.cost_before, 2)
-        before = format_percent(step.cost_before, 3)
-        rows.append([str(order), frozen, alternatives_text or "none", before, after, rise])
+        after_cell = Cell(format_percent(step.cost_after, 3), bar=bar)
+        cost_increase = format_percent(step.cost_after - step.cost_before, 2)
+        before_text = format_percent(step.cost_before, 3)
+        rows.append(
+            [str(order), fixed_cell, alternatives_text or "none", before_text, after_cell, cost_increase]
+        )
     head = ["round", "fixed", "instead of", "before", "after", "rise"]
-    freezing = (
+    step_texts = (
         f"{format_percent(step.cost_after)} after fixing {names.get(step.frozen, step.frozen)}"
         for step in steps
     )
-    bars = "; ".join([f"{format_percent(first)} with all parameters free", *freezing])
-    alt = f"Bar chart of the mean deviation: {bars}."
+    bars_text = "; ".join([f"{format_percent(first_cost)} with all parameters free", *step_texts])
+    alt = f"Bar chart of the mean deviation: {bars_text}."
     caption = (
-        "Mean deviation in parts of the largest output after each round (bars); rings: "
+        "Mean deviation, relative to the largest output, after each round (bars); rings: "
         "cost of fixing another parameter instead."
     )
     blocks = (
@@ -150,19 +152,19 @@ def _format_cost(cost: float) -> str:
     return format_percent(cost) if math.isfinite(cost) else "cannot be computed"
 
 
-def section_between(subject: ModelSubject) -> Section | None:
+def section_between_nodes(subject: ModelSubject) -> Section | None:
     """Return the section with loops at and between nodes (paper, Figs. 2, 5) and acceptance test."""
     model = subject.model
     check = subject.acceptance.over_gap
-    figure = figure_between(model, check)
+    figure = figure_between_gaps(model, check)
     if figure is None:
         return None
     schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
     schedule_text = ", ".join(
         schedule_scale.format(at, 4, short=True) for at, _ in nodes_and_midpoints(model)
     )
-    largest = max(map(abs, model.valid_range.input))
-    drives = ", ".join(input_scale.format(part * largest, 3) for part in DRIVE_SHARES)
+    largest_drive = max(map(abs, model.valid_range.input))
+    drives = ", ".join(input_scale.format(part * largest_drive, 3) for part in DRIVE_SHARES)
     alt = (
         f"Left: steady-state loops of the model at {subject.schedule_name} {schedule_text} {schedule_scale.unit}, "
         f"nodes solid, "
@@ -210,7 +212,7 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
         ]
         caption = (
             f"Mean deviation at a withheld {subject.schedule_name}, predicted from "
-            f"the others, in parts of {subject.full_scale_text}; mean over all inner ones."
+            f"the others, relative to {subject.full_scale_text}. Mean of all inner values that were withheld in turn."
         )
         head = ["map", "", "mean deviation"]
         blocks.append(make_table("Cross-validation error of each map", head, rows, caption, texts=2))
@@ -286,7 +288,7 @@ def section_parameters(subject: ModelSubject) -> Section:
             text = f"{scale.format(min(all_values), 5)} to {scale.format(max(all_values), 5)}"
         meaning = spec.meaning
         if name == "rho" and subject.schedule_name != "gap":
-            meaning = "reluctance in series with the iron, over that of an air-filled iron path"
+            meaning = "reluctance in series with the iron, relative to an air-filled iron path"
         short_name, key = names[name]
         text = f"{text}{NBSP}{scale.unit}".strip()
         rows.append([symbol_markup(short_name), Cell(key, code=True), meaning, text])
@@ -313,38 +315,42 @@ def _cell_table(model: Model) -> Block:
     centre_texts = [f" around {b:.4g}" * (b > 0.0) for b in cells.curve_centres.tolist()]
     heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, centre_texts, strict=True)]
     heads.insert(0, "threshold (A/m)")
-    return make_table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
+    return make_table(
+        f"Cells: {cells}; weights in % of the saturation magnetisation, {cells.saturation:.5g} A/m",
+        heads,
+        rows,
+    )
 
 
 def equations_markup(subject: ModelSubject) -> Markup:
     """Return the equations of input and output, without terms that are zero."""
     model = subject.model
     names = {name: symbol_markup(short_name) for name, (short_name, _) in model.file_keys.items()}
-    drive, answer = symbol_markup(model.input.symbol), symbol_markup(model.output.symbol)
+    input_symbol, output_symbol = symbol_markup(model.input.symbol), symbol_markup(model.output.symbol)
 
     def is_nonzero(name: str) -> bool:
         values = model.parameters[name]
         return any(values) if isinstance(values, tuple) else bool(values)
 
     # The field and flux density of the iron need other symbols if input or output use H or B.
-    field = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
-    flux = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
-    left_side = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
+    field_symbol = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
+    flux_symbol = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
+    left_side = Markup("{} − {}").format(input_symbol, names["in_0"]) if is_nonzero("in_0") else input_symbol
     if model.parameters["c_H"] != 1.0:
         form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
         left_side = Markup(form).format(names["c_H"], left_side)
-    right_side = field
+    right_side = field_symbol
     if is_nonzero("rho"):
-        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
+        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux_symbol)
     if is_nonzero("gamma"):
-        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
-    output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
+        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux_symbol)
+    output = Markup("{}{}").format(flux_symbol, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
     if is_nonzero("out_0"):
         output += Markup(" + {}").format(names["out_0"])
     return Markup('<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>').format(
-        left_side, right_side, answer, output
+        left_side, right_side, output_symbol, output
     )
 
 
@@ -362,8 +368,8 @@ def symbol_markup(name: str) -> Markup:
 def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list[Block]:
     rows: list[list[str | Cell]] = []
     previous_meaning = ""
-    fitted = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
-    for index, (name, value, deviation) in enumerate(fitted, start=1):
+    fitted_parameters = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
+    for index, (name, value, deviation) in enumerate(fitted_parameters, start=1):
         part = deviation / abs(value) if value and "offset" not in name else None
         meaning = next((text for start, text in QUANTITY_MEANINGS.items() if name.startswith(start)), "")
         share = Cell(format_percent(part), strong=part is not None and part > 0.2)
@@ -411,30 +417,35 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
 
 def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:
     """Return the section about the origin of the model: files, hashes, settings and version."""
-    model, origin = subject.model, subject.model.provenance
+    model, provenance = subject.model, subject.model.provenance
     rows = [[Cell(file_name), Cell(file_hash, code=True), Cell("this model")]]
     rows += [
         [
             Cell(source.path),
             Cell(source.sha256, code=True),
-            Cell(", ".join(f"{ours} from {theirs}" for theirs, ours in source.columns.items())),
+            Cell(
+                ", ".join(
+                    f"{quantity_name} from {column_name}"
+                    for column_name, quantity_name in source.columns.items()
+                )
+            ),
         ]
-        for source in origin.sources
+        for source in provenance.sources
     ]
     blocks: list[Block] = []
     if subject.missing_reason:
         blocks.append(Note("warn", "Not read", f"{subject.missing_reason}."))
     blocks.append(make_table("Files", ["file", "SHA-256", "columns"], rows, texts=3))
     settings = {
-        "written by": f"anhyst {origin.version}" if origin.version else "",
-        "seed of the search": "" if origin.seed is None else str(origin.seed),
+        "written by": f"anhyst {provenance.version}" if provenance.version else "",
+        "seed of the search": "" if provenance.seed is None else str(provenance.seed),
         "law": model.law,
         "gap map": model.gap_map if model.schedule else "",
         "history before the first sample": str(model.history),
     }
     settings |= {
         _setting_name(key): str(value).lower() if isinstance(value, bool) else str(value)
-        for key, value in origin.settings.items()
+        for key, value in provenance.settings.items()
         if key != "gap_map_reason"
     }
     rows = [[Cell(name), Cell(value, code=True)] for name, value in settings.items() if value]

@@ -28,7 +28,7 @@ class ModelSubject:
     """A model and all data about it that its report shows."""
 
     model: Model
-    fit: FitFigures | None  # fit figures of its present parameters
+    fit: FitFigures | None  # fit metrics of its present parameters
     acceptance: Acceptance  # outcome of the acceptance test
     evidence: Evidence | None  # None if the measurements could not be read
     missing_reason: str = ""  # reason for this; empty if they were read
@@ -61,8 +61,8 @@ class ModelSubject:
 
     def percent_of_largest(self, deviation: float) -> str:
         """Return a deviation in per cent of the largest output."""
-        largest = self.fit.largest_output if self.fit else 0.0
-        return format_percent(deviation / largest if largest > 0.0 else None)
+        largest_output = self.fit.largest_output if self.fit else 0.0
+        return format_percent(deviation / largest_output if largest_output > 0.0 else None)
 
     @property
     def deviation_scale(self) -> Scale:
@@ -87,7 +87,7 @@ class ModelSubject:
 
 
 STALE_RELATIVE_DIFFERENCE = 0.02
-"""Relative difference of the mean deviation above which the stored fit figures are out of date."""
+"""Relative difference of the mean deviation above which the stored fit metrics are out of date."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,24 +107,24 @@ class Evidence:
 
 def gather_evidence(model: Model, folder: PathLike) -> Evidence:
     """Read the measurements of a model again, and compute the model on them."""
-    unthinned, loops = _read_loops(model, folder)
+    unthinned_model, loops = _read_loops(model, folder)
     warnings = []
     try:
-        inspection = inspect(unthinned)
+        inspection = inspect(unthinned_model)
     except InputError as error:
         inspection = None
         warnings.append(f"the measurements are implausible: {error}")
-    fitted: list[FloatArray | None] = []
+    fitted_outputs: list[FloatArray | None] = []
     for loop in loops.loops:
         try:
-            fitted.append(model.predict_loop(loop))
+            fitted_outputs.append(model.predict_loop(loop))
         except (InputError, NegativeResult) as error:
-            fitted.append(None)
+            fitted_outputs.append(None)
             warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
     baseline = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     return Evidence(
         loops=loops,
-        fitted=tuple(fitted),
+        fitted=tuple(fitted_outputs),
         inspection=inspection,
         verdict=assess_loops(loops),
         baseline=tuple(baseline[id(loop)] for loop in loops.loops),
@@ -134,26 +134,26 @@ def gather_evidence(model: Model, folder: PathLike) -> Evidence:
 
 def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
     """Read the loops without thinning, which hides noise and delay, and as they were fitted."""
-    origin = model.provenance
-    clean_setting = origin.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
+    provenance = model.provenance
+    clean_setting = provenance.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
     steps = [step.strip() for step in str(clean_setting).split(",")]
     if steps[-1] != "thin":
         loops = read_sources(model, folder)
         return loops, loops
-    settings = dict(origin.settings) | {f"{SETTING_PREFIX}clean": ",".join(steps[:-1]) or "none"}
-    unthinned = replace(model, provenance=replace(origin, settings=settings))
-    unthinned_loops = read_sources(unthinned, folder)
+    settings = dict(provenance.settings) | {f"{SETTING_PREFIX}clean": ",".join(steps[:-1]) or "none"}
+    unthinned_model = replace(model, provenance=replace(provenance, settings=settings))
+    unthinned_loops = read_sources(unthinned_model, folder)
     return unthinned_loops, clean(unthinned_loops, ("thin",))
 
 
 def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
-    """Return the fit figures of the parameters, and a warning if those of the file differ."""
-    fitted = [output for output in evidence.fitted if output is not None]
-    if len(fitted) < len(evidence.fitted):
+    """Return the fit metrics of the parameters, and a warning if those in the file differ."""
+    fitted_outputs = [output for output in evidence.fitted if output is not None]
+    if len(fitted_outputs) < len(evidence.fitted):
         return model.fit, ""
-    residual = analyse_loops(evidence.loops, fitted)
+    residual = analyse_loops(evidence.loops, fitted_outputs)
     recomputed = replace(
-        fit_figures(evidence.loops, fitted),
+        fit_figures(evidence.loops, fitted_outputs),
         not_noise=residual.unexplained,
         left_over=describe_residual(residual, evidence.loops, model),
     )

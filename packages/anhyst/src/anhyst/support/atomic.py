@@ -160,8 +160,8 @@ def cache_folder(kind: str) -> Path:
 
 def relative_path(folder: Path, path: Path) -> str:
     """Return the path of a file relative to a folder; links in the paths are resolved."""
-    resolved = os.path.join(os.path.realpath(path.parent), path.name)
-    return Path(os.path.relpath(resolved, os.path.realpath(folder))).as_posix()
+    resolved_path = os.path.join(os.path.realpath(path.parent), path.name)
+    return Path(os.path.relpath(resolved_path, os.path.realpath(folder))).as_posix()
 
 
 def core_folder() -> Path:
@@ -254,16 +254,16 @@ def to_bytes(content: str | bytes) -> bytes:
 
 def _replace_folder(draft: Path, target: Path) -> None:
     """Replace a folder with its temporary copy; restore the old folder if this fails."""
-    old = target.with_name(draft.name.removesuffix(".part") + ".old")
+    old_folder = target.with_name(draft.name.removesuffix(".part") + ".old")
     if target.exists():
-        target.rename(old)
+        target.rename(old_folder)
     try:
         draft.rename(target)
     except OSError:
-        if old.exists():
-            old.rename(target)
+        if old_folder.exists():
+            old_folder.rename(target)
         raise
-    shutil.rmtree(old, ignore_errors=True)
+    shutil.rmtree(old_folder, ignore_errors=True)
 
 
 def _move_files(draft: Path, target: Path) -> None:
@@ -289,7 +289,7 @@ def _move_files(draft: Path, target: Path) -> None:
 
 
 def check_picture(path: PathLike) -> None:
-    """Raise an error if a picture cannot be written, because of its suffix or its place."""
+    """Raise an error if a picture cannot be written, because of its suffix or its folder."""
     if Path(path).suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(
             f"{path}: a plot is written as .png, .svg or .pdf; change the ending", code="wrong-ending"

@@ -39,10 +39,10 @@ class Word:
 def _word_from_row(row: dict[str, Any]) -> Word:
     """Return an entry from its row in contract/block.toml."""
     size = row.get("words", 2 if row["format"] == "single" else 1)
-    given = {key: row[key] for key in ("axis", "of", "factor", "unit") if key in row}
+    given_values = {key: row[key] for key in ("axis", "of", "factor", "unit") if key in row}
     limits = row.get("low", 0), row.get("high", 65535)
     names = row["name"].upper(), row.get("shift", "").upper()
-    return Word(row["at"], names[0], row["format"], row["doc"], *limits, size, shift=names[1], **given)
+    return Word(row["at"], names[0], row["format"], row["doc"], *limits, size, shift=names[1], **given_values)
 
 
 _BLOCK = tomllib.loads((contract_folder() / "block.toml").read_text(encoding="utf-8"))

@@ -97,11 +97,11 @@ _SCALE_WORDS = (
 
 def set_generation(words: Sequence[int], generation: int) -> list[int]:
     """Set the generation number of a parameter block, and compute its checksum again."""
-    updated = [int(word) for word in words]
-    updated[GENERATION_INDEX] = _to_signed(generation)
-    crc = checksum(updated[:CRC_INDEX] + updated[CRC_INDEX + 2 :])
-    updated[CRC_INDEX : CRC_INDEX + 2] = [_to_signed(crc & 0xFFFF), _to_signed(crc >> 16)]
-    return updated
+    updated_words = [int(word) for word in words]
+    updated_words[GENERATION_INDEX] = _to_signed(generation)
+    crc = checksum(updated_words[:CRC_INDEX] + updated_words[CRC_INDEX + 2 :])
+    updated_words[CRC_INDEX : CRC_INDEX + 2] = [_to_signed(crc & 0xFFFF), _to_signed(crc >> 16)]
+    return updated_words
 
 
 def checksum(words: Sequence[int]) -> int:

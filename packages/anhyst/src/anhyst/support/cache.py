@@ -86,8 +86,8 @@ def load_cached(file: Path) -> Any:
 def remove_oldest(folder: Path, max_entries: int) -> None:
     """Remove all entries of a folder except the most recently used ones."""
     entries = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    for old in sorted(entries, key=lambda path: path.stat().st_mtime)[:-max_entries]:
-        shutil.rmtree(old, ignore_errors=True) if old.is_dir() else old.unlink(missing_ok=True)
+    for old_path in sorted(entries, key=lambda path: path.stat().st_mtime)[:-max_entries]:
+        shutil.rmtree(old_path, ignore_errors=True) if old_path.is_dir() else old_path.unlink(missing_ok=True)
 
 
 @lru_cache(maxsize=1)
@@ -96,7 +96,7 @@ def code_digest() -> bytes:
     versions = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(versions.encode())
     roots = {Path(__file__).resolve().parents[1], contract_folder(), *plugin_paths()}
-    files = (path for place in roots for path in (place.rglob("*.*") if place.is_dir() else [place]))
+    files = (path for root in roots for path in (root.rglob("*.*") if root.is_dir() else [root]))
     sources = (path for path in files if path.suffix in {".py", ".j2", ".toml"})
     for path in (Path(_native.__file__), *sorted(sources)):
         digest.update(f"\0{path}\0".encode())
@@ -179,9 +179,9 @@ class ResultsFile:
 
     def _check_header(self, stored_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
         for name, value in settings.items():
-            stored = stored_settings.get(name)
-            if stored != json.loads(json.dumps(value)):
-                text = f"is {_shorten(stored)} in the file and {_shorten(value)} now"
+            stored_value = stored_settings.get(name)
+            if stored_value != json.loads(json.dumps(value)):
+                text = f"is {_shorten(stored_value)} in the file and {_shorten(value)} now"
                 raise InputError(
                     f"{self.path}: line 1: {name}: {text}, so that its results belong to another run; "
                     f"{_OTHER_FILE_ADVICE}",

@@ -26,7 +26,7 @@ Progress = Callable[[float, float], None]
 def split_progress(progress: Progress | None, weights: Sequence[float]) -> Iterator[Progress]:
     """Yield a progress function for each part of the work; each reports the overall progress.
 
-    ``weights`` are the shares of the parts in the total work, in any common unit.
+    ``weights`` are the amounts of work of the parts, in any common unit.
     """
 
     def part_progress(part: int) -> Progress:
@@ -105,8 +105,8 @@ def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> It
     with ProcessPoolExecutor(count, initializer=_ignore_interrupts) as pool:
         order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
         try:
-            for ready in as_completed(order):
-                yield order[ready], ready.result()
+            for finished_future in as_completed(order):
+                yield order[finished_future], finished_future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -114,13 +114,13 @@ def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> It
 def _on_cluster(work: Callable[[A], B], inputs: Sequence[A]) -> Iterator[tuple[int, B]]:
     client = _cluster_client.get()
     # The common part of all tasks is sent to each worker once, and again if a worker lost it.
-    shared = client.submit(partial, work, pure=False)
-    futures = client.map(operator.call, [shared] * len(inputs), inputs, pure=False)
+    shared_function = client.submit(partial, work, pure=False)
+    futures = client.map(operator.call, [shared_function] * len(inputs), inputs, pure=False)
     order = {future: index for index, future in enumerate(futures)}
     # Results are fetched in batches, because a request for each one costs a round trip.
-    waiting = _import_distributed().as_completed(futures, loop=client.loop, with_results=True)
-    for ready, result in waiting:
-        yield order[ready], result
+    completed_futures = _import_distributed().as_completed(futures, loop=client.loop, with_results=True)
+    for finished_future, result in completed_futures:
+        yield order[finished_future], result
 
 
 def _import_distributed() -> Any:

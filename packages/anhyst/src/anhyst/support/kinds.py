@@ -127,12 +127,14 @@ def _find_fault(record: object, word: str) -> str:
     if record.word != word:
         return "and its record has another word"
     if not isinstance(record.title, str) or not isinstance(record.plural, str):
-        return "and title or plural is not a text"
+        return "and its title or its plural is not a text"
     if not isinstance(record.verbs, tuple) or not {*record.verbs} <= {*RIG_VERBS}:
         return f"and its verbs are not a tuple of {', '.join(RIG_VERBS)}"
     tables = (record.reasons, record.options)
     return (
-        "" if all(isinstance(table, Mapping) for table in tables) else "and reasons or options is not a table"
+        ""
+        if all(isinstance(table, Mapping) for table in tables)
+        else "and its reasons or its options are not a table"
     )
 
 
@@ -143,7 +145,8 @@ def rig_kinds() -> Mapping[str, FileKind]:
     """Return the kinds of rigs by their words, in the order in which messages list them.
 
     They are the entry points ``anhyst.kinds`` of all installed packages. Each one is an
-    ``anhyst_rigs.kinds.rig_kind.RigKind``. The name of its entry point is its word.
+    ``anhyst_rigs.kinds.rig_kind.RigKind``. The name of the entry point is the word that identifies
+    the kind in files and messages.
     """
     kinds = sorted(_RIG_KINDS.values(), key=lambda kind: kind.plural)
     return {kind.word: kind for kind in kinds}

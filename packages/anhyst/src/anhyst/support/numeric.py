@@ -40,13 +40,13 @@ def first_order_share(time_ratio: float) -> float:
     >>> first_order_share(1e-20), first_order_share(math.inf)
     (1e-20, 1.0)
     """
-    remaining = float(exp(np.array([-time_ratio]))[0])
-    if remaining < 0.5:
-        return 1.0 - remaining
-    if remaining == 1.0:
+    remaining_fraction = float(exp(np.array([-time_ratio]))[0])
+    if remaining_fraction < 0.5:
+        return 1.0 - remaining_fraction
+    if remaining_fraction == 1.0:
         return time_ratio
     # The rounding error of the exponential cancels against that of its logarithm.
-    return (remaining - 1.0) * time_ratio / float(log(np.array([remaining]))[0])
+    return (remaining_fraction - 1.0) * time_ratio / float(log(np.array([remaining_fraction]))[0])
 
 
 def geometric_spacing(low: float, high: float, count: int) -> FloatArray:
@@ -116,7 +116,10 @@ def to_factor(name: str, value: float) -> tuple[int, int]:
 
 
 def to_smoothing_factor(name: str, share: float) -> tuple[int, int]:
-    """Return the ``anhyst_factor`` of a low-pass: minus the share of a step passed per tick."""
+    """Return the ``anhyst_factor`` of a first-order low-pass; it represents ``-share``.
+
+    In each tick, the output changes by ``share`` times the difference of input and output.
+    """
     shift = 1 if share > 0.5 else 0
     mantissa = -round(share * 65536.0 / 2.0**shift)
     if -mantissa < _MIN_MANTISSA:
@@ -134,8 +137,8 @@ def recursive_sum(values: FloatArray, share: float) -> FloatArray:
     Each pass doubles the length of the sum; weights below 1e-18 are neglected. SciPy's lfilter
     takes longer to import than most commands take to run.
     """
-    summed, reach, weight = values.copy(), 1, share
-    while reach < len(values) and weight > 1e-18:
-        summed[reach:] += weight * summed[:-reach]
-        reach, weight = 2 * reach, weight * weight
-    return summed
+    sums, lag, weight = values.copy(), 1, share
+    while lag < len(values) and weight > 1e-18:
+        sums[lag:] += weight * sums[:-lag]
+        lag, weight = 2 * lag, weight * weight
+    return sums

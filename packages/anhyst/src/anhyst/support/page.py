@@ -203,15 +203,15 @@ def choose_scale(unit: str, values: Iterable[float | None]) -> Scale:
     >>> choose_scale("A/m", [55e3]).format_with_unit(54997.2)
     '55.0\xa0kA/m'
     """
-    largest = max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
+    largest_value = max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
     if unit == "m":
-        if largest >= 1.0:
+        if largest_value >= 1.0:
             return Scale(1.0, "m")
-        return Scale(1e3, "mm") if largest >= 0.05e-3 or largest == 0.0 else Scale(1e6, "µm")
-    if unit not in _PREFIXABLE_UNITS or largest == 0.0 or 0.1 <= largest < 5e3:
+        return Scale(1e3, "mm") if largest_value >= 0.05e-3 or largest_value == 0.0 else Scale(1e6, "µm")
+    if unit not in _PREFIXABLE_UNITS or largest_value == 0.0 or 0.1 <= largest_value < 5e3:
         return Scale(1.0, _DISPLAY_UNITS.get(unit, unit))
     for prefix, size in _PREFIXES:
-        if largest >= size:
+        if largest_value >= size:
             return Scale(1.0 / size, prefix + unit)
     return Scale(1e9, "n" + unit)
 
@@ -219,8 +219,8 @@ def choose_scale(unit: str, values: Iterable[float | None]) -> Scale:
 def quantity_scale(quantity: Quantity, values: Iterable[float | None]) -> Scale:
     """Choose the unit for values of a quantity; displacements below 1 mm are in µm."""
     listed_values = list(values)
-    largest = max((abs(value) for value in listed_values if value is not None), default=0.0)
-    if quantity.name == "displacement" and 0.0 < largest < 1e-3:
+    largest_value = max((abs(value) for value in listed_values if value is not None), default=0.0)
+    if quantity.name == "displacement" and 0.0 < largest_value < 1e-3:
         return Scale(1e6, "µm")
     return choose_scale(quantity.unit, listed_values)
 
@@ -237,13 +237,13 @@ def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
         return UNKNOWN_TEXT if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
     if value == 0.0:
         return "0"
-    scaled, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-    power = int(exponent)  # exponent of the rounded value: 9.996 becomes 10.0
-    if not -5 <= power < 7:
-        mantissa = scaled.rstrip("0").rstrip(".") if "." in scaled else scaled
-        text = f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}"
+    mantissa_text, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    exponent_value = int(exponent)  # exponent of the rounded value: 9.996 becomes 10.0
+    if not -5 <= exponent_value < 7:
+        mantissa = mantissa_text.rstrip("0").rstrip(".") if "." in mantissa_text else mantissa_text
+        text = f"{mantissa}×10{str(exponent_value).translate(_SUPERSCRIPT)}"
     else:
-        text = f"{value:.{max(0, digits - 1 - power)}f}"
+        text = f"{value:.{max(0, digits - 1 - exponent_value)}f}"
         text = text.rstrip("0").rstrip(".") if short and "." in text else text
     return text.replace("-", MINUS)
 
@@ -267,12 +267,12 @@ def format_deviation(value: float, deviation: float) -> str:
     """
     if not (math.isfinite(deviation) and math.isfinite(value)) or deviation <= 0.0:
         return f"{format_number(value)} ± {format_number(deviation)}"
-    power = math.floor(math.log10(deviation))
-    if not -6 <= power < 6:
+    exponent = math.floor(math.log10(deviation))
+    if not -6 <= exponent < 6:
         return f"{format_number(value)} ± {format_number(deviation, 2)}"
-    decimals = max(0, 1 - power)
-    rounded = round(value, decimals) + 0.0  # -0.0 becomes 0.0
-    return f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", MINUS)
+    decimals = max(0, 1 - exponent)
+    rounded_value = round(value, decimals) + 0.0  # -0.0 becomes 0.0
+    return f"{rounded_value:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", MINUS)
 
 
 def axis_label(quantity: Quantity, scale: Scale) -> str:

@@ -93,9 +93,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     @cached_property
     def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:
         """Usable plug-ins by name, and the reason for each unusable one."""
-        added: dict[str, Entry] = {}
+        added_entries: dict[str, Entry] = {}
         owner: dict[str, str] = {}
-        unusable: dict[str, str] = {}
+        reasons_by_name: dict[str, str] = {}
         for point in entry_points_in(self._group):
             name, package = f"{self._prefix}{point.name}", package_name(point)
             if name in self._reserved or owner.get(name) in PROJECT_PACKAGES:
@@ -103,15 +103,17 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             try:
                 entry = load_entry_point(point)
             except ValueError as error:
-                unusable[name] = f"{package} adds it and {error}; update it"
+                reasons_by_name[name] = f"{package} adds it and {error}; update it"
                 continue
             if fault := self._find_fault(entry, point.name):
-                unusable[name] = f"{package} adds it, {fault}; update it"
-            elif name in added and added[name] is not entry:
-                unusable[name] = f"{owner[name]} and {package} both add it; remove one of them"
+                reasons_by_name[name] = f"{package} adds it, {fault}; update it"
+            elif name in added_entries and added_entries[name] is not entry:
+                reasons_by_name[name] = f"{owner[name]} and {package} both add it; remove one of them"
             else:
-                added[name], owner[name] = cast(Entry, entry), package
-        return {name: usable for name, usable in added.items() if name not in unusable}, unusable
+                added_entries[name], owner[name] = cast(Entry, entry), package
+        return {
+            name: usable for name, usable in added_entries.items() if name not in reasons_by_name
+        }, reasons_by_name
 
     @property
     def plugins(self) -> Mapping[str, Entry]:
@@ -158,4 +160,4 @@ def plugin_paths() -> list[Path]:
     modules = set(map(_top_module, _all_entry_points()))
     specs = [find_spec(name) for name in sorted(modules) if name.isidentifier()]
     folders = (spec.submodule_search_locations or [spec.origin or ""] for spec in specs if spec)
-    return [Path(place) for places in folders for place in places if place]
+    return [Path(folder_path) for folder_paths in folders for folder_path in folder_paths if folder_path]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Result(ABC):
     """Base class of what commands return and accept.
 
-    A subclass defines `facts`, the main figures; `to_columns`, its table; `draw`; and `as_dict` or
+    A subclass defines `facts`, the main values; `to_columns`, its table; `draw`; and `as_dict` or
     its own `save`.
     """
 
@@ -30,7 +30,7 @@ class Result(ABC):
 
     @abstractmethod
     def facts(self) -> Mapping[str, str]:
-        """Return the main figures as texts with units."""
+        """Return the main values as texts with units."""
 
     @abstractmethod
     def to_columns(self) -> Mapping[str, Any]:
@@ -96,11 +96,11 @@ class Result(ABC):
         return pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
 
     def __repr__(self) -> str:
-        listed = ", ".join(f"{name}: {text}" for name, text in self.facts().items())
-        return f"<{type(self).__name__} {listed}>"
+        facts_text = ", ".join(f"{name}: {text}" for name, text in self.facts().items())
+        return f"<{type(self).__name__} {facts_text}>"
 
     def _repr_html_(self) -> str:
-        """Return the main figures as an HTML table for a notebook."""
+        """Return the main values as an HTML table for a notebook."""
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
             f"<td style='text-align:left'>{html.escape(text)}</td></tr>"

@@ -106,16 +106,20 @@ class TomlFileError(InputError):
     def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
         # Missing keys come last: most of them are misspelt, and reported at their line as unknown.
         self.problems = tuple(sorted(problems, key=lambda p: (not p.is_in_file, p.line or 0)))
-        first, *others = self.problems
-        location = str(path) if first.line is None else f"{path}:{first.line}"
-        text = f"{location}: {first.key}: {first.text}"
-        if others:
+        first_problem, *other_problems = self.problems
+        location = str(path) if first_problem.line is None else f"{path}:{first_problem.line}"
+        text = f"{location}: {first_problem.key}: {first_problem.text}"
+        if other_problems:
             other_keys = [
-                f"{o.key} (line {o.line})" if o.line else o.key for o in others[:MAX_NAMED_PROBLEMS]
+                f"{o.key} (line {o.line})" if o.line else o.key for o in other_problems[:MAX_NAMED_PROBLEMS]
             ]
-            more = f" and {len(others) - MAX_NAMED_PROBLEMS} more" if len(others) > MAX_NAMED_PROBLEMS else ""
-            text += f"; also wrong: {', '.join(other_keys)}{more}"
-        super().__init__(text, code=first.code, key=first.key)
+            more_text = (
+                f" and {len(other_problems) - MAX_NAMED_PROBLEMS} more"
+                if len(other_problems) > MAX_NAMED_PROBLEMS
+                else ""
+            )
+            text += f"; also wrong: {', '.join(other_keys)}{more_text}"
+        super().__init__(text, code=first_problem.code, key=first_problem.key)
 
 
 class TomlFile:
@@ -128,7 +132,7 @@ class TomlFile:
             self.content: dict[str, Any] = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(_describe_damage(path, text, str(error)), code="damaged-toml") from error
-        except (ValueError, RecursionError) as error:  # too long numbers, too deep nesting
+        except (ValueError, RecursionError) as error:  # number too long, or nesting too deep
             text = f"{path}: damaged TOML: {error}; correct it"
             raise InputError(text, code="damaged-toml") from error
         self.lines = key_lines(text)
@@ -150,13 +154,13 @@ class TomlFile:
         self,
         error: ValidationError,
         advice: Callable[[KeyPath, Any], Advice],
-        relocate: Callable[[KeyPath], KeyPath] = lambda location: location,
+        relocate_key: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
         """Add the findings of a validation: the first one of each key."""
         reported = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
             path = (part for part in finding["loc"] if not str(part).startswith(BRANCH_PREFIX))
-            key = relocate(tuple(path))
+            key = relocate_key(tuple(path))
             if dotted_path(key) not in reported:
                 reported.add(dotted_path(key))
                 self.add_problem(key, *advice(key, finding))
@@ -224,8 +228,8 @@ def discriminate_by(key: str, *choices: str, default: str = "", **aliases: str) 
         word = default if key_value is None else str(key_value)
         return f"{BRANCH_PREFIX}{aliases.get(word, word)}"
 
-    *others, last = (f'"{word}"' for word in choices)
-    text = f"{key} must be {', '.join(others)} or {last}; correct it"
+    *first_words, last_word = (f'"{word}"' for word in choices)
+    text = f"{key} must be {', '.join(first_words)} or {last_word}; correct it"
     return Discriminator(tag, custom_error_type="unknown_choice", custom_error_message=text)
 
 
@@ -259,11 +263,11 @@ def _find_advice(schema: type[Table], path: KeyPath, finding: Any) -> Advice:
     if finding["type"] == "extra_forbidden":
         key, known_keys = str(path[-1]), _known_keys(schema, finding["loc"][:-1])
         with_unit = [name for name in known_keys if name.startswith(f"{key}_")]
-        similar = with_unit or difflib.get_close_matches(key, known_keys, n=1)
+        similar_keys = with_unit or difflib.get_close_matches(key, known_keys, n=1)
         if len(with_unit) == 1:
             return Advice(f"lacks its unit; write {with_unit[0]}", code="unit-missing")
-        if similar:
-            return Advice(f"is unknown; did you mean {similar[0]}?", code="extra-forbidden")
+        if similar_keys:
+            return Advice(f"is unknown; did you mean {similar_keys[0]}?", code="extra-forbidden")
     return explain_finding(finding)
 
 
@@ -289,10 +293,10 @@ def _fields_by_key(table: type[BaseModel]) -> dict[str, FieldInfo]:
 
 def _find_tagged(annotation: Any, tag: str) -> Any:
     """Return the part of an annotation that has a tag; None if there is none."""
-    inner = get_args(annotation)
-    if any(isinstance(branch, Tag) and branch.tag == tag for branch in inner):
+    union_members = get_args(annotation)
+    if any(isinstance(branch, Tag) and branch.tag == tag for branch in union_members):
         return annotation
-    return next((value for branch in inner if (value := _find_tagged(branch, tag)) is not None), None)
+    return next((value for branch in union_members if (value := _find_tagged(branch, tag)) is not None), None)
 
 
 def _table_types(annotation: Any) -> list[type[BaseModel]]:
@@ -300,7 +304,7 @@ def _table_types(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if isinstance(annotation, UnionType) or get_args(annotation):
-        return [table for inner in get_args(annotation) for table in _table_types(inner)]
+        return [table for argument in get_args(annotation) for table in _table_types(argument)]
     return []
 
 

@@ -137,8 +137,8 @@ class _Scanner:
         parts = []
         while match := _KEY_PART.match(self.text, self.position):
             part_text = match[1]
-            quoted = part_text[0] in "\"'"
-            parts.append(next(iter(tomllib.loads(f"{part_text} = 0"))) if quoted else part_text)
+            is_quoted = part_text[0] in "\"'"
+            parts.append(next(iter(tomllib.loads(f"{part_text} = 0"))) if is_quoted else part_text)
             self.position = match.end()
             if not self.text.startswith(".", self.position):
                 break

@@ -60,8 +60,8 @@ class Unit:
         # does not.
         inverse = round(1.0 / self.scale)
         exact = inverse > 1 and math.isclose(inverse * self.scale, 1.0, rel_tol=1e-12)
-        scaled = values / inverse if exact else values * self.scale
-        return scaled + self.offset if self.offset else scaled
+        scaled_values = values / inverse if exact else values * self.scale
+        return scaled_values + self.offset if self.offset else scaled_values
 
     def value_to_si(self, value: float) -> float:
         """Convert one value as `to_si` does."""
@@ -260,8 +260,8 @@ class Header:
     def to_si(self, values: FloatArray) -> FloatArray:
         """Convert values of the column to SI by its scale, sign and unit."""
         factor = (self.scale or 1.0) * (-1.0 if self.is_flipped else 1.0)
-        scaled = values if factor == 1.0 else values * factor
-        return scaled if self.unit is None else self.unit.to_si(scaled)
+        scaled_values = values if factor == 1.0 else values * factor
+        return scaled_values if self.unit is None else self.unit.to_si(scaled_values)
 
     @property
     def is_certain(self) -> bool:
@@ -289,12 +289,12 @@ def find_unit(text: str) -> Unit | None:
 
     Symbols are case-sensitive (mN and MN differ), words are not.
     """
-    normalised = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
-    normalised = normalised.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
-    normalised = re.sub(r"_per_|\s+per\s+", "/", normalised)
-    normalised = _PER_LENGTH_PATTERN.sub(r"\1/\2", normalised)
-    top, stroke, bottom = normalised.partition("/")
-    return UNITS.get(_symbol(top) + stroke + _symbol(bottom))
+    normalised_text = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
+    normalised_text = normalised_text.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
+    normalised_text = re.sub(r"_per_|\s+per\s+", "/", normalised_text)
+    normalised_text = _PER_LENGTH_PATTERN.sub(r"\1/\2", normalised_text)
+    numerator, stroke, denominator = normalised_text.partition("/")
+    return UNITS.get(_symbol(numerator) + stroke + _symbol(denominator))
 
 
 def _symbol(text: str) -> str:
@@ -332,9 +332,9 @@ def _parse_text(text: str, unit: str | None) -> Header:
     if name.lower() == LOOP_HEADER:
         return Header(text, LOOP_HEADER, None, None)
     quantity = _find_quantity(name)
-    stated = unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
-    if not unit_text and (unsupported := _UNSUPPORTED_UNIT_PATTERN.search(text)):
-        stated = unsupported[1]
+    stated_unit = unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
+    if not unit_text and (unsupported_match := _UNSUPPORTED_UNIT_PATTERN.search(text)):
+        stated_unit = unsupported_match[1]
     axis = find_unit(unit_text) or find_unit(unit_text.lower())
     if name.lower() in _TIME_AXIS_NAMES and axis is not None and axis.dimension == "time":
         quantity = QUANTITIES["time"]
@@ -342,7 +342,7 @@ def _parse_text(text: str, unit: str | None) -> Header:
         quantity = QUANTITIES["flux_linkage"]
     if problem is not None:
         quantity = quantity or _quantity_from_words(name, find_unit(conflict[1])) or Quantity(name, name, "1")
-        return Header(text, name, quantity, None, problem, stated, conflict=conflict)
+        return Header(text, name, quantity, None, problem, stated_unit, conflict=conflict)
     is_gap = not unit_text and named_quantities(name) == {"gap"}
     if quantity is None and is_gap and not (has_qualifier(name) or is_formula(name)):
         quantity = QUANTITIES["gap"]
@@ -357,14 +357,19 @@ def _parse_text(text: str, unit: str | None) -> Header:
         header_unit = UNITS["1"]
     if quantity is None and (quantity_by_words := _quantity_from_words(name, header_unit)) is not None:
         return Header(
-            text, quantity_by_words.symbol, quantity_by_words, header_unit, stated=stated, is_from_words=True
+            text,
+            quantity_by_words.symbol,
+            quantity_by_words,
+            header_unit,
+            stated=stated_unit,
+            is_from_words=True,
         )
     if quantity is None:
         unknown_quantity = Quantity(name, name, header_unit.si if header_unit else "1")
         problem = _unknown_unit_text(unit_text) if unit_text and not header_unit else None
-        return Header(text, name, unknown_quantity, header_unit, problem, stated)
+        return Header(text, name, unknown_quantity, header_unit, problem, stated_unit)
     problem = _describe_unit_problem(quantity, unit_text, header_unit)
-    return Header(text, quantity.symbol, quantity, header_unit, problem, stated)
+    return Header(text, quantity.symbol, quantity, header_unit, problem, stated_unit)
 
 
 def _parse_clock(name: str) -> tuple[str, str]:
@@ -397,11 +402,15 @@ def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     (('H', 'A_per_m'), ('I', 'mA'), ('I', 'A'))
     """
     text = text.strip()
-    stated = (unit or "").strip(" []()")
+    stated_unit = (unit or "").strip(" []()")
     name, unit_text = _split_brackets(text)
-    if not stated or (stated == _NO_UNIT_MARK and find_unit(unit_text)):
+    if not stated_unit or (stated_unit == _NO_UNIT_MARK and find_unit(unit_text)):
         return name, unit_text
-    return (name, stated) if _is_same_unit(find_unit(unit_text), find_unit(stated)) else (text, stated)
+    return (
+        (name, stated_unit)
+        if _is_same_unit(find_unit(unit_text), find_unit(stated_unit))
+        else (text, stated_unit)
+    )
 
 
 def join_header(name: str, unit: str) -> str:
@@ -417,19 +426,19 @@ def join_header(name: str, unit: str) -> str:
 
 def _split_brackets(text: str) -> tuple[str, str]:
     """Split a header at the brackets around its unit, or else as `_split_underscore` does."""
-    brackets, inner = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
-    if brackets and find_unit(brackets["unit"]):
-        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
+    bracket_match, inner_match = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
+    if bracket_match and find_unit(bracket_match["unit"]):
+        name, unit_text = bracket_match["name"].strip(), bracket_match["unit"].strip()
         inner_name, inner_unit = _split_brackets(name) if name else ("", "")
         return (
             (inner_name, unit_text)
             if _is_same_unit(find_unit(inner_unit), find_unit(unit_text))
             else (name, unit_text)
         )
-    if inner and find_unit(inner["unit"]):
-        return f"{inner['name']} {inner['tail']}", inner["unit"].strip()
-    if brackets:
-        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
+    if inner_match and find_unit(inner_match["unit"]):
+        return f"{inner_match['name']} {inner_match['tail']}", inner_match["unit"].strip()
+    if bracket_match:
+        name, unit_text = bracket_match["name"].strip(), bracket_match["unit"].strip()
         inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
         return (f"{inner_name} ({unit_text})", inner_unit) if find_unit(inner_unit) else (name, unit_text)
     without_in = re.sub(r"\s+in\s+", " ", text)
@@ -438,8 +447,14 @@ def _split_brackets(text: str) -> tuple[str, str]:
 
 def _split_slash(text: str) -> tuple[str, str] | None:
     """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; None if the text has none of these forms."""
-    pairs = [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer("/", text)]
-    pairs += [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer(r"\.", text)]
+    pairs = [
+        (text[: separator_match.start()], text[separator_match.end() :])
+        for separator_match in re.finditer("/", text)
+    ]
+    pairs += [
+        (text[: separator_match.start()], text[separator_match.end() :])
+        for separator_match in re.finditer(r"\.", text)
+    ]
     pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
     unknown_split = None
@@ -461,22 +476,27 @@ def _split_slash(text: str) -> tuple[str, str] | None:
 
 def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
     """Return the two different units that a header states; empty if they do not differ."""
-    stated = (unit or "").strip(" []()")
+    stated_unit = (unit or "").strip(" []()")
     name, unit_text = split_header(text)
-    if not stated and _BRACKET_PATTERN.match(text):
+    if not stated_unit and _BRACKET_PATTERN.match(text):
         # The volts of 'I_A [V]' come from a sensor. The A of 'I_mA [A]' are a contradiction.
-        inner, outer = find_unit(split_header(name)[1]), find_unit(unit_text)
-        if inner and outer and inner.dimension == outer.dimension and not _is_same_unit(inner, outer):
-            return inner.symbol, outer.symbol
+        inner_unit, outer_unit = find_unit(split_header(name)[1]), find_unit(unit_text)
+        if (
+            inner_unit
+            and outer_unit
+            and inner_unit.dimension == outer_unit.dimension
+            and not _is_same_unit(inner_unit, outer_unit)
+        ):
+            return inner_unit.symbol, outer_unit.symbol
     name_unit = find_unit(unit_text) if unit_text else None
     if (
-        not stated
-        or stated == _NO_UNIT_MARK
+        not stated_unit
+        or stated_unit == _NO_UNIT_MARK
         or name_unit is None
-        or _is_same_unit(name_unit, find_unit(stated))
+        or _is_same_unit(name_unit, find_unit(stated_unit))
     ):
         return ()
-    return unit_text, stated
+    return unit_text, stated_unit
 
 
 def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
@@ -488,8 +508,8 @@ def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
 def _split_underscore(text: str) -> tuple[str, str]:
     """Split ``name_unit`` at the longest ending that is a unit, or after a known symbol."""
     parts = text.split("_")
-    for cut in range(1, len(parts)):
-        head, tail = "_".join(parts[:cut]), "_".join(parts[cut:])
+    for split_index in range(1, len(parts)):
+        head, tail = "_".join(parts[:split_index]), "_".join(parts[split_index:])
         unit = find_unit(tail)
         if unit and tail not in {"1", "-", "%"} and _can_end_with(head, unit):
             return head.rstrip("_:,-") or head, tail
@@ -538,8 +558,8 @@ def _example_symbols(dimension: str) -> tuple[str, ...]:
 
 
 def _unknown_unit_text(text: str) -> str:
-    similar = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
-    hint = f" (did you mean {' or '.join(similar)}?)" if similar else ""
+    similar_symbols = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
+    hint = f" (did you mean {' or '.join(similar_symbols)}?)" if similar_symbols else ""
     return f"unknown unit '{text}'{hint}"
 
 

@@ -12,7 +12,7 @@ from anhyst.support.registry import PROJECT_PACKAGES, entry_points_in, load_entr
 
 
 def _find_in_folder(folder: object) -> dict[str, str]:
-    """Return the module name of each command in a folder; raise ValueError if it is none."""
+    """Return the module name of each command in a folder; raise ValueError if it is not a folder."""
     if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
         raise ValueError("is no folder of verbs")
     names = (module.name for module in iter_modules(folder.__path__))
@@ -22,27 +22,29 @@ def _find_in_folder(folder: object) -> dict[str, str]:
 @cache
 def _find_all(is_project_only: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """Return the module name of each command, of this project or of all packages, and faults."""
-    found = _find_in_folder(import_module("anhyst.verbs"))
-    owner = dict.fromkeys(found, "anhyst")
+    paths_by_name = _find_in_folder(import_module("anhyst.verbs"))
+    owner = dict.fromkeys(paths_by_name, "anhyst")
     faults: list[str] = []
-    duplicates: set[str] = set()
+    duplicate_names: set[str] = set()
     for point in entry_points_in("anhyst.verbs"):
         package = package_name(point)
         if is_project_only and package not in PROJECT_PACKAGES:
             continue
         try:
-            places = _find_in_folder(load_entry_point(point))
+            added_paths = _find_in_folder(load_entry_point(point))
         except ValueError as error:
             faults.append(f"{package}: '{point.value}' {error}; update it")
             continue
-        for name, place in places.items():
-            if name not in found:
-                found[name], owner[name] = place, package
+        for name, path in added_paths.items():
+            if name not in paths_by_name:
+                paths_by_name[name], owner[name] = path, package
                 continue
             faults.append(f"{package}: its verb {name}, which {owner[name]} has too; rename it")
             if owner[name] not in {"anhyst", *PROJECT_PACKAGES}:
-                duplicates.add(name)
-    return {name: found[name] for name in sorted(found.keys() - duplicates)}, tuple(faults)
+                duplicate_names.add(name)
+    return {name: paths_by_name[name] for name in sorted(paths_by_name.keys() - duplicate_names)}, tuple(
+        faults
+    )
 
 
 def modules(*, is_project_only: bool = False) -> Mapping[str, str]:

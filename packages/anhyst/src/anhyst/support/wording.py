@@ -38,11 +38,11 @@ _is_command_line = False
 def use_command_line_wording() -> Iterator[None]:
     """Show messages in the form of the command line within this context."""
     global _is_command_line  # noqa: PLW0603 - who reads is the same in all threads
-    previous, _is_command_line = _is_command_line, True
+    previous_wording, _is_command_line = _is_command_line, True
     try:
         yield
     finally:
-        _is_command_line = previous
+        _is_command_line = previous_wording
 
 
 def word_for_reader(text: str) -> str:
@@ -83,10 +83,10 @@ def _python_argument(match: re.Match[str]) -> str:
     if value_text is None:
         return name
     value = value_text.rstrip(",.:)")
-    tail = value_text[len(value) :]
+    text_after = value_text[len(value) :]
     if not _is_value(value):
         return f"{name} {value_text}"
-    return f"{name}={_python_literal(option, value)}{tail}"
+    return f"{name}={_python_literal(option, value)}{text_after}"
 
 
 def _is_value(text: str) -> bool:

@@ -27,8 +27,8 @@ class XcpValue(NamedTuple):
 def _value_from_row(row: dict[str, Any]) -> XcpValue:
     """Return a value from its row; values of several magnets end with the number of the magnet."""
     name = f"{row['name']}_{row['number']}" if "number" in row else row["name"]
-    given = {key: row[key] for key in ("of", "low", "high", "body") if key in row}
-    return XcpValue(name, row["format"], row["doc"], **given)
+    given_values = {key: row[key] for key in ("of", "low", "high", "body") if key in row}
+    return XcpValue(name, row["format"], row["doc"], **given_values)
 
 
 _XCP = tomllib.loads((contract_folder() / "xcp.toml").read_text(encoding="utf-8"))

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 PLACE = 23, "Use a model"
 PROGRESS = "choosing tables and measuring"
 
-Kind = Literal["full", "simplified", "play", "single-valued"]
+CompensatorKind = Literal["full", "simplified", "play", "single-valued"]
 """Kinds of compensator."""
-Io = Literal["q15", "q31", "f32"]
+SignalFormat = Literal["q15", "q31", "f32"]
 """Number formats of the demand, the gap and the current."""
 
 
@@ -28,8 +28,8 @@ def compile(  # noqa: A001
     out: PathLike,
     *,
     rate: float | None = None,
-    kind: Kind = "full",
-    io: Io | None = None,
+    kind: CompensatorKind = "full",
+    io: SignalFormat | None = None,
     accuracy: float | None = None,
     name: str | None = None,
     controller: PathLike | None = None,
@@ -44,7 +44,8 @@ def compile(  # noqa: A001
     budget measured against the model. DROP_IN.md explains how to add the folder to a project. With
     `controller`, the position controller is included. For a stage, the folder contains the complete
     controller, from sensor heads and gaps to currents. Its golden vectors are a simulated motion.
-    With `package`, the folder has the layout that the tools of an ecosystem expect.
+    With `package`, the folder has the layout that a build system such as Zephyr or PlatformIO
+    expects.
 
     Parameters
     ----------
@@ -107,8 +108,8 @@ def compile(  # noqa: A001
     rig = MODEL_FILE if isinstance(model, Model) else file_kind(model)
     if not isinstance(model, Model) and rig is not MODEL_FILE and "compile" in rig.verbs:
         model_options = {"--accuracy": accuracy, "--controller": controller, "--package": package}
-        for option, given in model_options.items():
-            if given is not None:
+        for option, given_value in model_options.items():
+            if given_value is not None:
                 text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
                 raise wrong_key(option, text, code="option-not-for-this")
         request = StageRequest(kind, io or "f32", rate, name)
@@ -141,10 +142,10 @@ def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
 
     manifest = compiled.manifest
-    largest = manifest["accuracy"]["largest_output"]
+    largest_force = manifest["accuracy"]["largest_output"]
     rows = TerminalTable(
-        f"force of the model minus demand, in % of {largest:.4g} N",
-        ("", "whole loop, rms", "worst", "cycles of 10 %, rms", "worst"),
+        f"force of the model minus demand, in % of {largest_force:.4g} N",
+        ("", "whole loop, rms", "worst", "10 % cycles, rms", "worst"),
     )
     for title, key in (("map with one play", "play"), ("single-valued curve", "single-valued")):
         figures = manifest["accuracy"][key]
@@ -162,7 +163,7 @@ def _show_stage(compiled: CompiledStage) -> Iterator[str]:
     manifest, stage = compiled.manifest, compiled.manifest["stage"]
     kind, io, rate = (manifest[name] for name in ("kind", "io", "rate_Hz"))
     yield f"{compiled.out}: controller of a stage, {kind}, {io}, {rate:g} Hz"
-    yield f"force to current in {stage['force_to_current']}, as control.format in the rig file"
+    yield f"number format of the compensators: {stage['force_to_current']} (control.format of the rig file)"
     yield (
         f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} "
         f"magnets; {manifest['memory']['parameters_bytes']} bytes of parameters"

@@ -65,17 +65,17 @@ def show(result: ModelDiff, arguments: Mapping[str, Any]) -> Iterator[OutputPart
     if result.same:
         yield "the two models give the same results"
         return
-    model, other = read_model(arguments["first"]), read_model(arguments["second"])
-    names = {name: key for name, (_, key) in {**model.file_keys, **other.file_keys}.items()}
-    changes = TerminalTable("different", ["", "A", "B", "change"])
+    model, other_model = read_model(arguments["first"]), read_model(arguments["second"])
+    names = {name: key for name, (_, key) in {**model.file_keys, **other_model.file_keys}.items()}
+    changes_table = TerminalTable("different", ["", "A", "B", "change"])
     for change in (*result.settings, *result.parameters):
-        changes.add_row(
+        changes_table.add_row(
             names.get(change.name, change.name),
             _format_value(change.first),
             _format_value(change.second),
             _format_change(change.first, change.second) if change.name in names else "",
         )
-    yield changes
+    yield changes_table
     if result.drive is None:
         yield result.note
         return
@@ -111,7 +111,7 @@ def _format_value(value: float | tuple[float, ...] | str | None) -> str:
     return value or "none"
 
 
-def _format_change(first: object, second: object) -> str:
-    if isinstance(first, float) and isinstance(second, float) and first:
-        return f"{100.0 * (second / first - 1.0):+.3g} %"
+def _format_change(first_value: object, second_value: object) -> str:
+    if isinstance(first_value, float) and isinstance(second_value, float) and first_value:
+        return f"{100.0 * (second_value / first_value - 1.0):+.3g} %"
     return ""

@@ -21,7 +21,8 @@ PROGRESS = "searching"
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 """Gap maps, or ``auto``: the map with the smallest error at withheld gaps."""
 Weights = Literal["loops", "points", "relative"]
-"""Items of equal weight in the cost: loops, samples, or loops relative to their output."""
+"""Weights of the cost: equal for all loops, equal for all samples, or each loop relative to its
+largest output."""
 Search = Literal["default", "paper"]
 """Methods of the search."""
 
@@ -129,9 +130,9 @@ def identify(
         check_writable(out, input_files=files or ())
         checkpoint = checkpoint or _checkpoint_path(Path(out))
     reading_progress, fit_progress = split_progress(progress, (1.0, 9.0))
-    read, options = load_loops(loops, "identify: loops", reading, progress=reading_progress)
+    loaded_loops, options = load_loops(loops, "identify: loops", reading, progress=reading_progress)
     result = work(
-        read, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
+        loaded_loops, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
         offsets=offsets, dead_band=dead_band, rate=rate, progress=fit_progress, checkpoint=checkpoint,
     )  # fmt: skip
     if options is not None:
@@ -213,7 +214,7 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
         yield f"rate: {rate_text}"
     for step in model.reduction:
         yield (
-            f"reduction: {step.frozen} fixed at all nodes, mean deviation "
+            f"reduction: {step.frozen} made equal at all nodes, mean deviation "
             f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
         )
     if model.uncertainty is not None:
@@ -236,14 +237,14 @@ def _show_fit(model: Model) -> Iterator[OutputPart]:
     )
     if fit.left_over:
         yield fit.left_over
-    if expected := fit.cross_validation:
+    if expected_error := fit.cross_validation:
         scope = (
             "between the measured values, including the choice of the map"
-            if expected.left_out == "gap"
+            if expected_error.left_out == "gap"
             else "at other samples of such loops, but not for other loop sizes"
         )
-        low, high = (100.0 * limit for limit in expected.interval)
-        yield f"expected error {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
+        low, high = (100.0 * limit for limit in expected_error.interval)
+        yield f"expected error {scope}: {100.0 * expected_error.error:.3g} % ({low:.2g} to {high:.2g} %)"
     yield from _list_candidates(model)
 
 
@@ -264,18 +265,18 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
             candidate.left_out or candidate.rms or 0.0,
         ),
     )
-    shown = ranked if printer.is_verbose else ranked[:MAX_CANDIDATES]
-    hidden = len(ranked) - len(shown)
+    shown_candidates = ranked if printer.is_verbose else ranked[:MAX_CANDIDATES]
+    hidden_count = len(ranked) - len(shown_candidates)
     rows = TerminalTable(
         "candidates, the chosen one first", ["law", "gap map", "rms %", "withheld %", "parameters"]
     )
-    for candidate in shown:
+    for candidate in shown_candidates:
         note = f" ({candidate.note})" if candidate.note else ""
         left_out = "" if candidate.left_out is None else f"{100.0 * candidate.left_out:.3g}"
         rms = "" if candidate.rms is None else f"{100.0 * candidate.rms:.3g}"
         rows.add_row(f"{candidate.law}{note}", candidate.gap_map, rms, left_out, str(candidate.numbers))
-    more = [f"{count_text(hidden, 'more candidate')}: --verbose"] if hidden else []
-    return [rows, *more] if ranked else []
+    hidden_note = [f"{count_text(hidden_count, 'more candidate')}: --verbose"] if hidden_count else []
+    return [rows, *hidden_note] if ranked else []
 
 
 def _list_offsets(model: Model) -> list[str]:

@@ -65,10 +65,10 @@ def inspect(
 
     if plot is not None:
         check_picture(plot)
-    read, _ = load_loops(loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress)
-    inspection = work(read)
+    loaded_loops, _ = load_loops(loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress)
+    inspection = work(loaded_loops)
     if plot is not None:
-        write_figure(plot_inspection(inspection, read), plot)
+        write_figure(plot_inspection(inspection, loaded_loops), plot)
     return inspection
 
 
@@ -109,35 +109,34 @@ def _list_channels(arguments: Mapping[str, Any]) -> list[ChannelFigures]:
 
 
 def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the terminal output: verdict, how the loops were read, and figures of each loop."""
+    """Return the terminal output: verdict, how the loops were read, and values of each loop."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.support.units import choose_display_unit, schedule_scale
     from anhyst.support.wording import count_text
 
-    drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
+    drive, output_quantity, schedule = inspection.input, inspection.output, inspection.schedule
     schedule_heading, scale = schedule_scale(schedule)
     headers = ["loop", *([schedule_heading] if schedule else []), "rows"]
-    largest = max(
-        max(abs(figures_of_loop.output_low), abs(figures_of_loop.output_high))
-        for figures_of_loop in inspection.loops
+    largest_output = max(
+        max(abs(loop_figures.output_low), abs(loop_figures.output_high)) for loop_figures in inspection.loops
     )
-    unit, output_factor = choose_display_unit(answer, largest)
-    headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
+    unit, output_factor = choose_display_unit(output_quantity, largest_output)
+    headers += [f"{drive.symbol} {drive.unit}", f"{output_quantity.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
     headers += ["history", "cycles", f"drift {unit}", f"closure {unit}", "delay", "saturation"]
     loops = count_text(len(inspection.loops), "loop")
-    figures = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
+    loop_table = TerminalTable(f"{loops}, {drive.name} to {output_quantity.name}", headers)
     for loop in inspection.loops:
-        figures.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
+        loop_table.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
     # The histories come last, because the table shows them, too.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
-    reading = tuple(note for note in inspection.notes if note not in histories)
+    reading_notes = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
     yield from _indent(inspection.verdict.sentences)
-    yield from _with_title("read", reading)
+    yield from _with_title("read", reading_notes)
     yield from _with_title("repaired", inspection.repairs)
     yield from _with_title("speed", (inspection.rate,) if inspection.rate else ())
-    yield figures
+    yield loop_table
     yield from _with_title("histories", histories)
     if arguments["plot"] is not None:
         yield f"{arguments['plot']} written"

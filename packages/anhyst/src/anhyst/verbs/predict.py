@@ -29,8 +29,8 @@ def predict(
 ) -> RunSummary:
     """Compute the output for a given drive, such as the force for a current.
 
-    DRIVE contains the input of the model (I_A, H_A_per_m, u_V) and the gap or other scheduled
-    quantity (gap_m). A model with eddy currents also needs the time (t_s). If there are loop labels
+    DRIVE contains the input of the model (I_A, H_A_per_m, u_V) and the gap or another scheduling
+    variable (gap_m). A model with eddy currents also needs the time (t_s). If there are loop labels
     (loop), each loop is a separate run. Units are converted. The output file repeats the columns
     and adds the output (F_N) and 'valid': 1 inside the valid range of the model, else 0.
 

@@ -41,7 +41,7 @@ class Bundle:
     name: str  # name of the actuator in the C
     kind: str  # ``full``, ``simplified``, ``cells``, ``euler``, ``play``; and ``q15``, ``q31``, ``f32``
     io: str
-    rate: float | None  # sample rate of the compilation, Hz
+    rate: float | None  # sample rate for which the folder was compiled, Hz
     manifest: Mapping[str, Any]  # content of ``manifest.json``
 
     @property
@@ -59,8 +59,8 @@ class Bundle:
     @property
     def stage(self) -> Mapping[str, Any] | None:
         """Entry of the manifest about a stage; None for a compensator."""
-        described = self.manifest.get("stage")
-        return described if isinstance(described, dict) else None
+        stage_table = self.manifest.get("stage")
+        return stage_table if isinstance(stage_table, dict) else None
 
     @property
     def has_port(self) -> bool:
@@ -130,22 +130,22 @@ def _check_files(folder: Path, manifest_path: Path, manifest: Mapping[str, Any])
         raise _damaged_error(text, code="damaged-manifest", key="files")
     name = _read_text(manifest_path, manifest, "name")
     controller_files = [f"{name}_controller.h", f"{name}_controller.c"]
-    needed = controller_files if manifest.get("stage") else [f"{name}_parameters.h"]
-    needed = [*needed, f"{name}_parameters.c", VECTORS_FILE]
+    needed_files = controller_files if manifest.get("stage") else [f"{name}_parameters.h"]
+    needed_files = [*needed_files, f"{name}_parameters.c", VECTORS_FILE]
     if manifest.get("controller") is not None:
-        needed = [*needed, *controller_files, LEVITATION_FILE]
-    for file in needed:
+        needed_files = [*needed_files, *controller_files, LEVITATION_FILE]
+    for file in needed_files:
         if file not in files:
             text = f"{manifest_path}: key 'files' does not name {file}"
             raise _damaged_error(text, code="damaged-manifest", key="files")
-    for file, expected in files.items():
+    for file, expected_hash in files.items():
         path = folder / str(file)
         try:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             text = f"{path}: {error.strerror}, but {MANIFEST_FILE} names it"
             raise _damaged_error(text, code="damaged-manifest", key="files") from None
-        if digest != expected:
+        if digest != expected_hash:
             text = f"{path}: was changed since it was written (sha256)"
             raise _damaged_error(text, code="changed-since")
 
@@ -172,8 +172,8 @@ def read_vectors(path: Path, is_float: bool) -> GoldenVectors:
     """Read ``vectors.csv``; without a column ``applied``, the solved current is applied."""
     columns = _read_columns(path, NEEDED_COLUMNS, is_float)
     demand, gap, current = (columns[name] for name in NEEDED_COLUMNS)
-    how, applied = np.full_like(demand, AS_GIVEN), columns.get("applied", current)
-    inputs = np.stack([demand, gap, how, applied, gap], axis=1)
+    application_modes, applied_current = np.full_like(demand, AS_GIVEN), columns.get("applied", current)
+    inputs = np.stack([demand, gap, application_modes, applied_current, gap], axis=1)
     return GoldenVectors(inputs, {"current": current})
 
 
@@ -201,7 +201,7 @@ def record_column_name(name: str) -> str:
     return name.replace(" ", "_")
 
 
-def _read_columns(path: Path, needed: Iterable[str], is_float: bool) -> dict[str, Words]:
+def _read_columns(path: Path, needed_columns: Iterable[str], is_float: bool) -> dict[str, Words]:
     """Read a file of vectors."""
     with path.open(encoding="utf-8", newline="") as stream:
         lines = csv.reader(row for row in stream if not row.startswith("#"))
@@ -209,7 +209,7 @@ def _read_columns(path: Path, needed: Iterable[str], is_float: bool) -> dict[str
         rows = list(lines)
     if not rows:
         raise _damaged_error(f"{path}: has no rows", code="damaged-vectors")
-    for name in needed:
+    for name in needed_columns:
         if name not in names:
             raise _damaged_error(f"{path}: column '{name}' is missing", code="damaged-vectors", key=name)
     try:
@@ -222,6 +222,6 @@ def _read_columns(path: Path, needed: Iterable[str], is_float: bool) -> dict[str
             words = (codes & 0xFFFFFFFF).astype(np.uint32)
         words = words.reshape(len(rows), len(names))
     except (ValueError, OverflowError) as error:
-        what = "a number of 32 bits" if is_float else "an integer of 32 bits"
-        raise _damaged_error(f"{path}: a cell is not {what}", code="damaged-vectors") from error
+        value_description = "a number of 32 bits" if is_float else "an integer of 32 bits"
+        raise _damaged_error(f"{path}: a cell is not {value_description}", code="damaged-vectors") from error
     return {name: words[:, column] for column, name in enumerate(names)}

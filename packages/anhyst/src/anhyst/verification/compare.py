@@ -1,6 +1,6 @@
 """Build the test program for a target, run it, and find the first difference from the host.
 
-The program runs a start, the golden vectors and random steps. It hashes all inputs and answers. If
+The program runs a start, the golden vectors and random steps. It hashes all inputs and outputs. If
 two hashes differ, both programs run again with more checkpoints, until a window of records contains
 the first difference.
 """
@@ -59,7 +59,7 @@ class HarnessProgram(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One build of the C for one target."""
+    """One build of the C code for one target."""
 
     target: str  # target, and name of the build: ``gcc -O2``, ``portable``
     name: str
@@ -115,7 +115,7 @@ class BuildFolder:
         return toolchain.Build(
             tuple(target / name for name in names),
             (target, target / "include", target / "port", *free),
-            self._defines(),
+            self._macro_definitions(),
             (*SEPARATE_SECTIONS_FLAGS, NO_FUSED_PRODUCTS_FLAG, NO_MATH_ERRNO_FLAG, *flags),
             ("-lm",) if port == "host" and self.subject == "stage" else (),
         )
@@ -126,7 +126,7 @@ class BuildFolder:
         stage = self.bundle.stage
         return make_stage_record(stage["free"], stage["heads"], stage["magnets"]) if stage else None
 
-    def _defines(self) -> dict[str, str]:
+    def _macro_definitions(self) -> dict[str, str]:
         """Return the macros of the harness."""
         name = self.bundle.name
         if self.stage_record is not None:
@@ -173,22 +173,22 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """All answers of a program."""
+    """All results of a program."""
 
     start: Reply  # replies after the start, after the golden vectors, and after the random steps
     golden: Reply
     random: Reply
-    vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
+    vectors: Words  # results for the golden vectors; shape (rows, words of a record)
     stack: int  # largest stack of a call of solve or commit, bytes; 0 if it is not measured
 
 
 def run_program(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
     """Run the golden vectors, random steps, and the steps that measure the stack."""
-    rows, places, words = vectors.inputs, vectors.layout.input_positions, vectors.layout.word_count
+    rows, input_positions, words = vectors.inputs, vectors.layout.input_positions, vectors.layout.word_count
     batches = [rows[at : at + WINDOW_RECORDS] for at in range(0, len(rows), WINDOW_RECORDS)]
     start = Request(START, seed=seed, record_words=words)
     golden = [
-        Request(VECTORS, steps=len(batch), rows=batch, input_positions=places, record_words=words)
+        Request(VECTORS, steps=len(batch), rows=batch, input_positions=input_positions, record_words=words)
         for batch in batches
     ]
     random = Request(RANDOM, steps=steps, checkpoint_stride=_checkpoint_stride(steps), record_words=words)
@@ -213,10 +213,10 @@ def compare_answers(
     """Return the first difference of a target from the host and from the golden vectors, or None."""
     host, target = outcomes
     for name in ("status", "words", "hash"):
-        expected, answer = getattr(host.start, name), getattr(target.start, name)
-        if expected != answer:
+        expected_words, target_words = getattr(host.start, name), getattr(target.start, name)
+        if expected_words != target_words:
             quantity = f"hash of the {vectors.layout.start_contents}" if name == "hash" else name
-            return Difference("start", 0, quantity, expected, answer)
+            return Difference("start", 0, quantity, expected_words, target_words)
     if (difference := _compare_with_file(target, vectors)) is not None:
         return difference
     if (mismatch := _find_mismatch(host.vectors, target.vectors)) is not None:
@@ -226,16 +226,18 @@ def compare_answers(
     return _locate_difference(vectors.layout, programs, (host.random, target.random), steps, seed)
 
 
-def _compare_with_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
-    places = [vectors.layout.record.index(name) for name in vectors.outputs]
-    answered = outcome.vectors[:, places]
-    expected = np.stack(list(vectors.outputs.values()), axis=1)
-    mismatch = _find_mismatch(expected, answered)
+def _compare_with_file(answers: Answers, vectors: GoldenVectors) -> Difference | None:
+    output_positions = [vectors.layout.record.index(name) for name in vectors.outputs]
+    answered_outputs = answers.vectors[:, output_positions]
+    expected_outputs = np.stack(list(vectors.outputs.values()), axis=1)
+    mismatch = _find_mismatch(expected_outputs, answered_outputs)
     if mismatch is None:
         return None
     row, column = mismatch
     name = list(vectors.outputs)[column]
-    return Difference("vectors", row, name, _signed(expected[mismatch]), _signed(answered[mismatch]))
+    return Difference(
+        "vectors", row, name, _signed(expected_outputs[mismatch]), _signed(answered_outputs[mismatch])
+    )
 
 
 def _locate_difference(
@@ -246,36 +248,36 @@ def _locate_difference(
     seed: int,
 ) -> Difference:
     """Narrow down the first difference by checkpoints, until one window of records contains it."""
-    first, last = 0, steps
+    first_step, last_step = 0, steps
     stride = _checkpoint_stride(steps)
     while True:
-        marks = list(range(first, last, stride))
+        marks = list(range(first_step, last_step, stride))
         hashes = (reply.checkpoints[: len(marks)] for reply in replies)
         mismatches = np.flatnonzero(np.not_equal(*hashes))
         mismatch = int(mismatches[0]) if len(mismatches) else len(marks)
         # The hash that is stored before a step covers all earlier steps.
-        first, last = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last
-        stride = _checkpoint_stride(last - first)
+        first_step, last_step = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last_step
+        stride = _checkpoint_stride(last_step - first_step)
         # Run both programs up to the last step, and store hashes from the first step on at every
         # stride.
         random = Request(
             RANDOM,
-            last,
-            checkpoint_first=first,
+            last_step,
+            first_checkpoint_step=first_step,
             checkpoint_stride=stride,
-            window_first=first,
+            first_window_step=first_step,
             record_words=layout.word_count,
         )
         requests = [Request(START, seed=seed, record_words=layout.word_count), random]
         host, target = (program.run(requests)[-1] for program in programs)
         replies = host, target
-        if last - first <= WINDOW_RECORDS:
-            records = [reply.window[: last - first] for reply in replies]
+        if last_step - first_step <= WINDOW_RECORDS:
+            records = [reply.window[: last_step - first_step] for reply in replies]
             difference = _find_mismatch(*records)
             if difference is None:
                 ends = (reply.hash for reply in replies)
-                return Difference("random", first, "not repeatable: the hash", *ends)
-            return _make_difference(layout, "random", first, difference, *records)
+                return Difference("random", first_step, "not repeatable: the hash", *ends)
+            return _make_difference(layout, "random", first_step, difference, *records)
 
 
 def _find_mismatch(host: Words, target: Words) -> tuple[int, int] | None:
@@ -284,11 +286,11 @@ def _find_mismatch(host: Words, target: Words) -> tuple[int, int] | None:
 
 
 def _make_difference(
-    layout: RecordLayout, part: str, first: int, index: tuple[int, int], host: Words, target: Words
+    layout: RecordLayout, part: str, first_step: int, index: tuple[int, int], host: Words, target: Words
 ) -> Difference:
     row, word = index
     return Difference(
-        part, first + row, layout.record[word], _signed(host[row, word]), _signed(target[row, word])
+        part, first_step + row, layout.record[word], _signed(host[row, word]), _signed(target[row, word])
     )
 
 

@@ -166,10 +166,12 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
     already active are excluded, because no function calls itself through a pointer.
     """
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
-    analysed = {address: _analyse_function(image, symbol, functions) for address, symbol in functions.items()}
+    analysed_functions = {
+        address: _analyse_function(image, symbol, functions) for address, symbol in functions.items()
+    }
     by_offset = _find_function_pointers(image, functions)
     by_offset[UNKNOWN_OFFSET] = by_offset[UNKNOWN_OFFSET].union(
-        *(function.referenced for function in analysed.values())
+        *(function.referenced for function in analysed_functions.values())
     )
 
     def pointer_targets(address: int) -> set[int]:
@@ -177,17 +179,17 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
             return set().union(*by_offset.values())
         return by_offset[address] | by_offset[UNKNOWN_OFFSET]
 
-    def depth(address: int, running: frozenset[int]) -> float:
-        function, active = analysed[address], running | {address}
+    def depth(address: int, running_functions: frozenset[int]) -> float:
+        function, active = analysed_functions[address], running_functions | {address}
         if function.callees & active:
             return math.inf
         callees = function.callees.union(
-            *(pointer_targets(place) - active for place in function.pointer_offsets)
+            *(pointer_targets(pointer_offset) - active for pointer_offset in function.pointer_offsets)
         )
         return function.frame + max((depth(callee, active) for callee in callees), default=0)
 
-    deepest = max(depth(image.address(root), frozenset()) for root in roots)
-    return None if deepest == math.inf else int(deepest)
+    deepest_stack = max(depth(image.address(root), frozenset()) for root in roots)
+    return None if deepest_stack == math.inf else int(deepest_stack)
 
 
 def _find_function_pointers(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
@@ -196,13 +198,13 @@ def _find_function_pointers(image: Image, functions: dict[int, Symbol]) -> defau
     Addresses between functions have the offset UNKNOWN_OFFSET.
     """
     objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
-    places = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}
+    offset_by_address = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}
     callees: defaultdict[int, set[int]] = defaultdict(set)
     for address, content in image.segments:
         for at in range(0, len(content) - WORD_BYTES + 1, WORD_BYTES):
             word = int.from_bytes(content[at : at + WORD_BYTES], "little")
             if word & 1 and word & ~1 in functions:
-                callees[places.get(address + at, UNKNOWN_OFFSET)].add(word & ~1)
+                callees[offset_by_address.get(address + at, UNKNOWN_OFFSET)].add(word & ~1)
     return callees
 
 
@@ -211,8 +213,8 @@ def _instructions(image: Image, begin: int = 0, end: int = 1 << 32) -> Iterator[
     import capstone
 
     decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
-    for first, last in image.thumb_ranges():
-        low, high = max(first, begin), min(last, end)
+    for first_address, last_address in image.thumb_ranges():
+        low, high = max(first_address, begin), min(last_address, end)
         for address, content in image.segments:
             if low < high and address <= low < address + len(content):
                 yield from decoder.disasm(content[low - address : high - address], low)
@@ -221,7 +223,7 @@ def _instructions(image: Image, begin: int = 0, end: int = 1 << 32) -> Iterator[
 def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
     """Add up the pushed bytes of a function, and list its calls."""
     begin = symbol.address & ~1
-    frame, callees, referenced, pointer_offsets = 0, set(), set(), set()
+    frame, callees, referenced_addresses, pointer_offsets = 0, set(), set(), set()
     low_halves: dict[str, int] = {}
     loaded: dict[str, int] = {}
     for instruction in _instructions(image, begin, begin + symbol.size):
@@ -231,21 +233,23 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
         if name == "ldr" and (load := _LOAD_OPERANDS.fullmatch(instruction.op_str)):
             loaded[load[1]] = int(load[2] or "0", 0)
         elif name == "movw":
-            low_halves[register] = _immediate(value)
+            low_halves[register] = _read_immediate_operand(value)
         elif name == "movt":
-            referenced.add((_immediate(value) << 16 | low_halves.get(register, 0)) & ~1)
+            referenced_addresses.add(
+                (_read_immediate_operand(value) << 16 | low_halves.get(register, 0)) & ~1
+            )
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
             pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
-            # A jump to the start of the own function is a loop, not a call.
+            # A jump to the start of the same function is a loop, not a call.
             if target in functions and (target != begin or name == "bl"):
                 callees.add(target)
-    calls = frozenset(callees), frozenset(referenced & functions.keys()), frozenset(pointer_offsets)
+    calls = frozenset(callees), frozenset(referenced_addresses & functions.keys()), frozenset(pointer_offsets)
     return _Function(frame, *calls)
 
 
-def _immediate(operands: str) -> int:
+def _read_immediate_operand(operands: str) -> int:
     number = _NUMBER.search(operands)
     return int(number[1], 0) if number else 0
 
@@ -255,15 +259,15 @@ def _pushed_bytes(name: str, operands: str) -> int:
         size = 2 * WORD_BYTES if operands.startswith("{d") else WORD_BYTES
         return size * sum(_count_registers(part) for part in operands.strip("{}").split(","))
     if name in {"sub", "subw"} and operands.startswith("sp,"):
-        return _immediate(operands)
+        return _read_immediate_operand(operands)
     if name == "str" and "[sp, #-" in operands and operands.endswith("!"):
-        return -_immediate(operands)
+        return -_read_immediate_operand(operands)
     return 0
 
 
 def _count_registers(part: str) -> int:
-    first, _, last = part.strip().partition("-")
-    return int(last[1:]) - int(first[1:]) + 1 if last else 1
+    first_register, _, last_register = part.strip().partition("-")
+    return int(last_register[1:]) - int(first_register[1:]) + 1 if last_register else 1
 
 
 CLOCK_HZ = 60e6
@@ -304,11 +308,11 @@ def instruction_prices(prices: Prices, image: Image, code: bytes) -> Prefix:
     """Return the cycles before each half-word of a Thumb program, as prefix sums of prices."""
     cycles = np.zeros(len(code) // 2, dtype=np.uint32)
     for instruction in _instructions(image):
-        cycles[(instruction.address - FLASH_ADDRESS) // 2] = _price(prices, instruction)
+        cycles[(instruction.address - FLASH_ADDRESS) // 2] = _instruction_price(prices, instruction)
     return np.concatenate(([np.uint32(0)], np.cumsum(cycles, dtype=np.uint32)))
 
 
-def _price(prices: Prices, instruction: Any) -> int:
+def _instruction_price(prices: Prices, instruction: Any) -> int:
     name = str(instruction.mnemonic).split(".")[0]
     if name in {"bl", "blx", "bx"}:
         return prices["call"]

@@ -132,9 +132,11 @@ class _Machine:
         self._counter = _Counter(FLASH_ADDRESS, FLASH_ADDRESS + FLASH_BYTES, prefix, *clock, result, 0)
         self._library = ctypes.CDLL(str(program.counter))
         count = ctypes.cast(self._library.count_block, ctypes.c_void_p)
-        hook, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
-        block, ours = unicorn.UC_HOOK_BLOCK, ctypes.addressof(self._counter)
-        status = uclib.uc_hook_add(self._uc._uch, ctypes.byref(hook), block, count, ours, *everywhere)
+        hook, address_range = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
+        block, counter_address = unicorn.UC_HOOK_BLOCK, ctypes.addressof(self._counter)
+        status = uclib.uc_hook_add(
+            self._uc._uch, ctypes.byref(hook), block, count, counter_address, *address_range
+        )
         if status != unicorn.UC_ERR_OK:
             raise self._error(status)
 
@@ -201,8 +203,10 @@ class Msp430Program:
             for byte in match[1].split()
         )
         if process.returncode or len(dump) != len(requests) * BOX_BYTES:
-            last = (process.stderr.strip() or process.stdout.strip() or "no reason given").splitlines()
-            raise target_failed_error("msp430", f"mspdebug ended early: {last[-1]}")
+            output_lines = (
+                process.stderr.strip() or process.stdout.strip() or "no reason given"
+            ).splitlines()
+            raise target_failed_error("msp430", f"mspdebug ended early: {output_lines[-1]}")
         return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
 
     def _simulator_commands(self, requests: Sequence[Request]) -> list[str]:

@@ -1,7 +1,8 @@
 """Exchange requests and replies with the test program of a target.
 
-Host and target share a block of memory, the box. The host writes a request into it, lets the target
-run, and reads the reply. The numbers of this module are the same as in ``harness/harness.h``.
+Host and target share a block of memory, called the box. The host writes a request into it, lets the
+target run, and reads the reply. The numbers of this module are the same as in
+``harness/harness.h``.
 """
 
 from __future__ import annotations
@@ -122,9 +123,9 @@ class Request:
     steps: int = 0  # number of steps; at most WINDOW_RECORDS for VECTORS
     seed: int = 1  # seed of the generator, for START; not 0
     # the hash is stored before this step, and then after every stride, CHECKPOINT_COUNT times
-    checkpoint_first: int = 0
+    first_checkpoint_step: int = 0
     checkpoint_stride: int = 1
-    window_first: int = 0  # first of WINDOW_RECORDS steps whose records are stored
+    first_window_step: int = 0  # first of WINDOW_RECORDS steps whose records are stored
     rows: Words | None = None  # inputs, for VECTORS; shape (steps, n)
     input_positions: Sequence[int] = ()  # positions of the inputs in a record, n of them
     record_words: int = RECORD_WORDS  # length of a record
@@ -137,7 +138,7 @@ class Request:
     def pack(self) -> bytes:
         """Return the request as the target reads it: the words at the start of the box."""
         head = [self.mode, self.seed, self.steps]
-        head += [self.checkpoint_first, self.checkpoint_stride, self.window_first]
+        head += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
         return np.array(head, dtype="<u4").tobytes()
 
     def pack_rows(self) -> bytes:
@@ -187,14 +188,14 @@ class Reply:
         _, status, *numbers = (int(word) for word in words[_REQUEST_WORDS:_SECTIONS_AT])
         table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTION_COUNT, _SECTION_WORDS)
         sections = tuple(
-            CycleSection(count, least, most, most_at, low + (high << 32))
-            for count, least, most, most_at, low, high in table.tolist()
+            CycleSection(count, least_cost, most_cost, most_at, low + (high << 32))
+            for count, least_cost, most_cost, most_at, low, high in table.tolist()
         )
         window = words[_WINDOW_AT:].reshape(WINDOW_RECORDS, -1)
         status = status - (1 << 32) if status >> 31 else status
-        state, control, block, stack, step, folded = numbers
+        state, control, block, stack, step, hash_value = numbers
         hashes = words[_CHECKPOINTS_AT:_WINDOW_AT]
-        return cls(status, state, control, block, stack, step, folded, sections, hashes, window)
+        return cls(status, state, control, block, stack, step, hash_value, sections, hashes, window)
 
 
 def target_failed_error(target: str, reason: str) -> NegativeResult:

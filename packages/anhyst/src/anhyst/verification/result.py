@@ -53,7 +53,7 @@ class TargetResult:
     stack_measured: int | None = None
     stack_static: int | None = None  # the same, bounded from the machine code
     difference: Difference | None = None  # first difference
-    failure: str = ""  # reason without a comparison: a compiler error, a sanitizer
+    failure: str = ""  # reason why no comparison was possible, such as a compiler error
     seconds: float = 0.0  # time of build and run
 
     @property
@@ -140,15 +140,15 @@ class Verification(Result):
         rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, results)]
         costs = [(result, cost) for result in self.results for cost in result.costs]
         sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
-        missing = [(tool, tool.target in self.not_run) for tool in self.missing]
+        missing_tools = [(tool, tool.target in self.not_run) for tool in self.missing]
         if costs:
             rows.append(_make_table("time of a step", _COST_COLUMNS, costs))
         if sizes:
             rows.append(_make_table("memory, bytes", _MEMORY_COLUMNS, sizes))
         if self.estimates:
             rows.append(_estimate_table(self.estimates))
-        if missing:
-            rows.append(_make_table("missing tools", _MISSING_COLUMNS, missing))
+        if missing_tools:
+            rows.append(_make_table("missing tools", _MISSING_COLUMNS, missing_tools))
         return rows
 
     def facts(self) -> dict[str, str]:
@@ -174,10 +174,10 @@ class Verification(Result):
     def draw(self, ax: Axes) -> None:
         """Draw mean and maximum cost of a tick on each target that counts it."""
         costs = [(run, cost) for run in self.results if (cost := run.cost("tick")) is not None]
-        places = range(len(costs))
-        ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
-        ax.barh(places, [cost.mean for _, cost in costs], height=0.5, label="mean")
-        ax.set_yticks(places, [f"{run.label}, {run.unit}" for run, _ in costs])
+        bar_positions = range(len(costs))
+        ax.barh(bar_positions, [cost.most for _, cost in costs], color="0.85", label="largest")
+        ax.barh(bar_positions, [cost.mean for _, cost in costs], height=0.5, label="mean")
+        ax.set_yticks(bar_positions, [f"{run.label}, {run.unit}" for run, _ in costs])
         ax.set_xlabel("cost of a tick")
 
 

@@ -1,7 +1,7 @@
-"""List the targets by name, and build the C for each of them.
+"""List the targets by name, and build the C files for each of them.
 
-Each target offers its possible builds and lists its missing tools. Other packages can add targets
-that run a whole firmware, with the entry point ``anhyst.targets``.
+Each target lists the builds that the installed tools allow, and the missing tools. Other packages
+can add targets that run a whole firmware, with the entry point ``anhyst.targets``.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class ProcessProgram:
         if process.returncode or len(process.stdout) != len(requests) * size:
             raise protocol.target_failed_error(self.name, _failure_reason(process.stderr, process.returncode))
         boxes = range(0, len(process.stdout), size)
-        return [protocol.Reply.unpack(process.stdout[at : at + size]) for at in boxes]
+        return [protocol.Reply.unpack(process.stdout[offset : offset + size]) for offset in boxes]
 
 
 def _failure_reason(stderr: bytes, code: int) -> str:
@@ -73,7 +73,7 @@ PendingBuild = Callable[[], Variant]
 
 
 @dataclass(frozen=True, slots=True)
-class TargetOffer:
+class TargetBuilds:
     """Possible builds of a target with the installed tools, and the missing tools."""
 
     builds: tuple[PendingBuild, ...] = ()  # empty if the target cannot run
@@ -81,7 +81,7 @@ class TargetOffer:
     missing: tuple[MissingTool, ...] = ()
 
 
-OfferMaker = Callable[[BuildFolder], TargetOffer]
+FindTargetBuilds = Callable[[BuildFolder], TargetBuilds]
 
 PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{Path(PORT_HEADER).name}"'}
 PORT_SUFFIX = ", port header"
@@ -130,7 +130,7 @@ def host_compilers() -> dict[str, list[str]]:
 
 
 def build_reference(build_folder: BuildFolder) -> Variant:
-    """Build the reference: the C on this machine."""
+    """Build the reference: the C files, compiled for this machine."""
     for name, command in host_compilers().items():
         return _build_host(build_folder, name, command, ("-O2",))
     raise InputError(
@@ -141,10 +141,10 @@ def build_reference(build_folder: BuildFolder) -> Variant:
     )
 
 
-def offer_host(build_folder: BuildFolder) -> TargetOffer:
-    """Offer the builds for this machine: each compiler with each optimisation, and sanitizers."""
+def find_host_builds(build_folder: BuildFolder) -> TargetBuilds:
+    """Find the builds for this machine: each compiler with each optimisation, and sanitizers."""
     builds: list[PendingBuild] = []
-    missing = list(missing_programs("host", HOST_COMPILERS))
+    missing_tools = list(missing_programs("host", HOST_COMPILERS))
     for name, command in host_compilers().items():
         settings: list[tuple[str, ...]] = [(level,) for level in OPTIMISATIONS]
         if name in SANITIZER_PACKAGES:
@@ -152,9 +152,9 @@ def offer_host(build_folder: BuildFolder) -> TargetOffer:
                 settings.append(SANITIZE_FLAGS)
             else:
                 tool = f"sanitizers of {name}"
-                missing.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
+                missing_tools.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
         builds += [partial(_build_host, build_folder, name, command, flags) for flags in settings]
-    return TargetOffer(tuple(builds), tuple(missing))
+    return TargetBuilds(tuple(builds), tuple(missing_tools))
 
 
 def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
@@ -177,15 +177,15 @@ def _build_host(build_folder: BuildFolder, name: str, command: list[str], flags:
     return Variant("host", title, process, "", "this machine", name, warnings)
 
 
-def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
+def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
     """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
     In fixed point these are the instructions of the port header, in floating point those of the
     floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
     only with it, and only with the port header if there is one.
     """
-    if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
-        return TargetOffer(missing=missing)
+    if missing_tools := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
+        return TargetBuilds(missing=missing_tools)
     counter = build_counter(HARNESS_FOLDER, build_folder.folder, name)
     is_float = build_folder.bundle.io == "f32"
     has_port = CORTEX_PROCESSORS[name].has_port and build_folder.bundle.has_port
@@ -195,7 +195,7 @@ def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
         builds.append((f"hard float{PORT_SUFFIX if has_port else ''}", CORTEX_PROCESSORS[name].float_unit))
     elif has_port:
         builds.append(("port header", ""))
-    return TargetOffer(
+    return TargetBuilds(
         tuple(partial(_build_cortex_m, name, build_folder, counter, *build) for build in builds)
     )
 
@@ -214,18 +214,18 @@ def _build_cortex_m(
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 
-def offer_avr(build_folder: BuildFolder) -> TargetOffer:
+def find_avr_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the build for an ATmega, run by simavr."""
-    missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
-    missing += missing_modules("avr", ["elftools"])
+    missing_tools = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
+    missing_tools += missing_modules("avr", ["elftools"])
     compilers = list(host_compilers().values())
     if not compilers:
-        missing += missing_programs("avr", HOST_COMPILERS)
+        missing_tools += missing_programs("avr", HOST_COMPILERS)
     if not (SIMAVR_HEADERS / "sim_avr.h").exists():
-        missing.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
-    if missing:
-        return TargetOffer(missing=tuple(missing))
-    return TargetOffer((partial(_build_avr, build_folder, compilers[0]),))
+        missing_tools.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
+    if missing_tools:
+        return TargetBuilds(missing=tuple(missing_tools))
+    return TargetBuilds((partial(_build_avr, build_folder, compilers[0]),))
 
 
 def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
@@ -239,21 +239,21 @@ def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
     flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
     source = Build((HARNESS_FOLDER / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
     compile_c(host_compiler, source, runner, "avr")
-    places = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
-    numbers = (*places, protocol.REQUEST_BYTES, protocol.WINDOW_OFFSET, protocol.BOX_BYTES)
+    box_addresses = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
+    numbers = (*box_addresses, protocol.REQUEST_BYTES, protocol.WINDOW_OFFSET, protocol.BOX_BYTES)
     program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
-def offer_msp430(build_folder: BuildFolder) -> TargetOffer:
+def find_msp430_builds(build_folder: BuildFolder) -> TargetBuilds:
     """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
-    missing = (
+    missing_tools = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),
     )
-    if missing:
-        return TargetOffer(missing=missing)
-    return TargetOffer((partial(_build_msp430, build_folder),))
+    if missing_tools:
+        return TargetBuilds(missing=missing_tools)
+    return TargetBuilds((partial(_build_msp430, build_folder),))
 
 
 def _build_msp430(build_folder: BuildFolder) -> Variant:
@@ -271,11 +271,11 @@ def _build_msp430(build_folder: BuildFolder) -> Variant:
     return Variant("msp430", "portable", program, "cycles", chip, made_by, warnings, image)
 
 
-TARGETS: Mapping[str, OfferMaker] = {
-    "host": offer_host,
-    **{name: partial(offer_cortex_m, name) for name in CORTEX_PROCESSORS},
-    "avr": offer_avr,
-    "msp430": offer_msp430,
+TARGETS: Mapping[str, FindTargetBuilds] = {
+    "host": find_host_builds,
+    **{name: partial(find_cortex_m_builds, name) for name in CORTEX_PROCESSORS},
+    "avr": find_avr_builds,
+    "msp430": find_msp430_builds,
 }
 
 
@@ -291,8 +291,8 @@ class WholeTarget(Protocol):
 
 def _find_target_fault(target: object, _: str) -> str:
     """Return the reason why a target of another package cannot be used; empty if it can."""
-    work = (getattr(target, name, None) for name in ("missing_tools", "verify"))
-    return "" if all(map(callable, work)) else "and it is not a target"
+    target_functions = (getattr(target, name, None) for name in ("missing_tools", "verify"))
+    return "" if all(map(callable, target_functions)) else "and it is not a target"
 
 
 WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _find_target_fault, reserved=TARGETS)

@@ -1,7 +1,8 @@
-"""Run the C of a compiled folder on all targets, and compare every bit with the host.
+"""Run the C code of a compiled folder on all targets, and compare every bit with the host.
 
-For each target, the C is built together with a test harness. The harness runs the golden vectors
-and random steps, and returns hashes, costs and stack use. The build for the host is the reference.
+For each target, the C code is built together with a test harness. The harness runs the golden
+vectors and random steps, and returns hashes, costs and stack use. The build for the host is the
+reference.
 """
 
 from __future__ import annotations
@@ -77,23 +78,25 @@ def verify(
             vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
             vectors = read_stage_vectors(folder / VECTORS_FILE, build_folder.stage_record, bundle.io == "f32")
-        offers, missing = _collect_offers(build_folder, names)
-        runnable = {name for name, offer in offers.items() if offer.builds}
+        builds_by_target, missing_tools = _collect_target_builds(build_folder, names)
+        runnable_targets = {name for name, target_builds in builds_by_target.items() if target_builds.builds}
         whole_targets = [
             name for name in names if name in targets.WHOLE_TARGETS and not _missing_for_whole_target(name)
         ]
-        runnable.update(whole_targets)
-        if not runnable:
-            texts = "; ".join(tool.text() for tool in missing)
+        runnable_targets.update(whole_targets)
+        if not runnable_targets:
+            texts = "; ".join(tool.text() for tool in missing_tools)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
-        jobs = [(_VerificationJob(build_folder, vectors, *numbers), offers)]
+        jobs = [(_VerificationJob(build_folder, vectors, *numbers), builds_by_target)]
         if bundle.manifest.get("controller") is not None:
             controller_folder = BuildFolder.create(bundle, Path(scratch) / "controller", "controller")
             levitation = _VerificationJob(
                 controller_folder, read_levitation(folder / LEVITATION_FILE), *numbers
             )
-            jobs.append((levitation, _collect_offers(controller_folder, names)[0]))
-        builds = sum(len(offer.builds) for _, job_offers in jobs for offer in job_offers.values())
+            jobs.append((levitation, _collect_target_builds(controller_folder, names)[0]))
+        builds = sum(
+            len(target_builds.builds) for _, job_builds in jobs for target_builds in job_builds.values()
+        )
         counter = count(1)
 
         def report_build() -> None:
@@ -101,26 +104,31 @@ def verify(
                 progress(next(counter), builds + len(whole_targets))
 
         results: list[TargetResult] = []
-        for job, job_offers in jobs:
-            results += job.run_all(job_offers, report_build)
+        for job, job_builds in jobs:
+            results += job.run_all(job_builds, report_build)
         for name in whole_targets:
             target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
             report_build()
-        estimated_jobs = jobs if elf.ESTIMATE_TARGET in runnable else []
+        estimated_jobs = jobs if elf.ESTIMATE_TARGET in runnable_targets else []
         estimates = tuple(estimate for job, _ in estimated_jobs for estimate in _estimate_dsc(job))
     header = (str(folder), bundle.kind, bundle.io, bundle.rate, seed)
-    not_run = tuple(name for name in names if name not in runnable)
-    return Verification(*header, tuple(results), estimates, not_run, missing)
+    not_run = tuple(name for name in names if name not in runnable_targets)
+    return Verification(*header, tuple(results), estimates, not_run, missing_tools)
 
 
-def _collect_offers(
+def _collect_target_builds(
     build_folder: BuildFolder, names: Sequence[str]
-) -> tuple[dict[str, targets.TargetOffer], tuple[MissingTool, ...]]:
+) -> tuple[dict[str, targets.TargetBuilds], tuple[MissingTool, ...]]:
     """Return the possible builds of each target, and all missing tools."""
-    offers = {name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS}
-    missing = [tool for offer in offers.values() for tool in offer.missing]
-    return offers, (*missing, *(tool for name in names for tool in _missing_for_whole_target(name)))
+    builds_by_target = {
+        name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS
+    }
+    missing_tools = [tool for target_builds in builds_by_target.values() for tool in target_builds.missing]
+    return builds_by_target, (
+        *missing_tools,
+        *(tool for name in names for tool in _missing_for_whole_target(name)),
+    )
 
 
 def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
@@ -130,7 +138,7 @@ def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
 
 @dataclass
 class _VerificationJob:
-    """Data that all builds share: the inputs, and the host's answers to them."""
+    """Data for all builds: the inputs, and the outputs of the host for them."""
 
     build_folder: BuildFolder
     vectors: GoldenVectors
@@ -149,10 +157,14 @@ class _VerificationJob:
         return max(1, steps // stage["magnets"]) if stage else steps
 
     def run_all(
-        self, offers: Mapping[str, targets.TargetOffer], report_build: Callable[[], None]
+        self, builds_by_target: Mapping[str, targets.TargetBuilds], report_build: Callable[[], None]
     ) -> list[TargetResult]:
         """Build and run all targets, with as many threads as processors."""
-        builds = [(name, pending_build) for name, offer in offers.items() for pending_build in offer.builds]
+        builds = [
+            (name, pending_build)
+            for name, target_builds in builds_by_target.items()
+            for pending_build in target_builds.builds
+        ]
         for steps in {self.step_count(name) for name, _ in builds}:
             self._answers[steps] = run_program(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
@@ -202,11 +214,11 @@ class _VerificationJob:
 
     def _list_costs(self, outcome: Answers) -> tuple[Cost, ...]:
         """Return the costs of the random steps; for a stage also those of its golden vectors."""
-        counted = net_costs(outcome.random, self.vectors.layout)
+        net_sections = net_costs(outcome.random, self.vectors.layout)
         if self.build_folder.stage_record is not None:
             flown = net_costs(outcome.golden, self.vectors.layout)[-1]
-            counted = (*counted, replace(flown, part="tick, in flight"))
-        return counted
+            net_sections = (*net_sections, replace(flown, part="tick, in flight"))
+        return net_sections
 
 
 def _static_stack(variant: Variant, build_folder: BuildFolder) -> int | None:
@@ -222,12 +234,12 @@ def _static_stack(variant: Variant, build_folder: BuildFolder) -> int | None:
 
 def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
     """Subtract the cost of the clock itself from the counted costs."""
-    found = []
+    net_sections = []
     for name, section in zip(layout.sections[1:], reply.sections[1:], strict=True):
         if section.count:
             clock_cost = layout.clock_calls.get(name, 1) * reply.sections[0].minimum
             mean = section.total / section.count - clock_cost
-            found.append(
+            net_sections.append(
                 Cost(
                     name,
                     section.minimum - clock_cost,
@@ -236,20 +248,21 @@ def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
                     section.maximum_step,
                 )
             )
-    return tuple(found)
+    return tuple(net_sections)
 
 
 def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
     """Run the Cortex-M0+ again for each list of prices."""
     try:
-        program = targets.offer_cortex_m(elf.ESTIMATE_TARGET, job.build_folder).builds[0]().program
+        program = targets.find_cortex_m_builds(elf.ESTIMATE_TARGET, job.build_folder).builds[0]().program
         assert isinstance(program, CortexProgram)
-        priced = [
+        priced_sections = [
             (name, replace(program, costs=partial(elf.instruction_prices, elf.PRICES[name])))
             for name in elf.PRICES
         ]
         replies = [
-            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
+            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random)
+            for name, each in priced_sections
         ]
     except NegativeResult:
         return ()  # the failure is reported with the target, if it was requested

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.force_controller import Io
+from anhyst.compensate.force_controller import SignalFormat
 from anhyst.compilation.compiled_stage import CompiledStage, StageRequest
 from anhyst.compilation.manifest import MANIFEST_FILE, MANIFEST_VERSION, check_folder, write_folder
 from anhyst.compilation.stage import LOST_MAGNET_ROWS, StageController, make_stage_sources
@@ -97,7 +97,7 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
     return CompiledStage(Path(out), described, (*files, MANIFEST_FILE), vectors)
 
 
-def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
+def _refuse_uncompilable(rig: BodyRig, io: SignalFormat, rate: float | None) -> None:
     """Reject options and settings that cannot be compiled or contradict the rig file."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(

@@ -104,8 +104,8 @@ def open_table(path: PathLike, min_columns: int = 2) -> OpenTable:
     The name decides if the first bytes belong to no known format. A text file may have any name.
     """
     path = Path(path)
-    if why := FORMATS.explain_unusable(path.suffix.lower()):
-        raise InputError(f"{path}: {why}", code="not-installed")
+    if reason := FORMATS.explain_unusable(path.suffix.lower()):
+        raise InputError(f"{path}: {reason}", code="not-installed")
     opener_of_name = FORMATS.get(path.suffix.lower(), open_text)
     head = b""
     if path.is_file():

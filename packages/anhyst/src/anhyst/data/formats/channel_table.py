@@ -82,9 +82,9 @@ def find_shared_clock(
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
     steps = [_clock_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
-    finest = int(np.argmin(steps))
+    finest_index = int(np.argmin(steps))
     begin, end = max(ticks[0] for ticks in times), min(ticks[-1] for ticks in times)
-    start, stop = np.searchsorted(times[finest], [begin, np.nextafter(end, np.inf)])
+    start, stop = np.searchsorted(times[finest_index], [begin, np.nextafter(end, np.inf)])
     clock_names = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
     if stop - start < 2:
         late_channel = clock_names[[ticks[0] for ticks in times].index(begin)]
@@ -95,12 +95,12 @@ def find_shared_clock(
             code="no-common-time",
             key=late_channel,
         )
-    clock = Clock(clocks[finest], int(stop - start), times[finest][start:stop], int(start), False)
+    clock = Clock(clocks[finest_index], int(stop - start), times[finest_index][start:stop], int(start), False)
     names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
-    note = f"{names}: interpolated linearly onto the times of {clock_names[finest]}"
-    dropped = times[finest].size - clock.length
-    dropped_text = f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"
-    return clock, (note + (dropped_text if dropped else ""),)
+    note = f"{names}: interpolated linearly onto the times of {clock_names[finest_index]}"
+    dropped_count = times[finest_index].size - clock.length
+    dropped_text = f", {dropped_count} of whose samples lie outside {begin:g} to {end:g} s and are left out"
+    return clock, (note + (dropped_text if dropped_count else ""),)
 
 
 def _clock_step(source: str, clock: Channel, times: FloatArray) -> float:
@@ -152,7 +152,9 @@ def resample_to_clock(
     return np.interp(clock.times, own_times, values)
 
 
-def hold_on_clock(channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock) -> Values:
+def hold_values_on_clock(
+    channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock
+) -> Values:
     """Return the last value of a channel at each time of a clock; blank without usable times."""
     if channel.clock is clock.channel or (channel.length == clock.length and clock.is_whole):
         return values[clock.start : clock.start + clock.length]
@@ -199,8 +201,8 @@ class ChannelTable:
         """Return the index of a column by its header, or by its group and name."""
         if name in self.header:
             return self.header.index(name)
-        full = [channel.full_name for channel in self.file.channels]
-        return len(self._time_header[:1]) + full.index(name) if full.count(name) == 1 else None
+        full_names = [channel.full_name for channel in self.file.channels]
+        return len(self._time_header[:1]) + full_names.index(name) if full_names.count(name) == 1 else None
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first samples of each channel as text, each on its own clock."""
@@ -239,7 +241,7 @@ class ChannelTable:
             if index in text_columns:
                 own_times = self.seconds(channel.clock) if channel.clock else None
                 texts_by_index[index] = _as_texts(
-                    hold_on_clock(channel, own_times, self._read_channel(channel), clock)
+                    hold_values_on_clock(channel, own_times, self._read_channel(channel), clock)
                 )
         if time_columns and 0 in texts:
             texts_by_index[0] = _as_texts(self._time_values(clock, []))
@@ -247,7 +249,7 @@ class ChannelTable:
         return RawColumns(file_sha256(self.file.path), columns, texts_by_index, all_notes, self.file.breaks)
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row as text."""
+        """Return the location of a row in its file as text."""
         return f"{self.source_name}: sample {row + 1}"
 
     def channel(self, index: int) -> Channel:
@@ -365,9 +367,9 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
     """
     if _ThisProcess.is_trial or not path.is_file():
         return
-    about = path.stat()
+    file_status = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _subprocess_refusal(path, name, about.st_mtime_ns, about.st_size)) is not None:
+    if (refusal := _subprocess_refusal(path, name, file_status.st_mtime_ns, file_status.st_size)) is not None:
         text, code, key = refusal
         raise InputError(text, code=code, key=key)
 

@@ -72,16 +72,18 @@ class ChannelFile:
     notes: tuple[str, ...] = ()
     breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
 
-    def read(self, requested: Sequence[Channel], count: int | None = None) -> list[Values]:
+    def read(self, requested_channels: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels completely, or only their first samples."""
         with report_damage(self.path):
-            arrays = [to_plain_values(values) for values in self.read_channels(self.path, requested, count)]
-        for channel, values in zip(requested, arrays, strict=True):
-            expected = channel.length if count is None else min(count, channel.length)
-            if values.shape != (expected,):
+            arrays = [
+                to_plain_values(values) for values in self.read_channels(self.path, requested_channels, count)
+            ]
+        for channel, values in zip(requested_channels, arrays, strict=True):
+            expected_length = channel.length if count is None else min(count, channel.length)
+            if values.shape != (expected_length,):
                 raise InputError(
                     f"{self.path}: channel '{channel.full_name}' contains {values.size} of its "
-                    f"{expected} samples; the file is damaged",
+                    f"{expected_length} samples; the file is damaged",
                     code="damaged-file",
                     key=channel.full_name,
                 )
@@ -111,15 +113,15 @@ def read_groups(file: ChannelFile) -> list[ChannelGroup]:
     groups: dict[tuple[str, Channel | None], list[Channel]] = {}
     for channel in file.channels:
         groups.setdefault((channel.group, channel.clock), []).append(channel)
-    groups_read, used = [], set[tuple[str, str]]()
+    groups_read, used_names = [], set[tuple[str, str]]()
     for (group, clock), channels in groups.items():
         values = file.read([*([clock] if clock else []), *channels])
         times = Series(clock.name or "t", clock.unit, values.pop(0)) if clock else None
         clock_names = {(group, times.name)} if times else set()
         series = []
         for channel, samples in zip(channels, values, strict=True):
-            name = _unused_name(group, channel.name or "unnamed", used | clock_names)
-            used.add((group, name))
+            name = _unused_name(group, channel.name or "unnamed", used_names | clock_names)
+            used_names.add((group, name))
             series.append(Series(name, channel.unit, samples))
         groups_read.append(ChannelGroup(group, times, tuple(series)))
     return groups_read
@@ -135,10 +137,10 @@ def number_repeats(names: Sequence[str]) -> list[str]:
     return numbered
 
 
-def _unused_name(group: str, name: str, used: Container[tuple[str, str]]) -> str:
+def _unused_name(group: str, name: str, used_names: Container[tuple[str, str]]) -> str:
     """Return a name that is unique in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
-    return next(free for free in names if (group, free) not in used)
+    return next(free for free in names if (group, free) not in used_names)
 
 
 def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
@@ -360,7 +362,7 @@ class OpenTable(Protocol):
         """Read columns by index."""
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a data row, counted from 0, such as ``file.csv: line 12``."""
+        """Return the location of a data row, counted from 0, such as ``file.csv: line 12``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,5 +401,5 @@ class MemoryTable:
         return RawColumns(self.sha256, columns, words, ())
 
     def locate_row(self, row: int) -> str:
-        """Return the place of a row as text."""
+        """Return the location of a row in its file as text."""
         return f"{self.source_name}: row {row}"

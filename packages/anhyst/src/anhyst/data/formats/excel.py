@@ -230,19 +230,21 @@ class _Sheet:
         cells: list[Sequence[Any]] = []
         notes, is_after_break = [], False
         for number, row in enumerate(rows[start:], start=start + 1):
-            filled = [cell for cell in row if cell != ""]
-            cell_texts = [str(cell) for cell in filled]
-            is_text = bool(filled) and not any(
-                _is_value(cell) or is_invalid_mark(str(cell)) for cell in filled
+            filled_cells = [cell for cell in row if cell != ""]
+            cell_texts = [str(cell) for cell in filled_cells]
+            is_text = bool(filled_cells) and not any(
+                _is_value(cell) or is_invalid_mark(str(cell)) for cell in filled_cells
             )
-            if filled and isinstance(filled[0], str):
+            if filled_cells and isinstance(filled_cells[0], str):
                 refuse_factors(f"{path}: sheet '{name}', row {number} of the table", cell_texts)
-            if is_text or (filled and isinstance(filled[0], str) and is_statistics_row(cell_texts)):
+            if is_text or (
+                filled_cells and isinstance(filled_cells[0], str) and is_statistics_row(cell_texts)
+            ):
                 notes.append(f"sheet '{name}': '{' '.join(cell_texts)[:60]}' is not a sample and is left out")
-            elif filled:
+            elif filled_cells:
                 breaks += [(len(cells), ())] if is_after_break else []
                 cells.append(row)
-            is_after_break = not filled or is_text
+            is_after_break = not filled_cells or is_text
         return cls(name, tuple(zip(names, units, strict=True)), cells, breaks, notes)
 
 
@@ -277,7 +279,7 @@ def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
     return channels
 
 
-def _convert_cells(place: str, cells: Sequence[Any]) -> tuple[Values, bool]:
+def _convert_cells(location_text: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Return the values of a column, and whether they are dates or times of day."""
     if all(_is_value(cell) or cell == "" or is_invalid_mark(str(cell)) for cell in cells):
         cells = [parse_number(cell) if isinstance(cell, str) and is_number(cell) else cell for cell in cells]
@@ -298,7 +300,7 @@ def _convert_cells(place: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     row = next(row_of for row_of, cell in enumerate(cells) if type(cell) is not type(cells[0]))
     fault = f"'{str(cells[row])[:30]}' is not a number" if cells[row] != "" else "is empty"
     raise InputError(
-        f"{place}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
+        f"{location_text}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
     )
 
 

@@ -71,9 +71,9 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
     import h5py
 
     visited: set[Any] = set()
-    waiting = [(group, 0)]
-    while waiting:
-        folder, depth = waiting.pop(0)
+    pending_groups = [(group, 0)]
+    while pending_groups:
+        folder, depth = pending_groups.pop(0)
         if depth > MAX_GROUP_DEPTH or len(visited) > MAX_CHANNELS:
             raise InputError(
                 f"{path}: contains more than {MAX_CHANNELS} objects, or groups more than {MAX_GROUP_DEPTH} "
@@ -89,14 +89,14 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 continue
             visited.add(info.addr)
             if isinstance(member, h5py.Group):
-                waiting.append((member, depth + 1))
+                pending_groups.append((member, depth + 1))
             elif isinstance(member, h5py.Dataset):
                 check_dataset(path, member)
                 yield member
 
 
 def is_link(path: Path, group: Any, name: str, shown_name: str) -> bool:
-    """Whether a member of a group is a link; its target is found in its own place."""
+    """Whether a member of a group is a link. The target of a link is read where it is stored."""
     import h5py
 
     link = group.get(name, getlink=True)

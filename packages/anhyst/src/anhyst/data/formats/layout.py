@@ -137,8 +137,8 @@ def _find_layout(
         if not is_complete:
             raise HeadTooShortError
         raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
-    needed = 1 + max((column.position or 0 for column in table.columns), default=0)
-    table = replace(table, first_line=data_line, width=max(table.width, needed))
+    needed_width = 1 + max((column.position or 0 for column in table.columns), default=0)
+    table = replace(table, first_line=data_line, width=max(table.width, needed_width))
     rows = [split_line(text, table.delimiter) for text, _ in lines[table.first_line :][:_MAX_SAMPLE_ROWS]]
     table, stamp_column = _find_stamp_column(table, rows)
     names = number_repeats([column.name for column in table.columns])

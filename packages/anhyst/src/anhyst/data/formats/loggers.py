@@ -133,10 +133,10 @@ _START_KEYS = {"hoffset", "xorg", "xorigin", "x0"}
 
 def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
     """Return the values of a setting, one for each channel; empty if the file does not have it."""
-    found = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
-    while found and not found[-1]:
-        found = found[:-1]
-    return found
+    setting_values = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
+    while setting_values and not setting_values[-1]:
+        setting_values = setting_values[:-1]
+    return setting_values
 
 
 def _recognise_yokogawa(path: Path, lines: Lines, first_line: int) -> TextColumns | None:

@@ -57,12 +57,12 @@ class MatGuard:
         """Check a whole file."""
         self._byte_order = "<" if content[126:128] == b"IM" else ">"
         expanded = 0
-        remaining = memoryview(content)[_HEADER_BYTES:]
-        while len(remaining) >= 8:
-            kind, size = struct.unpack_from(f"{self._byte_order}2I", remaining)
-            if size > len(remaining) - 8:
+        remaining_bytes = memoryview(content)[_HEADER_BYTES:]
+        while len(remaining_bytes) >= 8:
+            kind, size = struct.unpack_from(f"{self._byte_order}2I", remaining_bytes)
+            if size > len(remaining_bytes) - 8:
                 raise self._damage_error(f"is cut off after {len(content)} bytes")
-            body, remaining = remaining[8 : 8 + size], remaining[8 + size :]
+            body, remaining_bytes = remaining_bytes[8 : 8 + size], remaining_bytes[8 + size :]
             if kind == _TYPE_COMPRESSED:
                 part = memoryview(self._expand(body, MAX_BYTES - expanded))
                 expanded += len(part)
@@ -191,14 +191,14 @@ def open_mat(path: Path) -> ChannelFile:
             code="not-a-mat-file",
         )
     channels = assign_clocks_by_name(find_channels(tree))
-    unread = [f"'{name}' is a {kind} object" for name, kind in objects]
-    if unread and not channels:
+    unread_names = [f"'{name}' is a {kind} object" for name, kind in objects]
+    if unread_names and not channels:
         raise InputError(
-            f"{path}: {', '.join(unread)}, which only MATLAB reads; save its fields there, such as "
+            f"{path}: {', '.join(unread_names)}, which only MATLAB reads; save its fields there, such as "
             "r.time = x.Time; r.signals.values = x.Data; r.signals.label = 'I_A'; save file.mat r",
             code="matlab-objects",
         )
-    notes = tuple(f"{text}, which only MATLAB reads: left out" for text in unread)
+    notes = tuple(f"{text}, which only MATLAB reads: left out" for text in unread_names)
     return ChannelFile(path, channels, read_arrays, notes)
 
 

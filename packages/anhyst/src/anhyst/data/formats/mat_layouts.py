@@ -72,13 +72,13 @@ class _Column:
 
 def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     """Read channels; an array with several channels is read once."""
-    read: dict[int, Values] = {}
+    arrays_by_index: dict[int, Values] = {}
     arrays = []
     for channel in channels:
         column: _Column = channel.key
-        array = read.get(id(column.array))
+        array = arrays_by_index.get(id(column.array))
         if array is None:
-            array = read[id(column.array)] = np.squeeze(column.array.read())
+            array = arrays_by_index[id(column.array)] = np.squeeze(column.array.read())
         if array.ndim > 1:
             array = np.moveaxis(array, column.axis, 0).reshape(channel.length, -1)[:, column.index]
         arrays.append(np.ascontiguousarray(array.reshape(channel.length)[:count]))
@@ -190,8 +190,8 @@ def _time_series_channels(
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
-        stated = unit("timeinfo")
-        (clock,) = _array_channels("time", times, group, seconds.get(stated, stated))
+        stated_unit = unit("timeinfo")
+        (clock,) = _array_channels("time", times, group, seconds.get(stated_unit, stated_unit))
     title = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
     return _array_channels(title, node[key_by_lower_case["data"]], group, units, clock)

@@ -43,8 +43,8 @@ def _open_as_mdf4(path: Path) -> Iterator[Any]:
         if file.version >= "4":
             yield file
             return
-        with file.convert("4.10") as converted:
-            yield converted
+        with file.convert("4.10") as converted_file:
+            yield converted_file
 
 
 def _find_channels(path: Path, file: Any) -> list[Channel]:

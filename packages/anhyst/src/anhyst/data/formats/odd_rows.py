@@ -58,7 +58,10 @@ def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
     ends = np.flatnonzero(data[:-2] == ord("\n"))
     pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
     line_starts = [bytes(divmod(pair, 256)) for pair in pairs]
-    if not any(two in _WORD_STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in line_starts):
+    if not any(
+        line_start in _WORD_STARTS or line_start[0] in b" ;,\t" or max(line_start) > _MAX_ASCII
+        for line_start in line_starts
+    ):
         return False
     return _ODD_LINE.search(chunk.decode(layout.encoding, "replace")) is not None
 
@@ -79,26 +82,26 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
 
     If a word for statistics begins several consecutive rows, it is the label of these samples.
     """
-    waiting: list[TextRow] = []  # from a row of statistics to the next row
+    pending_rows: list[TextRow] = []  # from a row of statistics to the next row
     previous_word = ""
     for number, text in enumerate(texts, start=first_line or layout.first_line_number):
         row = _classify_row(text, layout, number)
-        if waiting and not row.is_sample:
-            waiting.append(row)
+        if pending_rows and not row.is_sample:
+            pending_rows.append(row)
             continue
-        if waiting:
-            waiting_row, *later_rows = waiting
+        if pending_rows:
+            waiting_row, *later_rows = pending_rows
             yield waiting_row if row.word == waiting_row.word else _mark_as_statistics(waiting_row)
             yield from later_rows
-            waiting = []
+            pending_rows = []
         if row.word and row.word != previous_word:
-            waiting, previous_word = [row], row.word
+            pending_rows, previous_word = [row], row.word
             continue
         previous_word = row.word if row.is_sample else previous_word
         yield row
-    if waiting:
-        yield _mark_as_statistics(waiting[0])
-        yield from waiting[1:]
+    if pending_rows:
+        yield _mark_as_statistics(pending_rows[0])
+        yield from pending_rows[1:]
 
 
 def _mark_as_statistics(row: TextRow) -> TextRow:
@@ -113,24 +116,28 @@ def _classify_row(text: str, layout: Layout, line: int) -> TextRow:
         _refuse_other_header(split_header_line(remark, detect_delimiter(remark)), layout, line)
         return TextRow(line, [], is_sample=False, remark=remark)
     fields = layout.split(text)
-    filled = [field for field in fields if field]
-    if not filled:
+    filled_fields = [field for field in fields if field]
+    if not filled_fields:
         return TextRow(line, fields, is_sample=False)
-    if re.match(r"[+-]?[.,]?\d", filled[0]):
+    if re.match(r"[+-]?[.,]?\d", filled_fields[0]):
         return TextRow(line, fields)
-    refuse_factors(f"{layout.path}: line {line}", filled)
-    if not any(is_number(field) or is_invalid_mark(field) for field in filled):
+    refuse_factors(f"{layout.path}: line {line}", filled_fields)
+    if not any(is_number(field) or is_invalid_mark(field) for field in filled_fields):
         if _is_header(fields, layout):
             remark = f"line {line} is left out, because it repeats the header"
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
-    has_few_fields = len(filled) < min(layout.table.width, len(layout.header))
-    is_text = _is_written_text(text) and re.match(r"[^\W\d]{2}", filled[0]) and not is_invalid_mark(filled[0])
-    is_separator = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", filled[0]) is not None
+    has_few_fields = len(filled_fields) < min(layout.table.width, len(layout.header))
+    is_text = (
+        _is_written_text(text)
+        and re.match(r"[^\W\d]{2}", filled_fields[0])
+        and not is_invalid_mark(filled_fields[0])
+    )
+    is_separator = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", filled_fields[0]) is not None
     if has_few_fields and (is_text or is_separator):
         remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
         return TextRow(line, fields, is_sample=False, remark=remark)
-    return TextRow(line, fields, word=filled[0].lower() if is_statistics_row(filled) else "")
+    return TextRow(line, fields, word=filled_fields[0].lower() if is_statistics_row(filled_fields) else "")
 
 
 def _is_written_text(text: str) -> bool:
@@ -139,9 +146,9 @@ def _is_written_text(text: str) -> bool:
     return text.replace("\t", " ").isprintable() and count >= _MIN_ASCII_SHARE * len(text)
 
 
-def is_statistics_row(filled: Sequence[str]) -> bool:
+def is_statistics_row(filled_fields: Sequence[str]) -> bool:
     """Whether the first non-empty field of a row is a word such as mean or maximum."""
-    return len(filled[0]) < _MAX_WORD_LENGTH and _STATISTICS.fullmatch(filled[0]) is not None
+    return len(filled_fields[0]) < _MAX_WORD_LENGTH and _STATISTICS.fullmatch(filled_fields[0]) is not None
 
 
 def _is_header(fields: Sequence[str], layout: Layout) -> bool:
@@ -174,12 +181,14 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
         )
 
 
-def refuse_factors(place: str, filled: Sequence[str]) -> None:
+def refuse_factors(location_text: str, filled_fields: Sequence[str]) -> None:
     """Raise an error for a row with factors of the columns."""
-    is_marked = len(filled) > 1 and all(FACTOR_FIELD.fullmatch(field) for field in filled)
-    if is_marked or (_FACTORS.fullmatch(filled[0]) and len(filled) > 1 and is_number(filled[1])):
+    is_marked = len(filled_fields) > 1 and all(FACTOR_FIELD.fullmatch(field) for field in filled_fields)
+    if is_marked or (
+        _FACTORS.fullmatch(filled_fields[0]) and len(filled_fields) > 1 and is_number(filled_fields[1])
+    ):
         raise InputError(
-            f"{place}: '{filled[0]}' begins a row of factors or offsets, which are not applied; apply "
+            f"{location_text}: '{filled_fields[0]}' begins a row of factors or offsets, which are not applied; apply "
             'them to the numbers, or remove the line and state each factor: --scale "COLUMN=FACTOR"',
             code="factor-row",
         )

@@ -156,16 +156,16 @@ def _read_rows_below_names(
         fields = split_line(lines[begin][0], delimiter)
         if FACTOR_FIELD.fullmatch(fields[0]):
             return remarks, begin, units
-        found = parse_unit_row(lines[begin][0], delimiter, names) if units is None else None
+        unit_row = parse_unit_row(lines[begin][0], delimiter, names) if units is None else None
         stamp = TIME_STAMP.fullmatch(fields[0])
         is_dated = stamp is not None and stamp["date"] is not None
-        if not found and (is_dated or any(is_number_or_mark(field) for field in fields)):
+        if not unit_row and (is_dated or any(is_number_or_mark(field) for field in fields)):
             return remarks, begin, units
-        remarks += [] if found else [lines[begin][0].strip()]
-        units = units or found
+        remarks += [] if unit_row else [lines[begin][0].strip()]
+        units = units or unit_row
         more_comments, begin = skip_comments(lines, begin + 1)
         remarks += more_comments
-        if found:
+        if unit_row:
             comments, data = list(remarks), begin
     return comments, data, units
 
@@ -185,9 +185,9 @@ def _find_names_above_run(
         if row is not None:
             return row, sign
     run, _ = max(found_runs, key=lambda run: run[0].width)
-    above = _find_text_above(lines, first_line, run.start) or first_line
+    line_above = _find_text_above(lines, first_line, run.start) or first_line
     raise InputError(
-        f"{path}: line {above + 1}: '{shorten(lines[above][0].strip())}' is in the place of the header of "
+        f"{path}: line {line_above + 1}: '{shorten(lines[line_above][0].strip())}' is in the place of the header of "
         f"the {run.width} numeric columns below it; name them there, such as "
         "'I_A,F_N,gap_m'",
         code="header-not-named",
@@ -201,26 +201,26 @@ _MAX_ROWS_ABOVE = 12
 def _find_names_row(lines: Lines, first_line: int, run: NumberRun, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
     best_line, best_count = None, -2
-    above = _find_text_above(lines, first_line, run.start)
+    line_above = _find_text_above(lines, first_line, run.start)
     for _ in range(_MAX_ROWS_ABOVE):
-        names = None if above is None else _split_names(lines[above][0], sign)
-        if above is None or names is None:
+        names = None if line_above is None else _split_names(lines[line_above][0], sign)
+        if line_above is None or names is None:
             break
         if run.used_columns <= len(names) <= run.width:
-            is_units = parse_unit_row(lines[above][0], sign, names) is not None
+            is_units = parse_unit_row(lines[line_above][0], sign, names) is not None
             count = -1 if is_units else _count_names(names)
             if count > best_count:
-                best_line, best_count = above, count
-        above = _find_text_above(lines, first_line, above)
+                best_line, best_count = line_above, count
+        line_above = _find_text_above(lines, first_line, line_above)
     return best_line
 
 
 def _count_names(names: list[str]) -> int:
     """Return the number of fields with a known quantity or a unit in brackets; -1 for settings."""
-    given = [name for name in names if name]
-    if (len(given) > 1 and len(set(given)) == 1) or any("=" in name for name in given):
+    given_names = [name for name in names if name]
+    if (len(given_names) > 1 and len(set(given_names)) == 1) or any("=" in name for name in given_names):
         return -1
-    headers = [parse_header(name) for name in given]
+    headers = [parse_header(name) for name in given_names]
     return sum(header.is_known or (header.unit is not None and "=" not in header.text)
                for header in headers)  # fmt: skip
 
@@ -228,11 +228,11 @@ def _count_names(names: list[str]) -> int:
 def _find_units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple[str, ...] | None:
     """Return the units above a header: a row of units, or the vertical units of Tektronix."""
     rows = [split_line(text, delimiter) for text, _ in lines if text.strip()]
-    last = drop_empty_tail(rows[-1]) if rows else []
-    if len(last) == len(names) and all(find_unit(unit.strip("[]()")) for unit in last if unit):
-        return tuple(unit.strip("[]() ") for unit in last)
-    found = {row[0].lower(): row for row in rows if len(row) >= len(names)}
-    values, times = found.get("vertical units"), found.get("horizontal units")
+    last_row = drop_empty_tail(rows[-1]) if rows else []
+    if len(last_row) == len(names) and all(find_unit(unit.strip("[]()")) for unit in last_row if unit):
+        return tuple(unit.strip("[]() ") for unit in last_row)
+    rows_by_word = {row[0].lower(): row for row in rows if len(row) >= len(names)}
+    values, times = rows_by_word.get("vertical units"), rows_by_word.get("horizontal units")
     if values is None:
         return None
     time_unit = times[1] if times and len(times) > 1 else "s"
@@ -247,8 +247,8 @@ def _split_names(text: str, delimiter: str | None) -> list[str] | None:
 
 def _find_text_above(lines: Lines, first_line: int, start: int) -> int | None:
     """Return the index of the last line above another that is neither blank nor a comment."""
-    above = range(start - 1, first_line - 1, -1)
-    return next((n for n in above if lines[n][0].strip() and not is_comment(lines[n][0])), None)
+    lines_above = range(start - 1, first_line - 1, -1)
+    return next((n for n in lines_above if lines[n][0].strip() and not is_comment(lines[n][0])), None)
 
 
 @dataclass(slots=True)
@@ -301,8 +301,8 @@ def _is_table(numbers: set[int], columns: int, min_columns: int) -> bool:
 
 def detect_delimiter(line: str) -> str | None:
     """Return the delimiter of a line; ``None`` for blanks."""
-    outside = re.sub(r'"[^"]*"', "", line)
-    return next((sign for sign in (";", "\t", ",") if sign in outside), None)
+    unquoted_text = re.sub(r'"[^"]*"', "", line)
+    return next((sign for sign in (";", "\t", ",") if sign in unquoted_text), None)
 
 
 def split_header_line(line: str, delimiter: str | None) -> list[str]:

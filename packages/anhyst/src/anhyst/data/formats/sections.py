@@ -57,16 +57,19 @@ class _Section:
 
 
 def _merge_sections(sections: list[_Section], count: int, notes: list[str]) -> tuple[list[str], TextColumns]:
-    """Put the rows of all tables into their lines; a column ``loop`` separates several tables."""
+    """Return one text with the rows of all tables at their line numbers.
+
+    If there are several tables, a column ``loop`` distinguishes them.
+    """
     text = [""] * count
     columns = sections[0].columns
     width = len(columns)
     if len(sections) > 1:
         columns = [*columns, Column("loop", "", width)]
     for section in sections:
-        tail = [section.label] if len(sections) > 1 else []
+        label_field = [section.label] if len(sections) > 1 else []
         for line, fields in section.rows.items():
-            text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
+            text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *label_field])
     first_line = min(min(section.rows) for section in sections)
     table = TextColumns(first_line, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True)
     return text, table

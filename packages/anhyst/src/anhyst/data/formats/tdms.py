@@ -54,11 +54,11 @@ def open_tdms(path: Path) -> ChannelFile:
             for channel in group.channels()
             if len(channel) and channel.dtype.kind in "biufcMO"
         ]
-        stated = [f"{key} = {value}" for key, value in file.properties.items()]
+        property_texts = [f"{key} = {value}" for key, value in file.properties.items()]
         starts = [start for item in items if (start := _start_time(item)) is not None]
-        origin = min(starts, default=None)
-        channels = [_make_channel(path, size, item, clocks, origin) for item in items]
-    return ChannelFile(path, assign_clocks_by_name(channels), _read, (), ((0, tuple(stated)),))
+        time_origin = min(starts, default=None)
+        channels = [_make_channel(path, size, item, clocks, time_origin) for item in items]
+    return ChannelFile(path, assign_clocks_by_name(channels), _read, (), ((0, tuple(property_texts)),))
 
 
 def _start_time(item: Any) -> Any:
@@ -70,7 +70,7 @@ def _start_time(item: Any) -> Any:
 
 
 def _make_channel(
-    path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Channel], origin: Any
+    path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Channel], time_origin: Any
 ) -> Channel:
     count, width, group = len(item), max(1, item.dtype.itemsize), str(item.group_name)
     check_size(path, f"{group}/{item.name}", count, width)
@@ -84,8 +84,8 @@ def _make_channel(
     clock = None
     if (step := _finite_number(item.properties.get(_STEP_PROPERTY))) is not None and step > 0.0:
         start = _finite_number(item.properties.get("wf_start_offset")) or 0.0
-        if (absolute := _start_time(item)) is not None:
-            start += float((absolute - origin) / np.timedelta64(1, "ns")) * 1e-9
+        if (start_time := _start_time(item)) is not None:
+            start += float((start_time - time_origin) / np.timedelta64(1, "ns")) * 1e-9
         timing = (group, count, start, step)
         clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
     unit = next((str(item.properties[key]) for key in _UNIT_PROPERTIES if item.properties.get(key)), "")
@@ -122,18 +122,20 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
     notes = []
-    used: set[str] = set()
+    used_names: set[str] = set()
     with binary_writer(path) as stream, TdmsWriter(stream) as writer:
         for section in sections:
             name = section.group or _DEFAULT_GROUP
             if section.clock is not None:
-                if name in used:
-                    free_number = next(n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used)
+                if name in used_names:
+                    free_number = next(
+                        n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used_names
+                    )
                     notes.append(
                         f"group '{name}' has several clocks: '{name}_{free_number}' contains the next"
                     )
                     name = f"{name}_{free_number}"
-                used.add(name)
+                used_names.add(name)
             series = [*([section.clock] if section.clock else []), *section.series]
             objects = [RootObject(), GroupObject(name)]
             for signal in series:

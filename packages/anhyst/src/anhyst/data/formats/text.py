@@ -165,8 +165,8 @@ def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
 
 def _format_rows(column: Column, start: int, stop: int) -> list[str]:
     if isinstance(column, Texts):
-        quoted = [_quote_field(value) for value in column.values]
-        return [quoted[code] for code in column.codes[start:stop].tolist()]
+        quoted_fields = [_quote_field(value) for value in column.values]
+        return [quoted_fields[code] for code in column.codes[start:stop].tolist()]
     if column.dtype == np.bool_:
         return [("0", "1")[value] for value in column[start:stop].tolist()]
     # Integers are written without ".0", so that counts and labels stay unchanged.
@@ -251,8 +251,8 @@ class _ColumnReader:
             for number, line in enumerate(chunk.split(layout.eol), start=self.line):
                 self.thousands.observe(number, layout.split(line.decode(layout.encoding, "replace")))
             self.thousands.refuse_doubtful(layout.path, self.numbers)
-        fast = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
-        values, labels, lines = fast or self._convert_by_line(chunk)
+        fast_piece = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
+        values, labels, lines = fast_piece or self._convert_by_line(chunk)
         if values.shape[0]:
             self._append(values)
             for index, texts in zip(self.texts, labels, strict=True):
@@ -271,16 +271,16 @@ class _ColumnReader:
         }
 
     def _append(self, values: FloatArray) -> None:
-        needed = self.rows + values.shape[0]
+        needed_rows = self.rows + values.shape[0]
         for position, index in enumerate(self.numbers):
             column = self.number_columns[index]
-            if needed > column.size:
+            if needed_rows > column.size:
                 # The remaining rows are about as long as the previous ones, so the columns usually
                 # grow once.
-                expected = needed / self.bytes_read * (self.layout.size - self.layout.offset)
-                column.resize(max(needed, math.ceil(expected * 1.01)), refcheck=False)
-            column[self.rows : needed] = values[:, position]
-        self.rows = needed
+                expected_rows = needed_rows / self.bytes_read * (self.layout.size - self.layout.offset)
+                column.resize(max(needed_rows, math.ceil(expected_rows * 1.01)), refcheck=False)
+            column[self.rows : needed_rows] = values[:, position]
+        self.rows = needed_rows
 
     def _encode_texts(self, index: int, texts: Labels) -> NDArray[np.int32]:
         code_by_text = self.text_codes[index]
@@ -302,7 +302,7 @@ class _ColumnReader:
         if not chunk.endswith(b"\n"):
             chunk += b"\n"
         if layout.table.delimiter is None:
-            return self._convert_fast_blanks(chunk)
+            return self._convert_blank_separated(chunk)
         sign = layout.table.delimiter.encode()
         data = np.frombuffer(chunk, np.uint8)
         fields = _find_fields(data, ord(sign), layout.table.width)
@@ -328,7 +328,7 @@ class _ColumnReader:
         table = table[:, [order.index(index) for index in self.numbers]]
         return table, labels, starts.shape[0]
 
-    def _convert_fast_blanks(self, chunk: bytes) -> Piece | None:
+    def _convert_blank_separated(self, chunk: bytes) -> Piece | None:
         """Convert a chunk of numbers separated by blanks; ``None`` if it needs the slow path."""
         if self.texts:
             return None
@@ -393,7 +393,7 @@ class _ColumnReader:
     def _parse_number(self, field: str, index: int, number: int) -> float:
         comma = "." not in field
         key = self.names[index]
-        place = f"{self.layout.path}: line {number}, column '{key}'"
+        location_text = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
@@ -401,15 +401,15 @@ class _ColumnReader:
         except ValueError:
             if is_invalid_mark(field):
                 return math.nan
-            text = f"{place}: '{shorten_field(field)}' is not a number; correct or remove the line"
+            text = f"{location_text}: '{shorten_field(field)}' is not a number; correct or remove the line"
             if _THOUSANDS_NUMBER.fullmatch(field):
                 text = (
-                    f"{place}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
+                    f"{location_text}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
                     "without it"
                 )
             elif _MINUTES_AND_SECONDS.fullmatch(field):
                 text = (
-                    f"{place}: '{shorten_field(field)}' is a time without hours; export the times in s, "
+                    f"{location_text}: '{shorten_field(field)}' is a time without hours; export the times in s, "
                     f'or leave them out: --columns "{key}="'
                 )
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
@@ -439,9 +439,9 @@ def _cut_texts(
     length = stops - starts
     width = max(1, int(length.max()))
     byte = starts[:, None] + np.arange(width)
-    inside = np.arange(width) < length[:, None]
-    padded = np.where(inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
-    return padded.view(f"S{width}").reshape(-1)
+    is_inside = np.arange(width) < length[:, None]
+    padded_bytes = np.where(is_inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
+    return padded_bytes.view(f"S{width}").reshape(-1)
 
 
 def _convert_numbers(text: bytes, sep: str, count: int) -> FloatArray | None:

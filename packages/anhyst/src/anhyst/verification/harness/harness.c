@@ -21,7 +21,7 @@ uint32_t harness_draw(void)
   return x;
 }
 
-void harness_fold(uint32_t word)
+void harness_add_to_hash(uint32_t word)
 {
   uint32_t hash = (harness_box.hash ^ word) * 16777619U;
   harness_box.hash = hash ^ (hash >> 15);
@@ -48,16 +48,16 @@ static void run_step(void)
 {
   uint32_t record[HARNESS_RECORD_WORDS];
   const uint32_t step = harness_box.step;
-  const uint32_t since = step - harness_box.checkpoint_first;
-  const uint32_t place = step - harness_box.window_first;
-  if (step >= harness_box.checkpoint_first && since % harness_box.checkpoint_stride == 0 &&
+  const uint32_t since = step - harness_box.first_checkpoint_step;
+  const uint32_t place = step - harness_box.first_window_step;
+  if (step >= harness_box.first_checkpoint_step && since % harness_box.checkpoint_stride == 0 &&
       since / harness_box.checkpoint_stride < HARNESS_CHECKPOINTS) {
     harness_box.checkpoints[since / harness_box.checkpoint_stride] = harness_box.hash;
   }
   subject_step(record);
   for (uint32_t i = 0; i < HARNESS_RECORD_WORDS; i++) {
-    harness_fold(record[i]);
-    if (step >= harness_box.window_first && place < HARNESS_WINDOW) {
+    harness_add_to_hash(record[i]);
+    if (step >= harness_box.first_window_step && place < HARNESS_WINDOW) {
       harness_box.window[place][i] = record[i];
     }
   }
@@ -118,7 +118,7 @@ static void run_random(void)
 /* The window contains inputs on entry, and inputs and outputs on return. */
 static void run_vectors(void)
 {
-  harness_box.window_first = harness_box.step;
+  harness_box.first_window_step = harness_box.step;
   for (uint32_t i = 0; i < steps_to_run() && i < HARNESS_WINDOW; i++) {
     subject_read(harness_box.window[i]);
     run_step();

@@ -107,9 +107,9 @@ typedef struct {
   uint32_t mode;
   uint32_t seed;
   uint32_t steps;
-  uint32_t checkpoint_first;  /* the hash is stored before this step, and then ... */
-  uint32_t checkpoint_stride; /* ... at every stride */
-  uint32_t window_first;      /* first step whose record is stored */
+  uint32_t first_checkpoint_step; /* first step before which the hash is stored */
+  uint32_t checkpoint_stride;     /* number of steps between two stored hashes */
+  uint32_t first_window_step;     /* first step whose record is stored */
   /* Filled by the target. */
   uint32_t box_words;
   uint32_t status;        /* result of the start */
@@ -158,7 +158,7 @@ uint32_t subject_stack(void);
 
 /* Returns the next number of xorshift32: 1 .. 2^32 - 1. */
 uint32_t harness_draw(void);
-void harness_fold(uint32_t word);
+void harness_add_to_hash(uint32_t word);
 void harness_measured(uint16_t section, uint32_t elapsed);
 /* Returns only on the host. */
 int harness_main(void);

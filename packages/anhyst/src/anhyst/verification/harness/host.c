@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Port for the host, as a process: requests come from standard input, and boxes go to standard
- * output.
+/* Port for the host, as a process. It reads requests from standard input, and writes the box, the
+ * memory block harness_box, to standard output.
  *
- * A request is the part of the box that the host fills, followed by the window. */
+ * A request is the part of the box before box_words, followed by the records in its window. */
 #include <stddef.h>
 #include <stdio.h>
 

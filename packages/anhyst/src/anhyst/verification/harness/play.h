@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Defines the names of signals.h for a map with one play; signals.h includes this file. The value
- * without memory replaces the flux, and the play replaces the flux applied. */
+/* Defines the names of signals.h for a map with one play; signals.h includes this file. The single-
+ * valued current replaces the flux, and the play replaces the applied flux. */
 #ifndef HARNESS_PLAY_H
 #define HARNESS_PLAY_H
 

@@ -216,9 +216,9 @@ void subject_fold_start(void)
 {
   const int32_t length = CONDITIONING_LENGTH(&compensator);
   const int32_t stride = length / 63 + 1;
-  harness_fold((uint32_t)length);
+  harness_add_to_hash((uint32_t)length);
   for (int32_t i = 0; i < 64; i++) {
-    harness_fold(word_of(CONDITIONING(&compensator, i * stride)));
+    harness_add_to_hash(word_of(CONDITIONING(&compensator, i * stride)));
   }
 }
 

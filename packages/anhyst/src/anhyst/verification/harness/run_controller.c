@@ -36,11 +36,11 @@ void subject_start(void)
 void subject_fold_start(void)
 {
   const anhyst_position_limits_q31 *limits = &CONTROLLER(_limits);
-  harness_fold((uint32_t)limits->levitation.low);
-  harness_fold((uint32_t)limits->levitation.high);
-  harness_fold((uint32_t)limits->current_low);
-  harness_fold((uint32_t)limits->current_high);
-  harness_fold((uint32_t)limits->current_step);
+  harness_add_to_hash((uint32_t)limits->levitation.low);
+  harness_add_to_hash((uint32_t)limits->levitation.high);
+  harness_add_to_hash((uint32_t)limits->current_low);
+  harness_add_to_hash((uint32_t)limits->current_high);
+  harness_add_to_hash((uint32_t)limits->current_step);
 }
 
 static int32_t moved(int32_t position)

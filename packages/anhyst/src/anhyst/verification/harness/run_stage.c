@@ -5,7 +5,7 @@
 #include STAGE_HEADER
 #include "steps.h"
 
-/* Sample and answer, as signals and as words. */
+/* Inputs and outputs of the controller in a tick, as signals and as words. */
 typedef union {
   struct {
     STAGE(_sample) in;
@@ -102,7 +102,7 @@ void subject_start(void)
   harness_box.status = (uint32_t)(int32_t)STAGE(_init)(&controller);
 }
 
-void subject_fold_start(void) { harness_fold(STAGE(_settings).layout.drives); }
+void subject_fold_start(void) { harness_add_to_hash(STAGE(_settings).layout.drives); }
 
 void subject_draw(uint32_t step)
 {
