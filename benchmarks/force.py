@@ -17,7 +17,7 @@ def _run(rig: Path) -> dict[str, Any]:
         return force_control(rig, Path(place) / "run").figures
 
 
-def _told(stage: dict[str, Any]) -> str:
+def _format_errors(stage: dict[str, Any]) -> str:
     parts = [f"{name} {errors['worst_percent']:.2f} %" for name, errors in stage.items()]
     return ", ".join(parts)
 
@@ -43,19 +43,19 @@ def rows() -> list[Row]:
             "force control, fixed positions: worst error, simplified",
             "<= 2/3 of single-valued",
             f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of single-valued; "
-            f"all: {_told(held)}",
+            f"all: {_format_errors(held)}",
             3.0 * simplified["of_single"] <= 2.0,
         ),
         Row(
             "force control, moving armature: worst errors",
             "full: <= 1.5 % and 1/4 of single-valued",
-            _told(summary["moving"]),
+            _format_errors(summary["moving"]),
             moving["worst_percent"] <= 1.5 and 4.0 * moving["of_single"] <= 1.0,
         ),
         Row(
             "force control, first version of the solenoid (cold-drawn steel)",
             "",
-            _told(drawn["positions"]),
+            _format_errors(drawn["positions"]),
             None,
         ),
         Row(

@@ -168,7 +168,7 @@ class Outcome:
     settled: float
 
 
-def strangers(kind: Kind) -> list[NDArray[np.int32]]:
+def sample_random_states(kind: Kind) -> list[NDArray[np.int32]]:
     """Return random states, as a controller may find them in uninitialised memory."""
     bound = int(0.9 * 2**30)
     drawn = np.random.default_rng(1).integers(-bound, bound, (len(PASTS), 3))
@@ -192,7 +192,7 @@ def study(
     prelude : ndarray, optional
         Currents that are applied and committed first, for any initial state: the conditioning.
     at_random : bool, optional
-        Whether to start with the states of `strangers` instead of those of other histories.
+        Whether to start with the states of `sample_random_states` instead of those of other histories.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def study(
         return twin.run(wanted, actuator.gap)
 
     own = [run(actuator.memory(kind, actuator.record(past))) for past in PASTS]
-    wrong = [run(memory) for memory in strangers(kind)] if at_random else own
+    wrong = [run(memory) for memory in sample_random_states(kind)] if at_random else own
     records = [np.concatenate([actuator.record(past), before]) for past in PASTS]
     right = [actuator.force_after(*pair) for pair in zip(records, own, strict=True)]
     samples, largest = [], 0.0

@@ -156,7 +156,7 @@ def _joint(loops: Loops, law: str, weights: str) -> list[float]:
     return [100.0 * row.rms / row.largest_output for row in fit.loops]
 
 
-def _left_out(loops: Loops, law: str) -> list[float]:
+def _withheld_rms(loops: Loops, law: str) -> list[float]:
     """Return the rms error of each withheld inner loop, % of its largest output."""
     ordered = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
     found = []
@@ -188,7 +188,7 @@ def materials(folder: Path) -> list[Row]:
     found = []
     for name, loops, weights, most in sets:
         joint = {law: _joint(loops, law, weights) for law in (PAPER, CHOSEN)}
-        apart = {law: _left_out(loops, law) for law in (PAPER, CHOSEN)}
+        apart = {law: _withheld_rms(loops, law) for law in (PAPER, CHOSEN)}
         found.append(
             Row(
                 f"{name}: rms of one set",

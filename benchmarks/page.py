@@ -83,7 +83,7 @@ with connect(address, origin=origin, max_queue=1):  # never reads
 def rows() -> list[Row]:
     """Measure the levitated bundled bearing with an open page."""
     with tempfile.TemporaryDirectory() as place, served(Path(place)) as (session, page):
-        found = [drawn(session, page), delay(page), soak(session, SOAK_S, "page open")]
+        found = [measure_frame_rate(session, page), measure_delay(page), soak(session, SOAK_S, "page open")]
         origin = page.url.rstrip("/")
         address = origin.replace("http", "ws") + "/live"
         with subprocess.Popen([sys.executable, "-c", ATTACK, address, origin]) as attacker:
@@ -135,7 +135,7 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
         taken.close()
 
 
-def shares() -> dict[str, float]:
+def thread_times() -> dict[str, float]:
     """Return the processor time of each thread of this process, s."""
     found = {}
     for thread in threading.enumerate():
@@ -145,11 +145,11 @@ def shares() -> dict[str, float]:
     return found
 
 
-def drawn(session: LiveSession, page: Page) -> Row:
+def measure_frame_rate(session: LiveSession, page: Page) -> Row:
     """Plot many signals at the full rate; measure the frame rate and the processor load."""
-    before, began = shares(), time.perf_counter()
+    before, began = thread_times(), time.perf_counter()
     frames = page.evaluate(FRAMES, DRAWN_S)
-    took, after = time.perf_counter() - began, shares()
+    took, after = time.perf_counter() - began, thread_times()
     used = {name: (after[name] - before.get(name, 0.0)) / took for name in after}
     server = used["server"] + used["pages"]
     return Row(
@@ -161,7 +161,7 @@ def drawn(session: LiveSession, page: Page) -> Row:
     )
 
 
-def delay(page: Page) -> Row:
+def measure_delay(page: Page) -> Row:
     """Measure the time from a parameter change until the page shows the first tick that used it."""
     page.get_by_role("tab", name="4 parameters").click()
     took = []

@@ -44,7 +44,7 @@ class _Held(Objective):
         return self
 
 
-def _seen(local: ParameterSet, span: float) -> tuple[float, float]:
+def _axis_quantities(local: ParameterSet, span: float) -> tuple[float, float]:
     """Return the quantities of both axes: pinning / width, and width / range of the drive."""
     return local.law[2], local.scale / span
 
@@ -65,8 +65,8 @@ def main(path: Path) -> None:
 
     names = [space.names.index(name) for name in ("pinning_1", "scale")]
     span = records.input_span
-    all_seen = [_seen(one.parameter_sets[0], span) for one in (*final, best)]
-    middle = np.log(_seen(best.parameter_sets[0], span))
+    all_seen = [_axis_quantities(one.parameter_sets[0], span) for one in (*final, best)]
+    middle = np.log(_axis_quantities(best.parameter_sets[0], span))
     reach = np.maximum(np.abs(np.log(all_seen) - middle).max(axis=0), np.log(8.0))
     x, y = (np.linspace(m - r, m + r, _GRID) for m, r in zip(middle, np.minimum(reach, 3.0), strict=True))
     cost = np.empty((_GRID, _GRID))
@@ -86,8 +86,8 @@ def main(path: Path) -> None:
     )
     figure.colorbar(drawn_map, ax=axes, label="deviation, rms, % of the largest force", format="%.2g")
     for start, end in zip(starts, final, strict=True):
-        a = _seen(space.unpack(start)[0][0], span)
-        b = _seen(end.parameter_sets[0], span)
+        a = _axis_quantities(space.unpack(start)[0][0], span)
+        b = _axis_quantities(end.parameter_sets[0], span)
         good = end.cost < 1.05 * best.cost
         axes.plot(*zip(a, b, strict=True), color="white" if good else "tab:red", lw=0.5, alpha=0.7)
         axes.plot(*a, "o", mfc="none", mec="white" if good else "tab:red", ms=4)
