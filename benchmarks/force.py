@@ -26,11 +26,11 @@ def rows() -> list[Row]:
     """Return the worst errors at rest, in motion and with the first solenoid, and the time."""
     watch = Stopwatch()
     figures = _run(FOLDER / "rig.toml")
-    spent, took, seconds = watch.wall, str(watch), watch.processor
+    wall_seconds, time_text, seconds = watch.wall, str(watch), watch.processor
     summary = figures["summary"]
-    held = summary["positions"]
-    full, simplified, moving = held["full"], held["simplified"], summary["moving"]["full"]
-    drawn = _run(FOLDER / "drawn" / "rig.toml")["summary"]
+    errors_at_rest = summary["positions"]
+    full, simplified, moving = errors_at_rest["full"], errors_at_rest["simplified"], summary["moving"]["full"]
+    first_version = _run(FOLDER / "drawn" / "rig.toml")["summary"]
     differing, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
     return [
         Row(
@@ -43,7 +43,7 @@ def rows() -> list[Row]:
             "force control, fixed positions: worst error, simplified",
             "<= 2/3 of single-valued",
             f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of single-valued; "
-            f"all: {_format_errors(held)}",
+            f"all: {_format_errors(errors_at_rest)}",
             3.0 * simplified["of_single"] <= 2.0,
         ),
         Row(
@@ -55,7 +55,7 @@ def rows() -> list[Row]:
         Row(
             "force control, first version of the solenoid (cold-drawn steel)",
             "",
-            _format_errors(drawn["positions"]),
+            _format_errors(first_version["positions"]),
             None,
         ),
         Row(
@@ -64,5 +64,5 @@ def rows() -> list[Row]:
             f"{differing} of {ticks} differ",
             differing == 0,
         ),
-        Row("computing time of force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
+        Row("computing time of force-control", "<= 60 s wall", time_text, wall_seconds <= 60.0, seconds),
     ]

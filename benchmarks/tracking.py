@@ -74,7 +74,7 @@ def metric_ratio(study: TrackingStudy, name: str, baseline: MethodName = "single
 
 def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron at the low crossover."""
-    found = []
+    result_rows = []
     for what, name, factor, unit, reach in (
         ("peak", "peak_m", 1e9, "nm", 0.4),
         ("moving average", "average_m", 1e9, "nm", 0.2),
@@ -83,9 +83,9 @@ def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
         share = metric_ratio(study, name)
         text = f"{share:.3g}; {format_metric(study, name, factor)} {unit}"
         row = Row(f"tracking, {title}: {what}", f"<= {reach:g} times single-valued", text, share <= reach)
-        found.append(row)
+        result_rows.append(row)
     own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
-    found.append(
+    result_rows.append(
         Row(
             f"tracking, {title}: peak, ratio to the map with one play",
             "<= 1, with interval",
@@ -93,7 +93,7 @@ def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
             own.mean - own.half_width <= play.mean + play.half_width,
         )
     )
-    return found
+    return result_rows
 
 
 def make_high_crossover_row(title: str, study: TrackingStudy) -> Row:
@@ -159,16 +159,18 @@ def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> lis
 def rows() -> list[Row]:
     """Return the rows of all irons at 130 Hz, three at 300 Hz, formats and learning control."""
     rig = read_stage(RIG)
-    found: list[Row] = []
+    result_rows: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
         magnet = identify_stage_magnet(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
-        found += make_iron_rows(title, study)
+        result_rows += make_iron_rows(title, study)
         if title == CREEPS:
-            found += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
+            result_rows += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
-            found.append(make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet)))
+            result_rows.append(
+                make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet))
+            )
         if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get("reversible_fraction"):
-            found += [*formats(slow, magnet, study), *learning(study)]
-    return found
+            result_rows += [*formats(slow, magnet, study), *learning(study)]
+    return result_rows
