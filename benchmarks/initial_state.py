@@ -274,8 +274,9 @@ def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
         conditioned = study(actuator, kind, demand, conditioning(actuator, 1), at_random=True)
         text = (
             f"state of another history: {describe(wrong_history)}. Random state: "
-            f"{describe(random_start)}. After one cycle of conditioning: up to {100 * conditioned.largest:.2g} %. Right start, "
-            f"steady state: {100 * wrong_history.settled:.2f} % error"
+            f"{describe(random_start)}. After one cycle of conditioning: up to "
+            f"{100 * conditioned.largest:.2g} %. Right start, steady state: "
+            f"{100 * wrong_history.settled:.2f} % error"
         )
         lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
     errors = {samples: explicit_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}
