@@ -172,19 +172,19 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
 
 def rod() -> Row:
     """Predict the strain at a prestress that was not measured."""
-    here = ROOT / "examples" / "magnetostrictive"
-    model = identify(read_loops(here / "loops.csv")).model
-    unseen = read_loops(here / "unseen.csv")
-    off = np.concatenate([
+    folder = ROOT / "examples" / "magnetostrictive"
+    model = identify(read_loops(folder / "loops.csv")).model
+    unseen = read_loops(folder / "unseen.csv")
+    residuals = np.concatenate([
         model.predict(loop.input, loop.schedule, None, loop.history).output - loop.output
         for loop in unseen.loops
     ])  # fmt: skip
     largest = max(float(loop.output.max()) for loop in unseen.loops)
-    mean = 100.0 * float(np.mean(np.abs(off))) / largest
+    mean = 100.0 * float(np.mean(np.abs(residuals))) / largest
     return Row(
         "virtual magnetostrictive rod, withheld prestress: mean error",
         "<= 1 % of the largest strain",
-        f"{mean:.2f} %, worst {100 * float(np.max(np.abs(off))) / largest:.2f} %",
+        f"{mean:.2f} %, worst {100 * float(np.max(np.abs(residuals))) / largest:.2f} %",
         mean <= 1.0,
     )
 

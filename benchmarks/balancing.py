@@ -48,7 +48,7 @@ class Flown:
     fits: bool
 
 
-def balanced(given: tuple[Bench, int]) -> Flown:
+def calibrate_plant(given: tuple[Bench, int]) -> Flown:
     """Calibrate one plant."""
     bench, plant = given
     rig, law = bench.rig, StageLaw(bench.rig, bench.magnet, bench.method)
@@ -79,14 +79,14 @@ m/s2."""
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
-def along(rig: BodyRig, way: str) -> BodyRig:
+def turn_set_points(rig: BodyRig, way: str) -> BodyRig:
     """Return the stage with its set-points in another direction."""
     peaks = WAYS[way] or rig.settings.scan.test_m_per_s2
     direction = [float(axis == way) for axis in "xyz"]
     return change_rig(rig, {"scan.direction": direction, "scan.test_m_per_s2": peaks})
 
 
-def in_both(given: tuple[Bench, int]) -> list[list[float]]:
+def measure_both_directions(given: tuple[Bench, int]) -> list[list[float]]:
     """Return the errors along x and y: before, after a scan along x, and after the move instead.
 
     The move is that of ``anhyst excite --calibrate``; the feedforward contains only the mass.
@@ -100,7 +100,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
     def judged(setup: StageSetup) -> list[float]:
         averages, turned = [], []
         for way in WAYS:
-            rig = along(bench.rig, way)
+            rig = turn_set_points(bench.rig, way)
             motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
             averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
@@ -115,7 +115,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
     return [judged(plain), after(worked), after(fly_legs(plain, legs, noise + 1))]
 
 
-def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
+def make_method_rows(method: str, flown: Sequence[Flown]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
     values = np.array([result.figures for result in flown])
     medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
@@ -137,18 +137,18 @@ def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
     return result_rows
 
 
-def asked() -> list[Row]:
+def make_target_rows() -> list[Row]:
     """Return the rows of moving average and Rz: `full` on all plants, baselines on some."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
     plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
     work = [(bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)]
-    flown = map_ordered(balanced, work)
+    flown = map_ordered(calibrate_plant, work)
     return [
         row
         for own in benches
-        for row in of_method(
+        for row in make_method_rows(
             own.method, [result for result, (bench, _) in zip(flown, work, strict=True) if bench is own]
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
@@ -160,7 +160,7 @@ def rows() -> list[Row]:
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
-    ways = np.array(map_ordered(in_both, [(benches[0], plant) for plant in range(PLANTS)]))
+    ways = np.array(map_ordered(measure_both_directions, [(benches[0], plant) for plant in range(PLANTS)]))
     half, most = np.percentile(ways, [50.0, 95.0], axis=0)
     text = "; ".join(
         f"{name} "
@@ -172,9 +172,9 @@ def rows() -> list[Row]:
     )
     what = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
     both = Row(what, "reported", text, None)
-    flown = map_ordered(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
+    flown = map_ordered(calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)])
     return [both] + [
         row
         for place, bench in enumerate(benches)
-        for row in of_method(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])
+        for row in make_method_rows(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])
     ]

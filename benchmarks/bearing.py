@@ -258,7 +258,7 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
 
 
 def _events(iron: Iron) -> list[Row]:
-    found = []
+    result_rows = []
     for event in experiments.EVENTS:
         seeds = default_seeds(iron.rig)
         tried = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
@@ -267,7 +267,7 @@ def _events(iron: Iron) -> list[Row]:
             f"{name} {_mean(metrics, key, 1e3, '.1f', 'ms')}" for name, metrics in tried.items()
         )
         what = "back within 1 um after" if event == "overload" else "shows for"
-        found.append(
+        result_rows.append(
             Row(
                 f"bearing, {event}: {what}",
                 "no loss of levitation",
@@ -275,7 +275,7 @@ def _events(iron: Iron) -> list[Row]:
                 all(metrics.lost == 0 for metrics in tried.values()),
             )
         )
-    return found
+    return result_rows
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ from calibration_trials import (
     Bench,
     Trial,
     bench_of,
-    drawn,
+    sample_plant,
     training,
 )
 from rows import Row
@@ -85,7 +85,7 @@ Case = tuple[str, str, str, str]
 """Iron, method, errors, world."""
 
 
-def within(found: Pair, aim: Pair) -> bool:
+def is_within(found: Pair, aim: Pair) -> bool:
     """Whether the 50th and 95th percentiles are within their targets."""
     return found[0] <= aim[0] and found[1] <= aim[1]
 
@@ -126,7 +126,7 @@ class Found:
         return Row(f"calibration, {what}: average, nm, before -> after", reach, text, met)
 
 
-def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
+def run_trials(trials: Sequence[Trial]) -> dict[Case, Found]:
     """Run all trials and return the results by case."""
     found: dict[Case, Found] = {}
 
@@ -144,9 +144,9 @@ def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
     if aim is not None:
         first = f"{aim.first[0]:g} / {aim.first[1]:g} after one scan, " if aim.first else ""
         reach[:2] = f"{first}{aim.last[0]:g} / {aim.last[1]:g} after four", f"{aim.peak:g} (50 %)"
-        average_met = within(average[-1], aim.last)
+        average_met = is_within(average[-1], aim.last)
         if aim.first is not None:
-            average_met = average_met and within(average[1], aim.first)
+            average_met = average_met and is_within(average[1], aim.first)
         met[:2] = average_met, peak[-1][0] <= aim.peak
         if aim.settling is not None:
             reach[2], met[2] = f"{aim.settling:g} (50 %)", settled[-1][0] <= aim.settling
@@ -175,7 +175,7 @@ def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
     return trials + [Trial(own, plant, last, world=world) for world in worlds for plant in few]
 
 
-def of_example(flown: Mapping[Case, Found]) -> list[Row]:
+def make_example_rows(flown: Mapping[Case, Found]) -> list[Row]:
     """Return the rows of the example's own iron."""
     lines: list[Row] = []
     last = {
@@ -188,7 +188,7 @@ def of_example(flown: Mapping[Case, Found]) -> list[Row]:
         average = found.percentiles("average_m")
         if world == LEFT_ON:
             what = f"{own}, {LEFT_ON}, {TRAINING_SCANS} scans, then {REPEATED} more of the test set-point"
-            lines.append(found.row(what, "10 / 20", within(average[-1], (10.0, 20.0))))
+            lines.append(found.row(what, "10 / 20", is_within(average[-1], (10.0, 20.0))))
         elif world in (COMPILED, MOVE):
             lines += headline(f"{own}, {world}", AIMS.get(method), found)
         elif world or errors != "all":
@@ -205,23 +205,23 @@ def of_example(flown: Mapping[Case, Found]) -> list[Row]:
     return [*lines, Row(what, "play >= 2", ahead, met)]
 
 
-def of_iron(iron: str, method: str, found: Found) -> Row:
+def make_iron_row(iron: str, method: str, found: Found) -> Row:
     """Return the row of a method on another iron."""
     average = found.percentiles("average_m")
     reach, met = "reported", None
     if iron == FORGETS and method in PROBED:
         half, most = ASKED_WITH_PROBE
-        reach, met = f"{half:g} / {most:g}", within(average[-1], ASKED_WITH_PROBE)
+        reach, met = f"{half:g} / {most:g}", is_within(average[-1], ASKED_WITH_PROBE)
     elif iron == FORGETS and method == METHODS[0]:
         reach = "not worse than before"
         met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
     elif iron != FORGETS and method in AIMS:
         half, most = AIMS[method].last
-        reach, met = f"{half:g} / {most:g}", within(average[-1], (half, most))
+        reach, met = f"{half:g} / {most:g}", is_within(average[-1], (half, most))
     return found.row(f"{iron}, {method}, 4 scans", reach, met)
 
 
-def iron_of(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]:
+def identify_iron(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]:
     """Measure the loops of another iron and identify it."""
     name, rig = given
     if name in CELLS:
@@ -233,14 +233,14 @@ def iron_of(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]
     return name, rig_with_iron, identify_stage_magnet(rig_with_iron, measure_loops(rig_with_iron))
 
 
-def kept_at_it(bench: Bench) -> tuple[float, float]:
+def measure_parameter_changes(bench: Bench) -> tuple[float, float]:
     """Return the largest change of a parameter in an hour at rest, and in an hour at work.
 
     The unit is the standard deviation that the rig file states. At rest, the load oscillates. Scans
     alternate between three noise seeds.
     """
     law = WORLDS[""].law(bench)
-    setup = StageSetup(law.rig, law.compensator(0.0), drift=drawn(0))
+    setup = StageSetup(law.rig, law.compensator(0.0), drift=sample_plant(0))
     flown = [track(setup, training(law.rig), bench.gains, seed) for seed in (1, 2, 3)]
     scans = [law.make_motion(run.columns) for run in flown]
     gently = replace(training(law.rig), peaks=(0.2, 0.2), speed=0.004)
@@ -264,7 +264,7 @@ def kept_at_it(bench: Bench) -> tuple[float, float]:
     return at_rest, moved(range(3 * (count // 3)))
 
 
-def of_hours(bench: Bench, found: tuple[float, float]) -> Row:
+def make_hours_row(bench: Bench, found: tuple[float, float]) -> Row:
     """Return the row of an hour of operation."""
     at_rest, at_work = found
     work = f"{WORKED[bench.method]} scans of {training(bench.rig).duration:.2g} s"
@@ -289,13 +289,15 @@ def rows() -> list[Row]:
     rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE})
     own = "own", rig, identify_stage_magnet(rig)
     benches = map_ordered(bench_of, [(*own, method) for method in METHODS])
-    print_rows(of_example(all_plants(trials_of_example(benches))))
-    others = map_ordered(iron_of, [(name, rig) for name in OTHERS])
+    print_rows(make_example_rows(run_trials(trials_of_example(benches))))
+    others = map_ordered(identify_iron, [(name, rig) for name in OTHERS])
     made = map_ordered(bench_of, [(*iron, method) for iron in others for method in METHODS])
     trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(FEWER)]
-    print_rows(of_iron(iron, method, results) for (iron, method, *_), results in all_plants(trials).items())
+    print_rows(
+        make_iron_row(iron, method, results) for (iron, method, *_), results in run_trials(trials).items()
+    )
     at_it = [bench for bench in benches if bench.method in WORKED]
-    print_rows(map(of_hours, at_it, map_ordered(kept_at_it, at_it)))
-    print_rows(levitated.asked())
-    print_rows(balancing.asked())
+    print_rows(map(make_hours_row, at_it, map_ordered(measure_parameter_changes, at_it)))
+    print_rows(levitated.measure_table_plant())
+    print_rows(balancing.make_target_rows())
     return result_rows

@@ -150,7 +150,7 @@ class Trial:
         The stage estimates its parameters from every motion; its correction follows at a bounded
         rate.
         """
-        bench, drift = self.bench, drawn(self.plant)
+        bench, drift = self.bench, sample_plant(self.plant)
         learner = ParameterEstimator(WORLDS[""].law(bench), FORGETTING_TIME_S)
         scan, gains = bench.rig.settings.scan, bench.calibrated_gains
         for number in range(TRAINING_SCANS):
@@ -170,7 +170,7 @@ class Trial:
     def calibrated(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the metrics before and after each number of scans, and the last calibration."""
         bench, noise = self.bench, 1000 * (self.plant + 1)
-        drift = drawn(self.plant).select(ERROR_CASES[self.errors])
+        drift = sample_plant(self.plant).select(ERROR_CASES[self.errors])
         world = WORLDS[self.world]
         law, gains = world.law(bench), bench.gains
         rig = law.rig
@@ -198,6 +198,6 @@ def training(rig: BodyRig) -> SetPoint:
 
 
 @cache
-def drawn(plant: int) -> Drift:
+def sample_plant(plant: int) -> Drift:
     """Return a random plant by its number."""
     return sample_drift(read_stage(RIG).settings, np.random.default_rng([SEED, plant]))

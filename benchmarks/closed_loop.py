@@ -157,7 +157,7 @@ def memory_of(control: Control, gap: float, force: float) -> Array:
     return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
 
 
-def hanging(simulator: Flier, gap: float, load: float) -> float:
+def find_equilibrium(simulator: Flier, gap: float, load: float) -> float:
     """Bring a baseline to equilibrium; return the current, A."""
     low, high = 0.0, 10.0
     for _ in range(60):
@@ -193,7 +193,7 @@ def overshoot(case: Case, gap: Array) -> float:
     return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
 
 
-def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
+def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
     """Simulate with the complete plant of this project; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
     start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
@@ -216,7 +216,7 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     control = control_of(case.setup("single-valued", "f64"))
     noise = rig.settings.gap_sensor.noise_m
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
-    current = hanging(simulator, gap, load)
+    current = find_equilibrium(simulator, gap, load)
     best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
     for _ in range(repetitions):
         simulator.start(gap, current, load)
@@ -260,7 +260,7 @@ def errors(rig: BodyRig, fliers: dict[str, Flier]) -> dict[str, float]:
     """Return the rms force errors relative to the force range, against 64 sub-steps."""
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     exact = Own(rig, 64)
-    current = hanging(exact, gap, load)
+    current = find_equilibrium(exact, gap, load)
     truth = open_loop(exact, current, load, gap)[:, 1]
     found = {}
     for name, simulator in fliers.items():
@@ -281,11 +281,11 @@ class Trial:
     """Processor time for the same 3 ms, s."""
 
 
-def tried(rig: BodyRig) -> list[Trial]:
+def try_all_settings(rig: BodyRig) -> list[Trial]:
     """Try every method of ``solve_ivp`` at every tolerance."""
     plant = plant_of(rig)
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
-    current = hanging(Own(rig, 64), gap, load)
+    current = find_equilibrium(Own(rig, 64), gap, load)
     trials = []
     for method in METHODS:
         for tolerance in TOLERANCES:
@@ -315,7 +315,7 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
     numba = ByNumba(plant, substeps)
     accuracy = errors(case.rig, {"ours": Own(case.rig, substeps), "numba": numba})
     accuracy["numba, 64 sub-steps"] = errors(case.rig, {"": ByNumba(plant, 64)})[""]
-    trials = tried(case.rig)
+    trials = try_all_settings(case.rig)
     taken = strongest(trials, accuracy["ours"])
     variants: list[tuple[MethodName, NumberFormat]] = [
         ("full", "fixed"),
@@ -323,7 +323,7 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
         ("simplified", "fixed"),
         ("single-valued", "f64"),
     ]
-    found = [ours(case, *variant) for variant in variants]
+    found = [measure_project(case, *variant) for variant in variants]
     found.append(baseline(case, numba, "numba, map", REPETITIONS))
     scipy = ByScipy(plant, taken.method, taken.tolerance)
     found.append(baseline(case, scipy, f"SciPy {taken.method} {taken.tolerance:g}, map", 1))

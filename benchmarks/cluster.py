@@ -87,7 +87,7 @@ def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
             started += hands
             with Client(address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 client.wait_for_workers(workers, timeout=PATIENCE_S)
-            yield Cluster(address, main.pid, tuple(one.pid for one in hands))
+            yield Cluster(address, main.pid, tuple(child.pid for child in hands))
         finally:
             for process in reversed(started):
                 process.kill()

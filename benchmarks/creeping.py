@@ -33,7 +33,7 @@ SEED = 290
 COUNTS = {"duhem": 23, "preisach": 6, "cells": 4}
 
 
-def drawn(family: str, number: int) -> dict[str, Any]:
+def sample_iron_table(family: str, number: int) -> dict[str, Any]:
     """Return the table of a random iron, with the keys of a rig file."""
     rng = np.random.default_rng([SEED, number, list(COUNTS).index(family)])
 
@@ -76,7 +76,7 @@ def drawn(family: str, number: int) -> dict[str, Any]:
     return family_keys | sharp | curve
 
 
-def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
+def measure_moving_average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
     """Return the moving average of the error with a method, nm; infinite if control is lost."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
@@ -84,16 +84,20 @@ def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float
     return 1e9 * measure(track(setup, motion, gains, 1), motion, scan.slit_s).average_m
 
 
-def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
+def evaluate_iron(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
     """Return the law, whether a warning was given, and the errors of curve, cells and law, nm."""
-    rig = with_iron(read_stage(RIG), drawn(*iron))
+    rig = with_iron(read_stage(RIG), sample_iron_table(*iron))
     loops = measure_loops(rig)
     cells = identify_magnet(loops, rig.settings.loops)
     with warnings.catch_warnings(record=True) as warnings_given:
         warnings.simplefilter("always", ReturnPointMemoryWarning)
         chosen = identify_stage_magnet(rig, loops)
-    curve_error, cells_error = (average(rig, cells, name) for name in ("single-valued", "full"))
-    chosen_error = cells_error if chosen.model.law == cells.model.law else average(rig, chosen, "full")
+    curve_error, cells_error = (
+        measure_moving_average(rig, cells, name) for name in ("single-valued", "full")
+    )
+    chosen_error = (
+        cells_error if chosen.model.law == cells.model.law else measure_moving_average(rig, chosen, "full")
+    )
     return chosen.model.law, bool(warnings_given), curve_error, cells_error, chosen_error
 
 
@@ -102,7 +106,7 @@ def rows() -> list[Row]:
     irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
     result_rows = []
     for (family, number), (law, said, curve, plain, own) in zip(
-        irons, map_ordered(judged, irons), strict=True
+        irons, map_ordered(evaluate_iron, irons), strict=True
     ):
         text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, chosen law {own:.3g} nm"
         helped = own <= min(curve, plain) if math.isfinite(own) else None

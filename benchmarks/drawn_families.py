@@ -99,12 +99,12 @@ def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     for _ in range(6):
         middle = 0.5 * (low + high)
         tried = steel.model_copy(update={"feedback_A_per_m_T": middle})
-        low, high = (middle, high) if _bears(tried) else (low, middle)
+        low, high = (middle, high) if _is_valid(tried) else (low, middle)
     steel = steel.model_copy(update={"feedback_A_per_m_T": values["feedback"] * low})
     return steel.make_steel(), values | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 
 
-def _bears(steel: PreisachSteel | DuhemSteel) -> bool:
+def _is_valid(steel: PreisachSteel | DuhemSteel) -> bool:
     try:
         steel.make_steel()
     except InputError:
@@ -123,7 +123,7 @@ def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
             fading=values["fading"],
             **_keys(curve),
         )
-        if _bears(steel):
+        if _is_valid(steel):
             return steel.make_steel(), curve | values
 
 

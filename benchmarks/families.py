@@ -93,7 +93,7 @@ def rigs() -> dict[str, BodyRig]:
     return {BUNDLED: rig, **others}
 
 
-def with_first(rig: BodyRig, loops: Loops) -> Loops:
+def with_initial_curve(rig: BodyRig, loops: Loops) -> Loops:
     """Return loops with an additional record at every gap, which begins demagnetised."""
     fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
@@ -189,7 +189,7 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
     if isinstance(paper, BearingSetup):
         steps["paper"] = _steps(rig, {"full": paper})["full"]
         triangle["paper"] = _triangle(rig, {"full": paper})["full"]
-    more = identify_magnet(with_first(rig, loops), IdentifyTable(law=CELLS))
+    more = identify_magnet(with_initial_curve(rig, loops), IdentifyTable(law=CELLS))
     names: tuple[MethodName, ...] = ("single-valued", "full")
     first = {method: make_setup(rig, controller.settings, more, method, "fixed") for method in names}
     return Tried(
@@ -202,7 +202,7 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
     )
 
 
-def _worse(result: Tried, variant: str) -> list[float]:
+def _overshoot_excess(result: Tried, variant: str) -> list[float]:
     """Return the significant excess overshoot against the best baseline, % points, by height.
 
     Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
@@ -225,7 +225,7 @@ def _worse(result: Tried, variant: str) -> list[float]:
     return found
 
 
-def _still(result: Tried, variant: str) -> float:
+def _standstill_rms(result: Tried, variant: str) -> float:
     """Return the standstill rms of the gap, nm, averaged over the heights."""
     cells = [cell for cell in result.steps[variant] if not cell.lost]
     return 1e9 * float(np.mean([cell.interval("standstill_rms_m").mean for cell in cells]))
@@ -238,14 +238,14 @@ def _steps_row(result: Tried) -> Row:
         )
         for name, cells in result.steps.items()
     }
-    worse = _worse(result, "full")
+    worse = _overshoot_excess(result, "full")
     return Row(
         f"bearing, iron {result.name}: overshoot, steps of 10/20/50/100 um, same gains",
         f"full significantly worse than the strongest baseline by <= {WORSE:g} % points",
         f"excess at most {max(worse):.2f}; "
         + ", ".join(f"{name} {text} %" for name, text in shown.items())
-        + f"; standstill: full {_still(result, 'full'):.0f} nm rms, single-valued "
-        f"{_still(result, 'single-valued'):.0f} nm"
+        + f"; standstill: full {_standstill_rms(result, 'full'):.0f} nm rms, single-valued "
+        f"{_standstill_rms(result, 'single-valued'):.0f} nm"
         + (f"; paper: {result.refused}" if result.refused else ""),
         max(worse) <= WORSE,
     )

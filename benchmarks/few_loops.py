@@ -63,7 +63,7 @@ class _Compared(Exception):  # noqa: N818 # not an error: ends the identificatio
         self.made = made
 
 
-def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
+def measure_twice(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
     """Sample a magnet and measure it twice."""
     rng = np.random.default_rng([SEED, number])
     kind, family = KINDS[number % 6], FAMILIES[number // 6 % 6]
@@ -98,11 +98,11 @@ def _read(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, lis
     reading = drawn.measured(plan, found, np.random.default_rng(seed))
     if not turn or not plan.true["sensors"]["noiseless"]:
         return reading.loops, list(reading.tests)
-    less = [_without(loop, loop.n // 3) for loop in reading.loops.loops]
+    less = [_without_sample(loop, loop.n // 3) for loop in reading.loops.loops]
     return reading.loops.with_loops(less), list(reading.tests)
 
 
-def _without(loop: Loop, place: int) -> Loop:
+def _without_sample(loop: Loop, place: int) -> Loop:
     gap = None if loop.schedule is None else np.delete(loop.schedule, place)
     return replace(
         loop, input=np.delete(loop.input, place), output=np.delete(loop.output, place), schedule=gap
@@ -121,13 +121,13 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
         with mock.patch.object(model_selection.Selection, "compare_play_cells", stop):
             identify(loops)
     except _Compared as end:
-        return _judged(end.made, tests)
+        return _evaluate_rules(end.made, tests)
     except (InputError, NegativeResult):
         pass
     return None
 
 
-def _judged(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tried:
+def _evaluate_rules(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tried:
     missed, comparison, loops = {}, made.comparison, made.loopset
     for candidate in comparison.eligible:
         model = make_model(comparison.fits[candidate].reduced, loops)
@@ -153,7 +153,7 @@ def main() -> None:
     """Try a range of random draws and print one line for each rule."""
     warnings.simplefilter("ignore")
     first, last = (int(text) for text in sys.argv[1:3])
-    pairs = [[measure(*draw) for draw in draws(number)] for number in range(first, last)]
+    pairs = [[measure(*draw) for draw in measure_twice(number)] for number in range(first, last)]
     every = [measurement for pair in pairs for measurement in pair if measurement]
     complete_pairs = [(first_run, second_run) for first_run, second_run in pairs if first_run and second_run]
     for name in RULES:

@@ -61,19 +61,19 @@ class Spent:
         return self.here + self.scheduler + self.workers
 
 
-def best(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
+def best_of_repetitions(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
     """Return the measurement with the least wall time, since other work can only add time."""
     return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall)
 
 
-def here(work: Callable[[], Any]) -> Spent:
+def measure_locally(work: Callable[[], Any]) -> Spent:
     """Measure work in this process and its child processes."""
     watch = Stopwatch()
     work()
     return Spent(watch.wall, watch.processor)
 
 
-def there(workers: int, work: Callable[[], Any], *, together: bool = False) -> Spent:
+def measure_on_cluster(workers: int, work: Callable[[], Any], *, together: bool = False) -> Spent:
     """Measure work on a cluster, the best of several repetitions."""
     with cluster(workers, together=together) as made:
 
@@ -84,7 +84,7 @@ def there(workers: int, work: Callable[[], Any], *, together: bool = False) -> S
             after = made.processor()
             return Spent(watch.wall, watch.processor, after[0] - before[0], after[1] - before[1])
 
-        return best(once)  # later repetitions do not import again
+        return best_of_repetitions(once)  # later repetitions do not import again
 
 
 def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
@@ -95,10 +95,10 @@ def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
         return lambda: fleet(folder, place / str(next(count)), SETTINGS, jobs=jobs)
 
     return {
-        "1 process": best(lambda: here(run(1))),
-        "2 processes": best(lambda: here(run(2))),
-        "1 worker": there(1, run(None)),
-        "2 workers": there(2, run(None)),
+        "1 process": best_of_repetitions(lambda: measure_locally(run(1))),
+        "2 processes": best_of_repetitions(lambda: measure_locally(run(2))),
+        "1 worker": measure_on_cluster(1, run(None)),
+        "2 workers": measure_on_cluster(2, run(None)),
     }
 
 
@@ -121,7 +121,7 @@ def fleet_rows(found: dict[str, Spent]) -> list[Row]:
     return rows
 
 
-def nothing(count: int, *, jobs: int | None = None) -> Callable[[], Any]:
+def make_empty_tasks(count: int, *, jobs: int | None = None) -> Callable[[], Any]:
     """Return a function that runs empty tasks through the job layer of all studies."""
     return lambda: map_ordered(time.sleep, [0.0] * count, jobs=jobs)
 
@@ -129,22 +129,22 @@ def nothing(count: int, *, jobs: int | None = None) -> Callable[[], Any]:
 def empty_tasks() -> tuple[list[Row], Costs]:
     """Measure the overhead of a task for several numbers of tasks and workers."""
     rows: list[Row] = []
-    spent = best(lambda: here(nothing(TASKS, jobs=2)))
+    spent = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS, jobs=2)))
     rows.append(_empty("2 processes of this machine", TASKS, spent))
     costs = []
     for workers, together in ((1, False), (2, False), (4, False), (8, False), (50, True), (200, True)):
         name = f"{workers} workers" + (" in one process" if together else "")
-        spent = there(workers, nothing(TASKS), together=together)
+        spent = measure_on_cluster(workers, make_empty_tasks(TASKS), together=together)
         costs.append(Costs(spent.scheduler / TASKS, spent.here / TASKS))
         rows.append(_empty(name, TASKS, spent))
-    rows += [_empty("2 workers", n, there(2, nothing(n))) for n in (200, 5000)]
+    rows += [_empty("2 workers", n, measure_on_cluster(2, make_empty_tasks(n))) for n in (200, 5000)]
     from distributed import LocalCluster
 
     threads = LocalCluster(  # type: ignore[no-untyped-call]
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
     )
     with threads, use_scheduler(threads.scheduler_address):
-        spent = best(lambda: here(nothing(TASKS)))
+        spent = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS)))
     rows.append(_empty("2 workers as threads in the scheduler's process", TASKS, spent))
     worst = Costs(max(cost.scheduler for cost in costs), max(cost.client for cost in costs))
     return rows, worst
@@ -158,7 +158,7 @@ def sharing() -> list[Row]:
     )
     rows = []
     for name, work, inputs in tried:
-        spent = there(8, partial(map_ordered, work, inputs))
+        spent = measure_on_cluster(8, partial(map_ordered, work, inputs))
         rows.append(_empty(f"{name} {len(SHARED) // 1000} kB, 8 workers", SHARING, spent))
     return rows
 
@@ -176,16 +176,19 @@ def _empty(name: str, tasks: int, spent: Spent) -> Row:
     )
 
 
-def checked(workers: int) -> list[Row]:
+def check_simulation(workers: int) -> list[Row]:
     """Compare the simulation with tasks that sleep, so that many workers fit on few cores."""
     rows = []
     with cluster(workers, together=True) as made, use_scheduler(made.address):
         map_ordered(time.sleep, [0.0] * TASKS)
         # Scheduler, workers and client share this machine: one overhead for all of them.
-        empty = best(lambda: here(nothing(TASKS))).wall / TASKS
+        empty = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS))).wall / TASKS
         for sleep in SLEEPS_S:
             tasks = max(6 * workers, 200)
-            measured_wall = best(lambda: here(lambda: map_ordered(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
+            measured_wall = best_of_repetitions(
+                lambda: measure_locally(lambda: map_ordered(time.sleep, [sleep] * tasks)),  # noqa: B023
+                2,
+            ).wall
             simulated_wall = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
             rows.append(
                 Row(
@@ -202,14 +205,14 @@ def checked(workers: int) -> list[Row]:
 def durations(folder: Path, place: Path) -> dict[str, float]:
     """Measure the processor time of one task of each study, s, for a worker alone on a core."""
     rig, controller = read()
-    spent = here(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
+    spent = measure_locally(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
     plants = bearing_plants(rig, controller, ("full",))
     plant_seconds = [
-        here(lambda: monte_carlo(plants, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
+        measure_locally(lambda: monte_carlo(plants, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
         for n in (2, 42)
     ]
     map_seconds = [
-        here(lambda: map_bearing_benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
+        measure_locally(lambda: map_bearing_benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
         for part in ([0.2], [0.1, 0.2])
     ]
     return {
@@ -219,7 +222,7 @@ def durations(folder: Path, place: Path) -> dict[str, float]:
     }
 
 
-def larger(tasks: dict[str, float], costs: Costs) -> list[Row]:
+def simulate_larger_clusters(tasks: dict[str, float], costs: Costs) -> list[Row]:
     """Simulate clusters of up to thousands of workers."""
     rng = np.random.default_rng(1)
     rows = []
@@ -251,7 +254,14 @@ def rows() -> list[Row]:
         found = fleet_rows(whole_fleet(place / "magnets", place))
         empty, costs = empty_tasks()
         tasks = durations(place / "magnets", place)
-    return [*found, *empty, *sharing(), *checked(50), *checked(200), *larger(tasks, costs)]
+    return [
+        *found,
+        *empty,
+        *sharing(),
+        *check_simulation(50),
+        *check_simulation(200),
+        *simulate_larger_clusters(tasks, costs),
+    ]
 
 
 if __name__ == "__main__":

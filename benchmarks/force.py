@@ -17,7 +17,7 @@ def _run(rig: Path) -> dict[str, Any]:
         return force_control(rig, Path(place) / "run").figures
 
 
-def _told(stage: dict[str, Any]) -> str:
+def _format_errors(stage: dict[str, Any]) -> str:
     parts = [f"{name} {errors['worst_percent']:.2f} %" for name, errors in stage.items()]
     return ", ".join(parts)
 
@@ -26,11 +26,11 @@ def rows() -> list[Row]:
     """Return the worst errors at rest, in motion and with the first solenoid, and the time."""
     watch = Stopwatch()
     figures = _run(FOLDER / "rig.toml")
-    spent, took, seconds = watch.wall, str(watch), watch.processor
+    wall_seconds, time_text, seconds = watch.wall, str(watch), watch.processor
     summary = figures["summary"]
-    held = summary["positions"]
-    full, simplified, moving = held["full"], held["simplified"], summary["moving"]["full"]
-    drawn = _run(FOLDER / "drawn" / "rig.toml")["summary"]
+    errors_at_rest = summary["positions"]
+    full, simplified, moving = errors_at_rest["full"], errors_at_rest["simplified"], summary["moving"]["full"]
+    first_version = _run(FOLDER / "drawn" / "rig.toml")["summary"]
     differing, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
     return [
         Row(
@@ -43,19 +43,19 @@ def rows() -> list[Row]:
             "force control, fixed positions: worst error, simplified",
             "<= 2/3 of single-valued",
             f"{simplified['worst_percent']:.2f} %, {simplified['of_single']:.2f} of single-valued; "
-            f"all: {_told(held)}",
+            f"all: {_format_errors(errors_at_rest)}",
             3.0 * simplified["of_single"] <= 2.0,
         ),
         Row(
             "force control, moving armature: worst errors",
             "full: <= 1.5 % and 1/4 of single-valued",
-            _told(summary["moving"]),
+            _format_errors(summary["moving"]),
             moving["worst_percent"] <= 1.5 and 4.0 * moving["of_single"] <= 1.0,
         ),
         Row(
             "force control, first version of the solenoid (cold-drawn steel)",
             "",
-            _told(drawn["positions"]),
+            _format_errors(first_version["positions"]),
             None,
         ),
         Row(
@@ -64,5 +64,5 @@ def rows() -> list[Row]:
             f"{differing} of {ticks} differ",
             differing == 0,
         ),
-        Row("computing time of force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
+        Row("computing time of force-control", "<= 60 s wall", time_text, wall_seconds <= 60.0, seconds),
     ]

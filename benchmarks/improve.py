@@ -46,11 +46,15 @@ def rows() -> list[Row]:
         shutil.copytree(SOLENOID, folder)
         known = prepare_bench(folder / "rig.toml", None, Path(place) / "known")
         assert isinstance(known, PreparedForce)
-        unknown = pinned(known, PINNING)
-        return [*improved(unknown, Path(place)), found(known), hour(known)]
+        unknown = scale_pinning(known, PINNING)
+        return [
+            *measure_improvement(unknown, Path(place)),
+            measure_drift_detection(known),
+            measure_false_alarms(known),
+        ]
 
 
-def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
+def scale_pinning(prepared: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller on an iron whose pinning is multiplied by a factor."""
     file = prepared.complete_rig.solenoid_file
     assert file is not None
@@ -60,7 +64,7 @@ def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
     return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=changed_file))
 
 
-def improved(unknown: PreparedForce, place: Path) -> list[Row]:
+def measure_improvement(unknown: PreparedForce, place: Path) -> list[Row]:
     """Measure, identify, compile and swap with page commands; compare with an off-line model."""
     bench = unknown.open()
     session = LiveSession(bench, improver=Improver(unknown, bench))
@@ -112,13 +116,13 @@ def force_error(bench: ForceBench) -> float:
     gaps = next(parameter for parameter in bench.parameters() if parameter.name == "gap")
     errors = []
     for gap in np.linspace(gaps.low, gaps.high, 7):
-        if state(bench) is State.RUN:
+        if advance_and_read_state(bench) is State.RUN:
             bench.command(Command.IDLE)
-        reach(bench, State.IDLE)
+        advance_until(bench, State.IDLE)
         bench.apply({"gap": float(gap)})
         bench.advance(200)
         bench.command(Command.CONDITION)
-        reach(bench, State.READY)
+        advance_until(bench, State.READY)
         bench.command(Command.RUN)
         for force in (32.0, 6.0, 25.0, 12.0, 32.0, 2.0):
             bench.demand(force)
@@ -126,15 +130,15 @@ def force_error(bench: ForceBench) -> float:
     return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
 
 
-def reach(bench: Bench, wanted: State) -> None:
+def advance_until(bench: Bench, wanted: State) -> None:
     """Advance the bench until it is in a state."""
     for _ in range(400):
-        if state(bench) is wanted:
+        if advance_and_read_state(bench) is wanted:
             return
     raise AssertionError(f"never {wanted.name}")
 
 
-def state(bench: Bench) -> State:
+def advance_and_read_state(bench: Bench) -> State:
     """Advance the bench by 50 ticks and return its state."""
     return State(int(column(bench, bench.advance(50), "state")[-1]))
 
@@ -144,7 +148,7 @@ def column(bench: Bench, table: FloatArray, name: str) -> FloatArray:
     return table[:, 1 + [signal.name for signal in bench.signals].index(name)]
 
 
-def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
+def run_cycles(prepared: PreparedForce, cycles: int) -> FloatArray:
     """Return the rows of a bench whose force alternates between two values once a second."""
     bench = prepared.open()
     bench.advance(50)
@@ -161,11 +165,11 @@ def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
     return np.concatenate(parts)
 
 
-def found(known: PreparedForce) -> Row:
+def measure_drift_detection(known: PreparedForce) -> Row:
     """Test whether the monitor detects an iron whose pinning increases by 20 % at a tick."""
     rate = known.complete_rig.settings.timing.rate_Hz
     begin = round(LEARNT * rate)
-    usual, harder = swung(known, LEARNT + 15), swung(pinned(known, 1.2), LEARNT + 15)
+    usual, harder = run_cycles(known, LEARNT + 15), run_cycles(scale_pinning(known, 1.2), LEARNT + 15)
     monitor_without_drift = BenchMonitor(known.model, ForceBench.signals, rate)
     monitor_without_drift.add_rows(usual)
     monitor, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
@@ -189,12 +193,12 @@ def found(known: PreparedForce) -> Row:
     )
 
 
-def hour(known: PreparedForce) -> Row:
+def measure_false_alarms(known: PreparedForce) -> Row:
     """Test for false alarms during one hour of a steady-state cycle with noise of all sensors."""
     rate = known.complete_rig.settings.timing.rate_Hz
     step_ticks = round(rate / MONITOR_RATE_HZ)
     second_ticks = round(rate)
-    cycle = swung(known, 6)[-second_ticks::step_ticks]
+    cycle = run_cycles(known, 6)[-second_ticks::step_ticks]
     at = [signal.name for signal in ForceBench.signals].index
     true_values = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
     sensors = read_rig(known.rig).make_sensors([9], step_ticks / rate)

@@ -143,8 +143,8 @@ def conditioning(actuator: Actuator, cycles: int) -> Array:
 
 def samples_until_near(off: Array, near: float) -> int:
     """Return the number of samples after which `off` stays within `near` permanently."""
-    beyond = np.flatnonzero(np.abs(off) > near)
-    return int(beyond[-1]) + 1 if beyond.size else 0
+    outside = np.flatnonzero(np.abs(off) > near)
+    return int(outside[-1]) + 1 if outside.size else 0
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Outcome:
     settled: float
 
 
-def strangers(kind: Kind) -> list[NDArray[np.int32]]:
+def sample_random_states(kind: Kind) -> list[NDArray[np.int32]]:
     """Return random states, as a controller may find them in uninitialised memory."""
     bound = int(0.9 * 2**30)
     drawn = np.random.default_rng(1).integers(-bound, bound, (len(PASTS), 3))
@@ -192,7 +192,7 @@ def study(
     prelude : ndarray, optional
         Currents that are applied and committed first, for any initial state: the conditioning.
     at_random : bool, optional
-        Whether to start with the states of `strangers` instead of those of other histories.
+        Whether to start with the states of `sample_random_states` instead of those of other histories.
 
     Returns
     -------
@@ -209,17 +209,17 @@ def study(
             twin.commit(current, actuator.gap)
         return twin.run(wanted, actuator.gap)
 
-    own = [run(actuator.memory(kind, actuator.record(past))) for past in PASTS]
-    wrong = [run(memory) for memory in strangers(kind)] if at_random else own
+    right_currents = [run(actuator.memory(kind, actuator.record(past))) for past in PASTS]
+    wrong_currents = [run(memory) for memory in sample_random_states(kind)] if at_random else right_currents
     records = [np.concatenate([actuator.record(past), before]) for past in PASTS]
-    right = [actuator.force_after(*pair) for pair in zip(records, own, strict=True)]
+    right_forces = [actuator.force_after(*pair) for pair in zip(records, right_currents, strict=True)]
     samples, largest = [], 0.0
     for believed, true in permutations(range(len(PASTS)), 2):
-        force = actuator.force_after(records[true], wrong[believed])
-        off = (force - right[true]) / actuator.force
-        samples.append([samples_until_near(off, near) for near in NEAR])
-        largest = max(largest, float(np.abs(off).max()))
-    last = [np.abs(force - wanted)[-SAMPLES:].max() / actuator.force for force in right]
+        force = actuator.force_after(records[true], wrong_currents[believed])
+        force_errors = (force - right_forces[true]) / actuator.force
+        samples.append([samples_until_near(force_errors, near) for near in NEAR])
+        largest = max(largest, float(np.abs(force_errors).max()))
+    last = [np.abs(force - wanted)[-SAMPLES:].max() / actuator.force for force in right_forces]
     return Outcome(np.array(samples), largest, float(max(last)))
 
 
@@ -269,13 +269,14 @@ def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
     lines = []
     for (name, (low, high)), kind in product(DEMANDS.items(), KINDS):
         demand = triangles(low, high)
-        plain = study(actuator, kind, demand)
-        lost = study(actuator, kind, demand, at_random=True)
-        ready = study(actuator, kind, demand, conditioning(actuator, 1), at_random=True)
+        wrong_history = study(actuator, kind, demand)
+        random_start = study(actuator, kind, demand, at_random=True)
+        conditioned = study(actuator, kind, demand, conditioning(actuator, 1), at_random=True)
         text = (
-            f"state of another history: {describe(plain)}. Random state: {describe(lost)}. After one cycle "
-            f"of conditioning: up to {100 * ready.largest:.2g} %. Right start, steady state: "
-            f"{100 * plain.settled:.2f} % error"
+            f"state of another history: {describe(wrong_history)}. Random state: "
+            f"{describe(random_start)}. After one cycle of conditioning: up to "
+            f"{100 * conditioned.largest:.2g} %. Right start, steady state: "
+            f"{100 * wrong_history.settled:.2f} % error"
         )
         lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
     errors = {samples: explicit_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}

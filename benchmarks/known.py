@@ -166,12 +166,12 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
         driven = low * (high / low) ** rng.random()
         size = 1.0 + sum(part for parameter, part in zip(form.kernel.fit_parameters, law, strict=True)
                          if parameter.name.startswith("share"))  # fmt: skip
-        begun = scans[home].best(_homes(space, law, driven, size), None)
+        begun = scans[home].best(_sets_at_reference_gap(space, law, driven, size), None)
         if begun is None:
             continue
         sets = []
         for gap, scan in enumerate(scans):
-            there = begun if gap == home else scan.best(*_elsewhere(space, begun[0]))
+            there = begun if gap == home else scan.best(*_sets_at_another_gap(space, begun[0]))
             if there is None:
                 break
             sets.append(there[0])
@@ -188,7 +188,9 @@ def _number(name: str, rng: np.random.Generator) -> float:
     return low + (high - low) * part if low == 0.0 else float(low * (high / low) ** part)
 
 
-def _homes(space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float) -> list[ParameterSet]:
+def _sets_at_reference_gap(
+    space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float
+) -> list[ParameterSet]:
     """Return sets of one law with several reluctances and the same largest effective field."""
     top, reached = space.records.input_span, size * driven / (1.0 + driven)
     omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
@@ -201,7 +203,9 @@ def _homes(space: CoordinateSpace, law: tuple[float, ...], driven: float, size: 
     ]
 
 
-def _elsewhere(space: CoordinateSpace, known: ParameterSet) -> tuple[list[ParameterSet], float | None]:
+def _sets_at_another_gap(
+    space: CoordinateSpace, known: ParameterSet
+) -> tuple[list[ParameterSet], float | None]:
     """Return the sets that the map allows at another gap, and the gain if it is common."""
     if space.gap_map == "scaling":
         return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain
@@ -248,14 +252,14 @@ def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None
             rms = 100.0 * loops_rms(make_model(fit, loops), loops)
         except (InputError, NegativeResult):
             continue
-        found.append((not usable(fit, loops), rms, fit.theta.size))
+        found.append((not is_usable(fit, loops), rms, fit.theta.size))
     if not found:
         return None
     unusable, rms, numbers = min(found)
     return {"numbers": numbers, "rms": float(f"{rms:.5g}"), "near": near, "usable": not unusable}
 
 
-def usable(found: FoundModel, loops: Loops) -> bool:
+def is_usable(found: FoundModel, loops: Loops) -> bool:
     """Whether identification could choose a fit: it compiles and does not fail acceptance."""
     model = replace(make_model(found, loops), valid=valid_range(loops))
     if is_electromagnet(loops) and find_compile_obstacle(model) is not None:

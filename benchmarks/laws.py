@@ -91,17 +91,17 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest:
     """Return the rows of a moving gap and of small cycles about a bias."""
     offset = module.SETTINGS["sensors"]["current_offset_A"]
     paths = {"moving gap": [module.moving(name)], "small cycles": list(module.small_cycles(name))}
-    found = []
+    result_rows = []
     for what, truths in paths.items():
         missed = {}
         for law, model in models.items():
-            off = []
+            deviations = []
             for truth in truths:
                 modelled = model.predict(truth.current + offset, truth.gap, history="demagnetised").output
-                off.append((modelled - truth.force)[truth.counted])
-            missed[law] = Missed.of(off, largest)
+                deviations.append((modelled - truth.force)[truth.counted])
+            missed[law] = Missed.of(deviations, largest)
         ours, moving = missed[CHOSEN], what == "moving gap"
-        found.append(
+        result_rows.append(
             Row(
                 f"{name}, {what}: mean error",
                 "<= 1.25 times that at fixed gaps" if moving else f"<= {SMALL:g} % of F_max",
@@ -109,14 +109,14 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest:
                 ours.mean <= (1.25 * at_rest.mean if moving else SMALL),
             )
         )
-    return found
+    return result_rows
 
 
 def magnets() -> list[Row]:
     """Measure the bundled magnet with its own iron and with six others."""
     module = _irons()
     bundled = ROOT / "examples" / "electromagnet"
-    found = [_bundled(bundled)]
+    result_rows = [_bundled(bundled)]
     for name in module.tables():
         with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
             for file, text in module.files(name).items():
@@ -124,11 +124,11 @@ def magnets() -> list[Row]:
             loops = read_loops(Path(folder) / "loops.csv")
             truth = read_loops(Path(folder) / "unseen_truth.csv")
         models = {law: identify(loops, law=law).model for law in (PAPER, CHOSEN)}
-        found.append(_unseen_row(name, models, truth))
+        result_rows.append(_unseen_row(name, models, truth))
         largest = _largest(truth)
         at_rest = Missed.of(_at_unseen(models[CHOSEN], truth), largest)
-        found += _path_rows(module, name, models, at_rest, largest)
-    return found
+        result_rows += _path_rows(module, name, models, at_rest, largest)
+    return result_rows
 
 
 def _bundled(folder: Path) -> Row:
@@ -156,7 +156,7 @@ def _joint(loops: Loops, law: str, weights: str) -> list[float]:
     return [100.0 * row.rms / row.largest_output for row in fit.loops]
 
 
-def _left_out(loops: Loops, law: str) -> list[float]:
+def _withheld_rms(loops: Loops, law: str) -> list[float]:
     """Return the rms error of each withheld inner loop, % of its largest output."""
     ordered = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
     found = []
@@ -186,16 +186,16 @@ def materials(folder: Path) -> list[Row]:
         ),
     )
     found = []
-    for name, loops, weights, most in sets:
+    for name, loops, weights, target_percent in sets:
         joint = {law: _joint(loops, law, weights) for law in (PAPER, CHOSEN)}
-        apart = {law: _left_out(loops, law) for law in (PAPER, CHOSEN)}
+        withheld = {law: _withheld_rms(loops, law) for law in (PAPER, CHOSEN)}
         found.append(
             Row(
                 f"{name}: rms of one set",
-                f"<= {most:g} % of B_max",
-                f"{_listed(joint[CHOSEN])}; withheld inner loops {_listed(apart[CHOSEN])}; {PAPER} "
-                f"{_listed(joint[PAPER])}; withheld {_listed(apart[PAPER])}",
-                max(joint[CHOSEN]) <= most,
+                f"<= {target_percent:g} % of B_max",
+                f"{_listed(joint[CHOSEN])}; withheld inner loops {_listed(withheld[CHOSEN])}; {PAPER} "
+                f"{_listed(joint[PAPER])}; withheld {_listed(withheld[PAPER])}",
+                max(joint[CHOSEN]) <= target_percent,
             )
         )
     return [*found, _gadolinium(folder / "gadolinium_temperature")]
@@ -205,11 +205,11 @@ def _gadolinium(folder: Path) -> Row:
     loops = thin_loops(read_loops(sorted(folder.glob("gd_*.csv")), file_name="gd_T{T_C}C"), 300)
     missed = {}
     for law in (PAPER, CHOSEN):
-        off = []
+        deviations = []
         for value in loops.schedule_values[1:-1]:
             model = identify(loops.without(value), law=law, gap_map="free").model
-            off += _at_unseen(model, loops.at(value))
-        missed[law] = 1e3 * float(np.mean(np.abs(np.concatenate(off))))
+            deviations += _at_unseen(model, loops.at(value))
+        missed[law] = 1e3 * float(np.mean(np.abs(np.concatenate(deviations))))
     return Row(
         "gadolinium, withheld temperature: mean error",
         "<= 15 mT",

@@ -53,7 +53,7 @@ Figures = tuple[float, float]
 """Overshoot of the highest step, %, and rms force error on the triangle, N."""
 
 
-def judged(setup: BearingSetup, drift: Drift) -> Figures:
+def evaluate_controller(setup: BearingSetup, drift: Drift) -> Figures:
     """Evaluate one controller on one plant; mean over the noise seeds."""
     scenario, begin = plan_trajectory(setup, setup.rig.settings.trajectories[0])
     found = []
@@ -66,14 +66,16 @@ def judged(setup: BearingSetup, drift: Drift) -> Figures:
     return overshoot, force
 
 
-def recorded(setup: BearingSetup, drift: Drift) -> Recording:
+def record_steps(setup: BearingSetup, drift: Drift) -> Recording:
     """Lift a plant off and step it up and down."""
     return SimulatedLoop(setup, plant=drifted_plant(setup.rig, drift, 0)).run(
         plan_recorded_run(setup.rig, setup.controller)[0]
     )
 
 
-def tried(ready: BearingInputs, what: tuple[MethodName, Drift]) -> tuple[Calibration, Figures, Figures]:
+def calibrate_plant(
+    ready: BearingInputs, what: tuple[MethodName, Drift]
+) -> tuple[Calibration, Figures, Figures]:
     """Return the calibration of a plant, and its metrics before and after."""
     method, drift = what
     known, table = ready.identify_magnet(), ready.controller.settings
@@ -81,7 +83,7 @@ def tried(ready: BearingInputs, what: tuple[MethodName, Drift]) -> tuple[Calibra
     with tempfile.TemporaryDirectory() as folder:
         found = calibrate(
             ready.rig,
-            recorded(before, drift),
+            record_steps(before, drift),
             Path(folder) / "calibration.toml",
             magnet=known,
             methods=[method],
@@ -92,10 +94,10 @@ def tried(ready: BearingInputs, what: tuple[MethodName, Drift]) -> tuple[Calibra
             own = change_rig(own, {"control.calibration": "calibration.toml"})
             own = replace(own, path=Path(folder) / "rig.toml")
             after = make_setup(own, table, known, method, "fixed")
-    return found, judged(before, drift), judged(after, drift)
+    return found, evaluate_controller(before, drift), evaluate_controller(after, drift)
 
 
-def told(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
+def make_informed_setup(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
     """Return the controller that knows the drift of the plant of the table."""
     known = calibrate_magnet(ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning)
     table = ready.controller.settings
@@ -103,7 +105,9 @@ def told(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
     return replace(before, compensator=fitted)
 
 
-def of_table(found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures) -> Row:
+def make_table_row(
+    found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures
+) -> Row:
     """Return the row of one method for the plant of the table."""
     (method,) = found.file.method
     said = "; ".join(
@@ -120,7 +124,9 @@ def of_table(found: Calibration, nominal: Figures, before: Figures, after: Figur
     )
 
 
-def of_drawn(method: MethodName, nominal: Figures, forces: Sequence[tuple[float, float]]) -> Row:
+def make_random_plants_row(
+    method: MethodName, nominal: Figures, forces: Sequence[tuple[float, float]]
+) -> Row:
     """Return the row of one method for all random plants."""
     pairs = ", ".join(f"{before:.3g} -> {after:.3g}" for before, after in forces)
     return Row(
@@ -131,14 +137,14 @@ def of_drawn(method: MethodName, nominal: Figures, forces: Sequence[tuple[float,
     )
 
 
-def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
+def make_iron_row(ready: BearingInputs, name: str, drift: Drift) -> Row:
     """Return the row of another iron, with measured loops and an identified model."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     rig = change_rig(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
     known = identify_magnet(measure_loops(rig))
     changed = replace(ready, rig=rig, loops=known.loops, model=known.model)
-    found, before, after = tried(changed, ("full", drift))
+    found, before, after = calibrate_plant(changed, ("full", drift))
     (method,) = found.file.method
     return Row(
         f"bearing of {name}, {'drifted' if drift == TABLE else 'nominal'}: full, force error",
@@ -148,36 +154,39 @@ def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
     )
 
 
-def of_method(ready: BearingInputs, method: MethodName) -> Row:
+def make_method_row(ready: BearingInputs, method: MethodName) -> Row:
     """Return the row of one method for the plant of the table."""
     setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
-    found, before, after = tried(ready, (method, TABLE))
-    nominal, best = judged(setup, NO_DRIFT), judged(told(ready, setup), TABLE)
-    return of_table(found, nominal, before, after, best)
+    found, before, after = calibrate_plant(ready, (method, TABLE))
+    nominal, best = (
+        evaluate_controller(setup, NO_DRIFT),
+        evaluate_controller(make_informed_setup(ready, setup), TABLE),
+    )
+    return make_table_row(found, nominal, before, after, best)
 
 
-def made_ready() -> BearingInputs:
+def prepare_inputs() -> BearingInputs:
     """Return the example with a larger standard deviation of the gap zero than its file states."""
     rig, controller = read_files(RIG, None)
     ready = check_inputs(change_rig(rig, UNSURE), controller)
     return replace(ready, model=ready.identify_magnet().model)
 
 
-def asked() -> list[Row]:
+def measure_table_plant() -> list[Row]:
     """Calibrate every method on the plant of the table."""
-    return map_ordered(partial(of_method, made_ready()), METHODS)
+    return map_ordered(partial(make_method_row, prepare_inputs()), METHODS)
 
 
 def rows() -> list[Row]:
     """Calibrate every method on the plant of the table, on random plants and on other irons."""
-    ready = made_ready()
+    ready = prepare_inputs()
     drawn = [sample_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
     every = [(method, drift) for method in METHODS for drift in drawn]
-    outcomes = dict(zip(every, map_ordered(partial(tried, ready), every), strict=True))
+    outcomes = dict(zip(every, map_ordered(partial(calibrate_plant, ready), every), strict=True))
     lines = []
-    for method, line in zip(METHODS, map_ordered(partial(of_method, ready), METHODS), strict=True):
+    for method, line in zip(METHODS, map_ordered(partial(make_method_row, ready), METHODS), strict=True):
         setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
         both = [outcomes[method, drift][1:] for drift in drawn]
         forces = [(before[1], after[1]) for before, after in both]
-        lines += [line, of_drawn(method, judged(setup, NO_DRIFT), forces)]
-    return lines + [of_iron(ready, name, drift) for name in OTHERS for drift in (NO_DRIFT, TABLE)]
+        lines += [line, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
+    return lines + [make_iron_row(ready, name, drift) for name in OTHERS for drift in (NO_DRIFT, TABLE)]

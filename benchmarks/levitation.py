@@ -22,10 +22,10 @@ def rows() -> list[Row]:
             found = run_board(RIG, Path(place) / "run.json", QEMU)
         except InputError as error:
             return [Row("firmware of the bearing in QEMU", "", str(error), None)]
-    fallen = [
+    released = [
         outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed > SOFT
     ]
-    fastest = 1e3 * max(outcome.rest_speed for outcome in fallen)
+    fastest_released = 1e3 * max(outcome.rest_speed for outcome in released)
     landed = [
         outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed <= SOFT
     ]
@@ -42,8 +42,8 @@ def rows() -> list[Row]:
             "faults during levitation",
             "detected, no contact with the magnet",
             f"{len(landed)} of {len(found.outcomes)} landed with at most "
-            f"{1e3 * max(outcome.rest_speed for outcome in landed):.1f} mm/s, {len(fallen)} released, with "
-            f"at most {fastest:.0f} mm/s",
+            f"{1e3 * max(outcome.rest_speed for outcome in landed):.1f} mm/s, {len(released)} released, with "
+            f"at most {fastest_released:.0f} mm/s",
             all(outcome.is_as_expected and outcome.magnet_speed == 0.0 for outcome in found.outcomes),
         ),
     ]

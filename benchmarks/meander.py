@@ -79,46 +79,48 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
     free, n = file.body.free, round(path.along.duration / rig.dt)
     time, ahead = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
-    places, wide = path.at(time)[0], np.zeros((n + 1, len(free)))
-    wide[:, :2] = places
-    fed = np.zeros((n, len(free)))
-    fed[:, :2] = path.at(time[:n] + ahead)[1]
-    wrench = fed @ mass_matrix(file).T - weight_wrench(file)
-    late = path.along.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
-    frame = wide.copy()
-    frame[:, 0] += frame_stray_from(rig, late, time)
+    places, set_points = path.at(time)[0], np.zeros((n + 1, len(free)))
+    set_points[:, :2] = places
+    accelerations = np.zeros((n, len(free)))
+    accelerations[:, :2] = path.at(time[:n] + ahead)[1]
+    wrench = accelerations @ mass_matrix(file).T - weight_wrench(file)
+    delayed_stray = path.along.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
+    frame = set_points.copy()
+    frame[:, 0] += frame_stray_from(rig, delayed_stray, time)
     frame[:, 1] += frame_stray_from(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     loop = ClosedLoop(bearing, setup.make_controller(), current_controllers(rig))
-    off, flags = np.zeros((n, len(free))), 0
+    pose_errors, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)
-        part = Scenario(wide[begin:end], feed=wrench[begin:end], frame=frame[begin : end + 1])
+        part = Scenario(set_points[begin:end], feed=wrench[begin:end], frame=frame[begin : end + 1])
         run = loop.run(part)
         poses = np.column_stack([run[name] for name in axis_columns("pose", free)])
-        off[begin:end] = wide[begin:end] - poses - frame[begin:end]
+        pose_errors[begin:end] = set_points[begin:end] - poses - frame[begin:end]
         flags |= int(np.bitwise_or.reduce(run["flags"].astype(int)))
-    return off, flags
+    return pose_errors, flags
 
 
 def rows() -> list[Row]:
     """Return a row for each method."""
     rig = read_stage(RIG)
-    magnet, found = identify_stage_magnet(rig), []
+    magnet, result_rows = identify_stage_magnet(rig), []
     for method in METHODS:
-        off, flags = errors(make_stage(rig, magnet, method))
+        pose_errors, flags = errors(make_stage(rig, magnet, method))
         ticks = round(rig.settings.scan.slit_s / rig.dt)
-        whole = np.convolve(Path(rig).exposed(len(off)), np.ones(ticks), "valid") > ticks - 0.5
+        is_full_window = (
+            np.convolve(Path(rig).exposed(len(pose_errors)), np.ones(ticks), "valid") > ticks - 0.5
+        )
         slit = np.ones(ticks) / ticks
         means = np.column_stack(
-            [np.convolve(coordinate_errors, slit, "valid") for coordinate_errors in off.T]
+            [np.convolve(coordinate_errors, slit, "valid") for coordinate_errors in pose_errors.T]
         )
-        average = 1e9 * np.abs(means[whole]).max(axis=0)
-        peak = 1e9 * np.abs(off[round(0.05 / rig.dt) :]).max(axis=0)
+        average = 1e9 * np.abs(means[is_full_window]).max(axis=0)
+        peak = 1e9 * np.abs(pose_errors[round(0.05 / rig.dt) :]).max(axis=0)
         text = ", ".join(
             f"{axis} {p:.3g} / {m:.3g}"
             for axis, p, m in zip(rig.settings.body.free, peak, average, strict=True)
         )
-        what = f"meander, {FIELDS} fields, {len(off) * rig.dt:.0f} s, {method}: peak / average"
-        found.append(Row(what, "reported", f"{text} nm, nrad; flags {flags}", True))
-    return found
+        what = f"meander, {FIELDS} fields, {len(pose_errors) * rig.dt:.0f} s, {method}: peak / average"
+        result_rows.append(Row(what, "reported", f"{text} nm, nrad; flags {flags}", True))
+    return result_rows

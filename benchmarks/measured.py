@@ -58,19 +58,19 @@ def ferrite(folder: Path) -> list[Row]:
     records = make_fit_records(loops, "points")
     form = make_response_form(loops.input, loops.output, "effective-field")
     samples = sum(loop.n for loop in loops.loops)
-    spent, to_same, sums = [], [], []
+    seed_times, to_same, sums = [], [], []
     for seed in range(SEEDS):
         clock = _Clock()
         # A lambda, so that the patched method still receives its objective as first argument.
         with patch.object(Objective, "normal_equations", lambda *call, c=clock: c.watch(*call)):
             found = search_one_gap(form, records, seed, frozenset({"in_0", "out_0"}))
-        spent.append(time.process_time() - clock.began)
+        seed_times.append(time.process_time() - clock.began)
         to_same.append(clock.reached)
         sums.append(found.cost * records.output_span**2 * samples)
     baselines = [baseline.run(seed, folder=folder) for seed in range(SEEDS)]
-    theirs = [baseline.seconds_to_reach(result, SAME_ERROR) for result in baselines]
+    baseline_times = [baseline.seconds_to_reach(result, SAME_ERROR) for result in baselines]
     rms = 100.0 * np.sqrt(max(sums) / samples) / records.output_span
-    same = sum(square_sum <= min(sums) * 1.0001 for square_sum in sums)
+    same_count = sum(square_sum <= min(sums) * 1.0001 for square_sum in sums)
     return [
         Row(
             "MnZn ferrite, 4 loops: rms of one set, worst seed",
@@ -78,21 +78,26 @@ def ferrite(folder: Path) -> list[Row]:
             f"{rms:.3f} % (sum of squares {max(sums):.6f} T^2)",
             bool(rms <= 1.69),
         ),
-        Row("MnZn ferrite, same optimum", f"{SEEDS} of {SEEDS} seeds", f"{same} of {SEEDS}", same == SEEDS),
+        Row(
+            "MnZn ferrite, same optimum",
+            f"{SEEDS} of {SEEDS} seeds",
+            f"{same_count} of {SEEDS}",
+            same_count == SEEDS,
+        ),
         Row(
             "MnZn ferrite, processor time per seed",
             "<= 0.2 s",
-            f"median {1e3 * np.median(spent):.0f} ms, largest {1e3 * max(spent):.0f} ms",
-            max(spent) <= 0.2,
-            float(np.median(spent)),
+            f"median {1e3 * np.median(seed_times):.0f} ms, largest {1e3 * max(seed_times):.0f} ms",
+            max(seed_times) <= 0.2,
+            float(np.median(seed_times)),
         ),
         Row(
             f"MnZn ferrite, against differential evolution, to {SAME_ERROR} T^2",
             ">= 50 times faster",
-            f"{np.median(theirs) / np.median(to_same):.0f} times: median "
-            f"{1e3 * np.median(to_same):.1f} ms against {1e3 * np.median(theirs):.0f} ms "
-            f"(its best {1e3 * min(theirs):.0f} ms)",
-            bool(np.median(theirs) >= 50.0 * np.median(to_same)),
+            f"{np.median(baseline_times) / np.median(to_same):.0f} times: median "
+            f"{1e3 * np.median(to_same):.1f} ms against {1e3 * np.median(baseline_times):.0f} ms "
+            f"(its best {1e3 * min(baseline_times):.0f} ms)",
+            bool(np.median(baseline_times) >= 50.0 * np.median(to_same)),
         ),
     ]
 
@@ -125,8 +130,8 @@ def steel(folder: Path) -> Row:
 
 
 def _rmse(loops: Loops, fitted: tuple[Array, ...]) -> float:
-    off = np.concatenate([f - loop.output for f, loop in zip(fitted, loops.loops, strict=True)])
-    return float(np.sqrt(np.mean(off**2)))
+    residuals = np.concatenate([f - loop.output for f, loop in zip(fitted, loops.loops, strict=True)])
+    return float(np.sqrt(np.mean(residuals**2)))
 
 
 def gadolinium(folder: Path) -> list[Row]:
@@ -138,9 +143,9 @@ def gadolinium(folder: Path) -> list[Row]:
     loops = read_loops(paths, file_name="gd_T{T_C}C")
     parts, worse = [], 0
     for value in loops.schedule_values:
-        here = loops.at(value)
-        found = identify(here, law=LAW, weights="points")
-        ours = _rmse(here, found.fitted)
+        loops_at_value = loops.at(value)
+        found = identify(loops_at_value, law=LAW, weights="points")
+        ours = _rmse(loops_at_value, found.fitted)
         worse += ours > published[value]
         parts.append(f"{value:+.0f} C {1e3 * ours:.1f} ({1e3 * published[value]:.1f})")
     schedule = identify(thin_loops(loops, 300), law=LAW, gap_map="free").model
@@ -169,24 +174,24 @@ def ferrite_gaps(folder: Path) -> Row:
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
     loops = read_loops(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
-    parts, between = [], True
+    parts, is_ordered = [], True
     for value in loops.schedule_values:
         model = identify(loops.without(value), law=LAW, gap_map="reluctance").model
         (loop,) = loops.at(value).loops
-        off = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
-        parts.append(f"{1e3 * value:g} mm {100 * np.mean(np.abs(off)) / largest:.1f} %")
+        residuals = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
+        parts.append(f"{1e3 * value:g} mm {100 * np.mean(np.abs(residuals)) / largest:.1f} %")
         drive = np.linspace(-1.0, 1.0, 101) * float(np.max(np.abs(loop.input)))
         cycle = np.concatenate([drive, drive[::-1]])
         heights = [
             float(np.ptp(model.predict(cycle, gap, history="settled").output))
             for gap in loops.schedule_values
         ]
-        between &= heights == sorted(heights, reverse=True)
+        is_ordered &= heights == sorted(heights, reverse=True)
     return Row(
         "ferrite core, reluctance map: mean error at the withheld gap",
         "reported; loops between their neighbours",
-        ", ".join(parts) + f"; loops between their neighbours: {'yes' if between else 'no'}",
-        between,
+        ", ".join(parts) + f"; loops between their neighbours: {'yes' if is_ordered else 'no'}",
+        is_ordered,
     )
 
 

@@ -59,18 +59,20 @@ def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErr
     ends = min(gaps), max(gaps)
     top = max(float(loop.input.max()) for loop in loops.loops)
     drive = np.linspace(0.0, top, 100)
-    places = np.linspace(*ends, 5)[1:-1].tolist()
-    reach = {gap: REACHED * float(answer(drive, gap)[-1]) for gap in places}
+    test_gaps = np.linspace(*ends, 5)[1:-1].tolist()
+    reach = {gap: REACHED * float(answer(drive, gap)[-1]) for gap in test_gaps}
     largest = max(reach.values())
-    where = OperatingRange(places[1], 0.5 * largest, 20_000.0, ends, largest, top)
-    sources = Sources(where, loops, identify_magnet(loops).model)
-    found: dict[str, CycleErrors] = {}
+    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, ends, largest, top)
+    sources = Sources(operating_range, loops, identify_magnet(loops).model)
+    errors_by_method: dict[str, CycleErrors] = {}
     for method in METHODS:
-        made = make_compensator(method, sources, "fixed")
-        for gap in places:
-            errors = measure_cycle_errors(made.reset_copy(), answer, gap, reach[gap])
-            found[method] = found[method].join(errors) if method in found else errors
-    return largest, found
+        compensator = make_compensator(method, sources, "fixed")
+        for gap in test_gaps:
+            errors = measure_cycle_errors(compensator.reset_copy(), answer, gap, reach[gap])
+            errors_by_method[method] = (
+                errors_by_method[method].join(errors) if method in errors_by_method else errors
+            )
+    return largest, errors_by_method
 
 
 def main() -> None:

@@ -83,15 +83,19 @@ with connect(address, origin=origin, max_queue=1):  # never reads
 def rows() -> list[Row]:
     """Measure the levitated bundled bearing with an open page."""
     with tempfile.TemporaryDirectory() as place, served(Path(place)) as (session, page):
-        found = [drawn(session, page), delay(page), soak(session, SOAK_S, "page open")]
+        result_rows = [
+            measure_frame_rate(session, page),
+            measure_delay(page),
+            soak(session, SOAK_S, "page open"),
+        ]
         origin = page.url.rstrip("/")
         address = origin.replace("http", "ws") + "/live"
         with subprocess.Popen([sys.executable, "-c", ATTACK, address, origin]) as attacker:
             beside = "page open, one client floods, another never reads"
-            found.append(soak(session, FLOOD_S, beside))
+            result_rows.append(soak(session, FLOOD_S, beside))
             assert attacker.poll() is None
             attacker.kill()
-        return found
+        return result_rows
 
 
 @contextmanager
@@ -135,7 +139,7 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
         taken.close()
 
 
-def shares() -> dict[str, float]:
+def thread_times() -> dict[str, float]:
     """Return the processor time of each thread of this process, s."""
     found = {}
     for thread in threading.enumerate():
@@ -145,11 +149,11 @@ def shares() -> dict[str, float]:
     return found
 
 
-def drawn(session: LiveSession, page: Page) -> Row:
+def measure_frame_rate(session: LiveSession, page: Page) -> Row:
     """Plot many signals at the full rate; measure the frame rate and the processor load."""
-    before, began = shares(), time.perf_counter()
+    before, began = thread_times(), time.perf_counter()
     frames = page.evaluate(FRAMES, DRAWN_S)
-    took, after = time.perf_counter() - began, shares()
+    took, after = time.perf_counter() - began, thread_times()
     used = {name: (after[name] - before.get(name, 0.0)) / took for name in after}
     server = used["server"] + used["pages"]
     return Row(
@@ -161,7 +165,7 @@ def drawn(session: LiveSession, page: Page) -> Row:
     )
 
 
-def delay(page: Page) -> Row:
+def measure_delay(page: Page) -> Row:
     """Measure the time from a parameter change until the page shows the first tick that used it."""
     page.get_by_role("tab", name="4 parameters").click()
     took = []
@@ -183,20 +187,20 @@ def soak(session: LiveSession, seconds: float, beside: str) -> Row:
     began, first = time.monotonic(), session.bench.tick
     slips, worst = session.pacer.pacing().slip_count, 0.0
     sizes = []
-    while (passed := time.monotonic() - began) < seconds:
+    while (elapsed := time.monotonic() - began) < seconds:
         time.sleep(0.5)
         worst = max(worst, session.pacer.pacing().max_lateness)
-        if passed > 0.1 * seconds:  # buffers are full from here on
+        if elapsed > 0.1 * seconds:  # buffers are full from here on
             sizes.append(resident())
     pace = session.pacer.pacing()
     factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
-    grown = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
+    memory_growth = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
     return Row(
         f"levitates for {seconds:g} s, recorded, {beside}",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
         f"{factor:.4f} times, lateness {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} "
-        f"pacing slips; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
-        factor >= 0.999 and worst <= LATE_S and abs(grown) <= 0.05,
+        f"pacing slips; memory {100 * memory_growth:+.1f} % of {sizes[0]:.0f} MB",
+        factor >= 0.999 and worst <= LATE_S and abs(memory_growth) <= 0.05,
     )
 
 

@@ -46,7 +46,7 @@ FAST_HZ, FAST_M = 300.0, 2e-9
 """High crossover, Hz, and target of `full` there: moving average of the error in the cruise, m."""
 
 
-def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
+def make_iron_rows(iron: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron."""
     result_rows = []
     for what, name, factor, unit, reach in MEASURES:
@@ -59,7 +59,9 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
     return result_rows
 
 
-def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[float, float, float]:
+def measure_at_300_hz(
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName
+) -> tuple[float, float, float]:
     """Return the means over the seeds: moving average and peak along x, m; largest ry, rad."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
@@ -75,7 +77,11 @@ def at_300(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> tuple[
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the row of one iron at the high crossover."""
     found = dict(
-        zip(COMPARED_METHODS, map_ordered(partial(at_300, rig, magnet), COMPARED_METHODS), strict=True)
+        zip(
+            COMPARED_METHODS,
+            map_ordered(partial(measure_at_300_hz, rig, magnet), COMPARED_METHODS),
+            strict=True,
+        )
     )
     text = "; ".join(
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * turned:.3g} nrad"
@@ -85,7 +91,7 @@ def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     return Row(what, f"<= {1e9 * FAST_M:g} nm", text, found["full"][0] <= FAST_M)
 
 
-def lost_rows() -> list[Row]:
+def make_loss_rows() -> list[Row]:
     """Return the outcomes of layouts after the loss of each of their magnets."""
     result_rows = []
     for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
@@ -131,7 +137,7 @@ def rows() -> list[Row]:
     for name in NAMES:
         rig = with_iron(read_stage(RIG), families[name])
         magnet = identify_stage_magnet(rig, measure_loops(rig))
-        found += of_iron(name, explore_stage(rig, magnet))
+        found += make_iron_rows(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
         found.append(fast_row(name, fast, magnet))
-    return found + lost_rows() + head_rows()
+    return found + make_loss_rows() + head_rows()

@@ -58,11 +58,13 @@ Tried = dict[str, Any]
 
 def loops_rms(model: Model, loops: Loops) -> float:
     """Return the rms deviation from equally weighted loops, relative to the largest output."""
-    off = [
+    residuals = [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
         for loop in loops.loops
     ]
-    return float(np.sqrt(np.mean([np.mean(one * one) for one in off]))) / largest_output(loops)
+    return float(
+        np.sqrt(np.mean([np.mean(residuals * residuals) for residuals in residuals]))
+    ) / largest_output(loops)
 
 
 def deviation(model: Model, test: Test) -> FloatArray:
@@ -74,17 +76,19 @@ def deviation(model: Model, test: Test) -> FloatArray:
     return np.asarray((output - test.output)[test.counted])
 
 
-def measure(one: Draw) -> Tried:
+def measure(draw_to_measure: Draw) -> Tried:
     """Identify a draw with default settings; return the errors of its model on all test records."""
-    loops, drive = one.loops, one.true["drive"]
+    loops, drive = draw_to_measure.loops, draw_to_measure.true["drive"]
     found: Tried = {
-        "number": one.number,
-        "family": one.family,
+        "number": draw_to_measure.number,
+        "family": draw_to_measure.family,
         "start": drive["start"],
         "output": loops.output.name,
         "gaps": len(loops.schedule_values),
         "loops": len(loops),
-        "noise": 0.0 if one.true["sensors"]["noiseless"] else one.true["sensors"]["noise"],
+        "noise": 0.0
+        if draw_to_measure.true["sensors"]["noiseless"]
+        else draw_to_measure.true["sensors"]["noise"],
     }
     watch = Stopwatch()
     try:
@@ -94,7 +98,7 @@ def measure(one: Draw) -> Tried:
     found["seconds"] = watch.processor
     assert model.fit is not None
     assert model.uncertainty is not None
-    chosen = [one.law for one in model.fit.candidates if one.note == CHOSEN]
+    chosen = [candidate.law for candidate in model.fit.candidates if candidate.note == CHOSEN]
     found |= {
         "law": chosen[0] if chosen else model.law,
         "map": model.gap_map,
@@ -103,9 +107,9 @@ def measure(one: Draw) -> Tried:
     }
     span = largest_output(loops)
     for kind in KINDS:
-        off = [deviation(model, test) / span for test in one.tests if test.kind == kind]
-        if off:
-            every = np.concatenate(off)
+        residuals = [deviation(model, test) / span for test in draw_to_measure.tests if test.kind == kind]
+        if residuals:
+            every = np.concatenate(residuals)
             found[kind] = {
                 "mean": float(np.mean(np.abs(every))),
                 "worst": float(np.max(np.abs(every))),
@@ -119,8 +123,8 @@ def measure(one: Draw) -> Tried:
 def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
     """Return the deviation of the best known usable fit with at most `numbers` parameters."""
     fits = known["fits"].values() if known["through"] >= THROUGH else ()
-    able = [one["rms"] for one in fits if one and one["usable"] and one["numbers"] <= numbers]
-    return 0.01 * min(able) if able else None
+    usable_rms = [fit["rms"] for fit in fits if fit and fit["usable"] and fit["numbers"] <= numbers]
+    return 0.01 * min(usable_rms) if usable_rms else None
 
 
 def with_known(tried: Sequence[Tried]) -> list[Tried]:
@@ -128,23 +132,25 @@ def with_known(tried: Sequence[Tried]) -> list[Tried]:
 
     One ratio is to the fits with at most as many parameters, one to all fits.
     """
-    kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    known_fits = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
     found = []
-    for one in tried:
-        known = kept["draws"].get(str(one["number"]))
-        more = {}
-        for name, numbers in (("ratio", one.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
-            best = known_rms(known, numbers) if known and "rms" in one else None
+    for draw_result in tried:
+        known = known_fits["draws"].get(str(draw_result["number"]))
+        ratios = {}
+        for name, numbers in (("ratio", draw_result.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
+            best = known_rms(known, numbers) if known and "rms" in draw_result else None
             if best is not None:
-                more[name] = max(one["rms"], UNSEEN) / max(best, UNSEEN)
-        found.append(one | more)
+                ratios[name] = max(draw_result["rms"], UNSEEN) / max(best, UNSEEN)
+        found.append(draw_result | ratios)
     return found
 
 
 def _by_family(tried: Sequence[Tried], figure: Callable[[Sequence[Tried]], str]) -> str:
     """Return a metric of all draws and of each family, as text."""
-    groups = {name: [one for one in tried if one["family"] == name] for name in FAMILIES}
-    texts = [f"{name} {figure(some)}" for name, some in groups.items() if some]
+    groups = {
+        name: [draw_result for draw_result in tried if draw_result["family"] == name] for name in FAMILIES
+    }
+    texts = [f"{name} {figure(group)}" for name, group in groups.items() if group]
     return "; ".join([f"all {figure(tried)}", *texts])
 
 
@@ -153,66 +159,69 @@ def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str
 
 
 def _of_all(tried: Sequence[Tried]) -> str:
-    ratios = [one["ratio_of_all"] for one in tried if "ratio_of_all" in one]
+    ratios = [draw_result["ratio_of_all"] for draw_result in tried if "ratio_of_all" in draw_result]
     return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
 def _near(tried: Sequence[Tried]) -> str:
-    ratios = [one["ratio"] for one in tried if "ratio" in one]
+    ratios = [draw_result["ratio"] for draw_result in tried if "ratio" in draw_result]
     if not ratios:
         return "-"
-    share = float(np.mean([one <= REACH for one in ratios]))
+    share = float(np.mean([ratio <= REACH for ratio in ratios]))
     return f"{100.0 * share:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
 
 
 def _missed(kind: str) -> Callable[[Sequence[Tried]], str]:
     def figure(tried: Sequence[Tried]) -> str:
-        have = [one[kind] for one in tried if kind in one]
-        mean, worst = ([one[name] for one in have] for name in ("mean", "worst"))
+        have = [draw_result[kind] for draw_result in tried if kind in draw_result]
+        mean, worst = ([draw_result[name] for draw_result in have] for name in ("mean", "worst"))
         return f"{_median(mean, 100.0)}/{_median(worst, 100.0)} %"
 
     return figure
 
 
 def _moving(tried: Sequence[Tried]) -> str:
-    return _median([one["moving"]["mean"] / one["unseen"]["mean"] for one in tried
-                    if "moving" in one])  # fmt: skip
+    return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in tried
+                    if "moving" in draw_result])  # fmt: skip
 
 
 def _single(tried: Sequence[Tried]) -> str:
-    have = [one["other"]["rms"] / max(one["rms"], UNSEEN) for one in tried
-            if one["loops"] == 1 and "other" in one]  # fmt: skip
+    have = [draw_result["other"]["rms"] / max(draw_result["rms"], UNSEEN) for draw_result in tried
+            if draw_result["loops"] == 1 and "other" in draw_result]  # fmt: skip
     return f"{_median(have)}, worst {max(have):.3g} ({len(have)})" if have else "-"
 
 
 def _covered(kind: str) -> Callable[[Sequence[Tried]], str]:
     def figure(tried: Sequence[Tried]) -> str:
-        have = [one for one in tried if "promised" in one and kind in one]
-        inside = [one["promised"][0] <= one[kind]["mean"] <= one["promised"][1] for one in have]
+        have = [draw_result for draw_result in tried if "promised" in draw_result and kind in draw_result]
+        inside = [
+            draw_result["promised"][0] <= draw_result[kind]["mean"] <= draw_result["promised"][1]
+            for draw_result in have
+        ]
         return f"{100.0 * float(np.mean(inside)):.0f} % of {len(have)}" if have else "-"
 
     return figure
 
 
 def _spent(tried: Sequence[Tried]) -> str:
-    seconds = [one["seconds"] for one in tried]
+    seconds = [draw_result["seconds"] for draw_result in tried]
     return f"{_median(seconds)}/{max(seconds):.3g} s"
 
 
 def _share(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
-    return float(np.mean([figure(one) for one in tried])) if tried else 1.0
+    return float(np.mean([figure(draw_result) for draw_result in tried])) if tried else 1.0
 
 
 def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
     """Return the rows of some draws."""
     tried = with_known(tried)
-    ratios = [one for one in tried if "ratio" in one]
-    refused = [one for one in tried if "refused" in one]
-    promised = [one for one in tried if "promised" in one and "same" in one]
+    ratios = [draw_result for draw_result in tried if "ratio" in draw_result]
+    refused = [draw_result for draw_result in tried if "refused" in draw_result]
+    promised = [draw_result for draw_result in tried if "promised" in draw_result and "same" in draw_result]
 
-    def holds(one: Tried) -> bool:
-        low, high = one["promised"]
-        return bool(low <= one["same"]["mean"] <= high)
+    def holds(draw_result: Tried) -> bool:
+        low, high = draw_result["promised"]
+        return bool(low <= draw_result["same"]["mean"] <= high)
 
     table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
         (
@@ -238,7 +247,7 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
         Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
         for what, reach, figure, met in table
     ]
-    spent = sum(one["seconds"] for one in tried)
+    spent = sum(draw_result["seconds"] for draw_result in tried)
     return [
         *rows,
         Row(f"search, {half}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
@@ -251,8 +260,8 @@ def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
     """Try some draws; draws that may be shown are written to a file after each one."""
     tried: list[Tried] = []
     for place, number in enumerate(numbers, start=1):
-        one = measure(draw(number))
-        tried.append(one)
+        result = measure(draw(number))
+        tried.append(result)
         print(f"search: {place} of {len(numbers)}", file=sys.stderr, flush=True)
         if shown:
             FOUND.parent.mkdir(exist_ok=True)

@@ -85,7 +85,7 @@ def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
 def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
     """Return the rows of one solenoid for each law: at rest and moving."""
     own = summaries[CHOSEN]
-    found = []
+    result_rows = []
     for title, stages, most in (
         ("at rest", ("end", "end_demagnetised", "positions"), REST),
         ("armature moving", ("moving",), MOVING),
@@ -93,7 +93,7 @@ def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
         worst = max(own[stage]["full"]["worst_percent"] for stage in stages)
         part = max(own[stage]["full"]["of_single"] for stage in stages)
         told = "; ".join(f"{stage}: {by_law(summaries, stage)}" for stage in stages)
-        found.append(
+        result_rows.append(
             Row(
                 f"force control, {what}, {title}: worst force error of full",
                 f"<= {most:g} % of F_max and {PART:g} times the best single-valued",
@@ -101,7 +101,7 @@ def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
                 worst <= most and part <= PART,
             )
         )
-    return found
+    return result_rows
 
 
 def measure(name: str) -> list[Row]:

@@ -78,22 +78,23 @@ def judge(number: int) -> Judged:
     assert speeds is not None
     began = time.process_time()
     model = identify(loops).model
-    seconds = time.process_time() - began
-    still = identify(speeds.slow).model
+    identify_seconds = time.process_time() - began
+    static_model = identify(speeds.slow).model
     largest = max(float(np.max(loop.output)) for loop in loops.loops)
-    between = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
-    records = {f"{rate:g} Hz": magnet.cycle(rate, between) for rate in (1.0, 20.0, 100.0)}
+    middle_gap = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
+    records = {f"{rate:g} Hz": magnet.cycle(rate, middle_gap) for rate in (1.0, 20.0, 100.0)}
     records["random"] = magnet.random((magnet.gaps[0], magnet.gaps[-1]))
     at_rest, layers = (
-        {name: _missed(one, loop, largest) for name, loop in records.items()} for one in (still, model)
+        {name: _missed(candidate_model, loop, largest) for name, loop in records.items()}
+        for candidate_model in (static_model, model)
     )
     assert model.fit is not None
-    assert still.fit is not None
-    with_layers = [one.rms for one in model.fit.loops if one.label.startswith(f"{SPEEDS[0]:g} ")]
-    slow = float(np.sqrt(np.mean(np.square(with_layers))) / still.fit.rms)
+    assert static_model.fit is not None
+    with_layers = [loop.rms for loop in model.fit.loops if loop.label.startswith(f"{SPEEDS[0]:g} ")]
+    slow = float(np.sqrt(np.mean(np.square(with_layers))) / static_model.fit.rms)
     chosen = f"{model.law}, {model.gap_map}, layers {model.layers}"
-    force = open_loop(magnet, model, between), open_loop(magnet, model.at_rest, between)
-    return Judged(number, at_rest, layers, slow, seconds, chosen, force)
+    force = open_loop(magnet, model, middle_gap), open_loop(magnet, model.at_rest, middle_gap)
+    return Judged(number, at_rest, layers, slow, identify_seconds, chosen, force)
 
 
 def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = "f32") -> float:
@@ -103,22 +104,22 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
     """
     model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS), 0)
-    reached = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
+    static_force = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
     ticks = round(TICKS / SPEEDS[-1])
     place = np.arange(CYCLES * ticks) / ticks
     part = BAND[0] + (BAND[1] - BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
-    demand = reached * part * np.minimum(2.0 * place, 1.0)
+    demand = static_force * part * np.minimum(2.0 * place, 1.0)
     current = make_twin(plan.block, io).run(demand, np.full(demand.size, gap))
     force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS)
-    off = np.abs(force - demand)[-ticks:]
-    return 100.0 * float(off.max()) / plan.reference_output
+    errors = np.abs(force - demand)[-ticks:]
+    return 100.0 * float(errors.max()) / plan.reference_output
 
 
 def _missed(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
     history = "demagnetised" if loop.label == "random" else "settled"
-    made = model.predict(loop.input, loop.schedule, loop.time, history).output
-    off = 100.0 * np.abs(made - loop.output) / largest
-    return float(off.mean()), float(off.max())
+    predicted = model.predict(loop.input, loop.schedule, loop.time, history).output
+    errors_percent = 100.0 * np.abs(predicted - loop.output) / largest
+    return float(errors_percent.mean()), float(errors_percent.max())
 
 
 def on_stage(iron: str) -> dict[MethodName, Measures]:
@@ -137,7 +138,9 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
     )
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     scan, found = rig.settings.scan, {}
-    train, test = (scan_motion(scan, one) for one in (scan.train_m_per_s2, scan.test_m_per_s2))
+    train, test = (
+        scan_motion(scan, accelerations) for accelerations in (scan.train_m_per_s2, scan.test_m_per_s2)
+    )
     for name in STAGE:
         setup = make_stage(rig, magnet, name)
         found[name] = measure(track(setup, test, find_gains(setup, train), 1), test, scan.slit_s)
@@ -154,14 +157,14 @@ def stage_rows() -> list[Row]:
             ("peak", "peak_m", 1e9, "nm"),
             ("force, rms", "force_rms_N", 1.0, "N"),
         ):
-            value = {method: factor * getattr(one, name) for method, one in found.items()}
+            value = {method: factor * getattr(measures, name) for method, measures in found.items()}
             share = value["full"] / value["at-rest"]
-            told = ", ".join(f"{method} {one:.3g}" for method, one in value.items())
+            values_text = ", ".join(f"{method} {metric_value:.3g}" for method, metric_value in value.items())
             rows.append(
                 Row(
                     f"stage on solid iron, {iron}: {what}",
                     "<= 1/3 times at-rest",
-                    f"{share:.2g}; {told} {unit}",
+                    f"{share:.2g}; {values_text} {unit}",
                     share <= 1.0 / 3.0,
                 )
             )
@@ -193,7 +196,7 @@ def bearing_rows() -> list[Row]:
     for depth, path in BEARING_SOLID:
         found = on_bearing(depth, path)
         force = {name: cell.interval("force_error_rms_N").mean for name, cell in found.items()}
-        told = "; ".join(
+        values_text = "; ".join(
             f"{name} {force[name]:.3g} N, {cell.interval('overshoot_percent').mean:.2g} %, "
             f"{1e9 * cell.interval('standstill_rms_m').mean:.3g} nm"
             for name, cell in found.items()
@@ -203,7 +206,7 @@ def bearing_rows() -> list[Row]:
                 f"bearing, {1e3 * depth:g} mm deep, {1e3 * path:g} mm solid path, one step: "
                 "rms force error; overshoot; standstill (nan: levitation lost)",
                 "force error <= 0.8 times at-rest",
-                told,
+                values_text,
                 force["full"] <= 0.8 * force["at-rest"],
             )
         )
@@ -215,31 +218,33 @@ def rows() -> list[Row]:
     judged = [judge(number) for number in range(COUNT)]
     lines = []
     for title, odd in (("looked at", 0), ("not looked at", 1)):
-        half = [one for one in judged if one.number % 2 == odd]
+        half = [result for result in judged if result.number % 2 == odd]
         for name, (mean, worst) in REACH.items():
             lines.append(
                 Row(
                     f"solid iron, {name}, magnets {title}: mean / worst, % of F_max",
                     f"<= {mean:g} / {worst:g}",
                     "; ".join(
-                        f"{one.layers[name][0]:.2f} / {one.layers[name][1]:.2f} "
-                        f"(at rest {one.at_rest[name][0]:.2f} / {one.at_rest[name][1]:.2f}"
-                        f"{', rings' if one.number >= RINGS_FROM else ''})"
-                        for one in half
+                        f"{result.layers[name][0]:.2f} / {result.layers[name][1]:.2f} "
+                        f"(at rest {result.at_rest[name][0]:.2f} / {result.at_rest[name][1]:.2f}"
+                        f"{', rings' if result.number >= RINGS_FROM else ''})"
+                        for result in half
                     ),
-                    all(one.layers[name][0] <= mean and one.layers[name][1] <= worst for one in half),
+                    all(
+                        result.layers[name][0] <= mean and result.layers[name][1] <= worst for result in half
+                    ),
                 )
             )
         lines.append(
             Row(
                 f"slow loops, ratio of rms errors with layers / static, magnets {title}",
                 "<= 1.2",
-                "; ".join(f"{one.slow:.2f} ({one.chosen})" for one in half),
-                all(one.slow <= 1.2 for one in half),
+                "; ".join(f"{result.slow:.2f} ({result.chosen})" for result in half),
+                all(result.slow <= 1.2 for result in half),
             )
         )
     for title, odd in (("looked at", 0), ("not looked at", 1)):
-        pairs = [one.force for one in judged if one.number % 2 == odd]
+        pairs = [result.force for result in judged if result.number % 2 == odd]
         lines.append(
             Row(
                 f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
@@ -248,8 +253,8 @@ def rows() -> list[Row]:
                 all(late <= 0.2 * still for late, still in pairs),
             )
         )
-    most = max(one.seconds for one in judged)
-    told = f"median {np.median([one.seconds for one in judged]):.1f} s, worst {most:.1f} s"
+    most = max(result.seconds for result in judged)
+    told = f"median {np.median([result.seconds for result in judged]):.1f} s, worst {most:.1f} s"
     lines.append(Row("identify, nine records", "<= 10 s", told, most <= 10.0, most))
     return lines + stage_rows() + bearing_rows()
 

@@ -74,20 +74,20 @@ class SolidMagnet:
 
     def cycle(self, rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Loop:
         """Return the last of several triangles between fractions of `top`, without noise."""
-        one = self.top * (low + (high - low) * _triangle(SAMPLES))
-        current = np.tile(one, CYCLES)
+        current_cycle = self.top * (low + (high - low) * _triangle(SAMPLES))
+        current = np.tile(current_cycle, CYCLES)
         time = np.arange(current.size) / (SAMPLES * rate)
         force = self.run(current, np.full(current.size, gap), time)
         label = f"{rate:g} Hz, {low:g} to {high:g}"
-        return Loop(label, one, force[-SAMPLES:], np.full(SAMPLES, gap), time[:SAMPLES])
+        return Loop(label, current_cycle, force[-SAMPLES:], np.full(SAMPLES, gap), time[:SAMPLES])
 
     def measured(self) -> Loops:
         """Return the loops for identification: a full triangle at each rate and gap, with noise."""
         rng = np.random.default_rng([SEED, self.number, 1])
-        plain = [self.cycle(rate, gap) for gap in self.gaps for rate in SPEEDS]
-        span = max(float(np.max(loop.output)) for loop in plain)
+        noise_free_loops = [self.cycle(rate, gap) for gap in self.gaps for rate in SPEEDS]
+        span = max(float(np.max(loop.output)) for loop in noise_free_loops)
         loops = []
-        for loop in plain:
+        for loop in noise_free_loops:
             noise = rng.normal(size=(2, loop.n))
             loops.append(
                 Loop(

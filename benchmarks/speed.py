@@ -45,18 +45,18 @@ def scalar() -> Row:
     r, omega = _drive(n), np.full(n, OMEGA)
     law = Operator(KAPPA, REVERSIBILITY)
     state = demagnetised()
-    spent = best_ns(lambda: law.run(omega, r, state), n)
+    step_time = best_ns(lambda: law.run(omega, r, state), n)
     arguments = np.linspace(-4.0, 4.0, n)
-    one = best_ns(lambda: langevin(arguments), n)
+    langevin_time = best_ns(lambda: langevin(arguments), n)
     # A step evaluates a start and three to four iterates: 4 Langevin functions, 3 exponentials.
     exponential = best_ns(lambda: np.exp(-np.abs(arguments)), n)
-    alone = 4.0 * one + 3.0 * exponential
+    functions_time = 4.0 * langevin_time + 3.0 * exponential
     return Row(
         "forward step, implicit, scalar f64",
         "<= 150 ns",
-        f"{spent:.0f} ns; its 4 Langevin functions and 3 exponentials alone {alone:.0f} ns",
-        spent <= 150.0,
-        1e-9 * spent,
+        f"{step_time:.0f} ns; its 4 Langevin functions and 3 exponentials alone {functions_time:.0f} ns",
+        step_time <= 150.0,
+        1e-9 * step_time,
     )
 
 
@@ -65,19 +65,19 @@ def cells() -> list[Row]:
     n = 200_000
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
     iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
-    other = Iron(4.3e5, 30.0, 25.0, 0.1, 0.0)
+    jiles_atherton = Iron(4.3e5, 30.0, 25.0, 0.1, 0.0)
     drive, zero = 1500.0 * _drive(n), np.zeros(n)
     rho = np.full(n, 0.01)
 
-    def both(one: AnyIron, states: int) -> tuple[float, float]:
+    def both(law: AnyIron, states: int) -> tuple[float, float]:
         start = np.zeros(states)
-        flux = one.forward(drive, rho, zero, start)[0]
+        flux = law.forward(drive, rho, zero, start)[0]
         return (
-            best_ns(lambda: one.forward(drive, rho, zero, start), n),
-            best_ns(lambda: one.inverse(flux, rho, zero, start), n),
+            best_ns(lambda: law.forward(drive, rho, zero, start), n),
+            best_ns(lambda: law.inverse(flux, rho, zero, start), n),
         )
 
-    spent, beside = both(iron, 13), both(other, 3)
+    play_cell_times, jiles_atherton_times = both(iron, 13), both(jiles_atherton, 3)
     return [
         Row(
             f"{way} step of play cells, scalar f64",
@@ -86,13 +86,15 @@ def cells() -> list[Row]:
             found <= 45.0,
             1e-9 * found,
         )
-        for way, found, slow in zip(("forward", "inverse"), spent, beside, strict=True)
+        for way, found, slow in zip(
+            ("forward", "inverse"), play_cell_times, jiles_atherton_times, strict=True
+        )
     ]
 
 
 def batched(level: str) -> list[Row]:
     """Measure a step of a batch per parameter set and sample; only the best level has a target."""
-    judged = level == batch_levels()[-1]
+    has_target = level == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
     rng = np.random.default_rng(0)
     kappa, c = rng.uniform(0.3, 3.0, sets), rng.uniform(0.05, 0.6, sets)
@@ -107,17 +109,19 @@ def batched(level: str) -> list[Row]:
             batch(*columns, implicit=implicit, keep=False, level=level)
 
     arguments = np.linspace(0.0, 4.0, 2048)
-    one = best_ns(lambda: [batch_functions(arguments, level) for _ in range(100)], 100 * arguments.size)
+    function_time = best_ns(
+        lambda: [batch_functions(arguments, level) for _ in range(100)], 100 * arguments.size
+    )
     rows = []
     for name, implicit, reach, visits in (("implicit", True, 10.0, 3.0), ("explicit", False, 2.0, 1.0)):
-        spent = best_ns(lambda: follow(implicit), 10 * sets * n)  # noqa: B023
+        step_time = best_ns(lambda: follow(implicit), 10 * sets * n)  # noqa: B023
         rows.append(
             Row(
                 f"forward step, {name}, batched, {level}",
-                f"<= {reach:g} ns" if judged else "reported",
-                f"{spent:.2f} ns per set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
-                spent <= reach if judged else None,
-                1e-9 * spent,
+                f"<= {reach:g} ns" if has_target else "reported",
+                f"{step_time:.2f} ns per set; {visits:.0f} Langevin and exp alone {visits * function_time:.2f} ns",
+                step_time <= reach if has_target else None,
+                1e-9 * step_time,
             )
         )
     return rows

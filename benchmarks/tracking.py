@@ -58,7 +58,7 @@ def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
         yield name, families[name]
 
 
-def said(study: TrackingStudy, name: str, factor: float) -> str:
+def format_metric(study: TrackingStudy, name: str, factor: float) -> str:
     """Format a metric of all variants with its confidence interval."""
     parts = []
     for variant in VARIANTS:
@@ -67,42 +67,42 @@ def said(study: TrackingStudy, name: str, factor: float) -> str:
     return ", ".join(parts)
 
 
-def ratio(study: TrackingStudy, name: str, baseline: MethodName = "single-valued") -> float:
+def metric_ratio(study: TrackingStudy, name: str, baseline: MethodName = "single-valued") -> float:
     """Return the ratio of the mean metric of the compensator to that of a baseline."""
     return study.variants["full"].interval(name).mean / study.variants[baseline].interval(name).mean
 
 
-def of_iron(title: str, study: TrackingStudy) -> list[Row]:
+def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron at the low crossover."""
-    found = []
+    result_rows = []
     for what, name, factor, unit, reach in (
         ("peak", "peak_m", 1e9, "nm", 0.4),
         ("moving average", "average_m", 1e9, "nm", 0.2),
         ("settling to 50 nm", "settling_50_s", 1e3, "ms", 0.4),
     ):
-        share = ratio(study, name)
-        text = f"{share:.3g}; {said(study, name, factor)} {unit}"
+        share = metric_ratio(study, name)
+        text = f"{share:.3g}; {format_metric(study, name, factor)} {unit}"
         row = Row(f"tracking, {title}: {what}", f"<= {reach:g} times single-valued", text, share <= reach)
-        found.append(row)
+        result_rows.append(row)
     own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
-    found.append(
+    result_rows.append(
         Row(
             f"tracking, {title}: peak, ratio to the map with one play",
             "<= 1, with interval",
-            f"{own.mean / play.mean:.3g}; moving average {ratio(study, 'average_m', 'play'):.3g}",
+            f"{own.mean / play.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
             own.mean - own.half_width <= play.mean + play.half_width,
         )
     )
-    return found
+    return result_rows
 
 
-def fast(title: str, study: TrackingStudy) -> Row:
+def make_high_crossover_row(title: str, study: TrackingStudy) -> Row:
     """Return the row of one iron at the high crossover."""
-    share = ratio(study, "settling_10_s")
+    share = metric_ratio(study, "settling_10_s")
     return Row(
         f"tracking at 300 Hz, {title}: settling to 10 nm",
         "<= 0.5 times single-valued",
-        f"{share:.3g}; {said(study, 'settling_10_s', 1e3)} ms; peak {said(study, 'peak_m', 1e9)} nm",
+        f"{share:.3g}; {format_metric(study, 'settling_10_s', 1e3)} ms; peak {format_metric(study, 'peak_m', 1e9)} nm",
         share <= 0.5,
     )
 
@@ -159,16 +159,18 @@ def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> lis
 def rows() -> list[Row]:
     """Return the rows of all irons at 130 Hz, three at 300 Hz, formats and learning control."""
     rig = read_stage(RIG)
-    found: list[Row] = []
+    result_rows: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
         magnet = identify_stage_magnet(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
-        found += of_iron(title, study)
+        result_rows += make_iron_rows(title, study)
         if title == CREEPS:
-            found += of_iron(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
+            result_rows += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
-            found.append(fast(title, explore_stage(with_iron(rig, iron, 300.0), magnet)))
+            result_rows.append(
+                make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet))
+            )
         if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get("reversible_fraction"):
-            found += [*formats(slow, magnet, study), *learning(study)]
-    return found
+            result_rows += [*formats(slow, magnet, study), *learning(study)]
+    return result_rows

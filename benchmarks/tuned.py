@@ -35,28 +35,28 @@ def tune(iron: Iron, variant: MethodName) -> BearingFigures:
 def rows() -> list[Row]:
     """Return the metrics of ``full`` after tuning for each iron, and the computing times."""
     rig, controller = read()
-    found = []
-    longest, took, seconds = 0.0, "", 0.0
+    result_rows = []
+    longest_wall, time_text, seconds = 0.0, "", 0.0
     for fraction in IRONS:
         iron = make_iron(rig, controller, fraction)
         watch = Stopwatch()
-        reached = tune(iron, "full")
-        if watch.wall > longest:
-            longest, took, seconds = watch.wall, str(watch), watch.processor
-        found.append(
+        tuned_metrics = tune(iron, "full")
+        if watch.wall > longest_wall:
+            longest_wall, time_text, seconds = watch.wall, str(watch), watch.processor
+        result_rows.append(
             Row(
                 f"bearing, full tuned separately, iron {iron.title}",
                 "overshoot <= 2 % at every height, settling <= 6 ms, peak sensitivity <= 3",
-                f"{reached.overshoot_percent:.2f} %, {1e3 * reached.settling_time_s:.2f} ms, "
-                f"{reached.peak_sensitivity:.2f}; worst of 3 gaps, 2 loads, 4 heights",
-                not AIMS.missed_by(reached) and reached.settling_time_s <= SETTLING_S,
+                f"{tuned_metrics.overshoot_percent:.2f} %, {1e3 * tuned_metrics.settling_time_s:.2f} ms, "
+                f"{tuned_metrics.peak_sensitivity:.2f}; worst of 3 gaps, 2 loads, 4 heights",
+                not AIMS.missed_by(tuned_metrics) and tuned_metrics.settling_time_s <= SETTLING_S,
             )
         )
-    found.append(Row("tuning one variant", "<= 60 s wall", took, longest <= 60.0, seconds))
+    result_rows.append(Row("tuning one variant", "<= 60 s wall", time_text, longest_wall <= 60.0, seconds))
     watch = Stopwatch()
     with tempfile.TemporaryDirectory() as folder:
         monte_carlo(bearing_plants(rig, controller, ("full",)), Path(folder) / "plants.jsonl", PLANTS)
-    found.append(
+    result_rows.append(
         Row(
             f"Monte Carlo of {PLANTS} drifted plants",
             "<= 180 s wall",
@@ -65,7 +65,7 @@ def rows() -> list[Row]:
             watch.processor,
         )
     )
-    return found
+    return result_rows
 
 
 def main() -> None:

@@ -44,7 +44,7 @@ class _Held(Objective):
         return self
 
 
-def _seen(local: ParameterSet, span: float) -> tuple[float, float]:
+def _axis_quantities(local: ParameterSet, span: float) -> tuple[float, float]:
     """Return the quantities of both axes: pinning / width, and width / range of the drive."""
     return local.law[2], local.scale / span
 
@@ -55,29 +55,29 @@ def main(path: Path) -> None:
     form = make_response_form(loops.input, loops.output, "effective-field")
     form = replace(form, law=LAW_BY_SHAPE["tanh"], cells=CellKernel("tanh", 1))
     space = CoordinateSpace("leakage", records.thinned(40), form, frozenset({"in_0", "out_0"}))
-    drawn = [
+    starting_sets = [
         scale_to_loops(space, one) for one in sample_cell_starts(CellKernel("tanh", 1), _STARTS, 1, True)
     ]
-    starts = [space.pack(sets) for sets in drawn if has_valid_scales(sets)]
+    starts = [space.pack(sets) for sets in starting_sets if has_valid_scales(sets)]
     ends = [descend_from(space, theta, 1e-3, _SHORT) for theta in starts]
     final = [descend_from(space, end.theta, 1e-6, _LONG) for end in ends]
     best = min(final, key=lambda one: one.cost)
 
     names = [space.names.index(name) for name in ("pinning_1", "scale")]
     span = records.input_span
-    all_seen = [_seen(one.parameter_sets[0], span) for one in (*final, best)]
-    middle = np.log(_seen(best.parameter_sets[0], span))
-    reach = np.maximum(np.abs(np.log(all_seen) - middle).max(axis=0), np.log(8.0))
+    axis_points = [_axis_quantities(fit.parameter_sets[0], span) for fit in (*final, best)]
+    middle = np.log(_axis_quantities(best.parameter_sets[0], span))
+    reach = np.maximum(np.abs(np.log(axis_points) - middle).max(axis=0), np.log(8.0))
     x, y = (np.linspace(m - r, m + r, _GRID) for m, r in zip(middle, np.minimum(reach, 3.0), strict=True))
     cost = np.empty((_GRID, _GRID))
     theta: FloatArray
     for i, width in enumerate(y):
-        for j, pinned in enumerate(x):
+        for j, pinning in enumerate(x):
             theta = best.theta.copy()
-            theta[names[0]] = pinned
+            theta[names[0]] = pinning
             theta[names[1]] += width - middle[1]
-            held = _Held(space).pull_to(names, theta[names].tolist())
-            cost[i, j] = descend(held, theta, 1e-4, 12)[1]
+            fixed_objective = _Held(space).pull_to(names, theta[names].tolist())
+            cost[i, j] = descend(fixed_objective, theta, 1e-4, 12)[1]
     figure, axes = plt.subplots(figsize=(7.0, 4.6), layout="constrained")
     percent = 100.0 * np.sqrt(np.minimum(cost, 1.0))
     levels = np.geomspace(percent.min() * 1.001, 20.0, 24)
@@ -86,17 +86,17 @@ def main(path: Path) -> None:
     )
     figure.colorbar(drawn_map, ax=axes, label="deviation, rms, % of the largest force", format="%.2g")
     for start, end in zip(starts, final, strict=True):
-        a = _seen(space.unpack(start)[0][0], span)
-        b = _seen(end.parameter_sets[0], span)
-        good = end.cost < 1.05 * best.cost
-        axes.plot(*zip(a, b, strict=True), color="white" if good else "tab:red", lw=0.5, alpha=0.7)
-        axes.plot(*a, "o", mfc="none", mec="white" if good else "tab:red", ms=4)
-        axes.plot(*b, "o", color="white" if good else "tab:red", ms=4)
+        a = _axis_quantities(space.unpack(start)[0][0], span)
+        b = _axis_quantities(end.parameter_sets[0], span)
+        is_near_best = end.cost < 1.05 * best.cost
+        axes.plot(*zip(a, b, strict=True), color="white" if is_near_best else "tab:red", lw=0.5, alpha=0.7)
+        axes.plot(*a, "o", mfc="none", mec="white" if is_near_best else "tab:red", ms=4)
+        axes.plot(*b, "o", color="white" if is_near_best else "tab:red", ms=4)
     axes.set(xscale="log", yscale="log", xlim=np.exp(x[[0, -1]]), ylim=np.exp(y[[0, -1]]),
              xlabel="pinning over width of the curve, $k_1/a_1$",
              ylabel="drive for one width, parts of the largest")  # fmt: skip
     figure.savefig(path, dpi=110)
-    reached = sum(one.cost < 1.05 * best.cost for one in final)
+    reached = sum(fit.cost < 1.05 * best.cost for fit in final)
     print(f"{reached} of {len(starts)} starts end within 5 % of the least cost")
 
 

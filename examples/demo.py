@@ -277,8 +277,8 @@ def bearing(out: Path) -> Piece:
     write_table(
         out / "table.txt",
         f"overshoot, % of the step; {len(seeds)} noise seeds",
-        [f"{1e6 * one.height:g} um" for one in steps],
-        {name: [interval_text(one.figure("overshoot_percent")[name]) for one in steps] for name in setups},
+        [f"{1e6 * cell.height:g} um" for cell in steps],
+        {name: [interval_text(cell.figure("overshoot_percent")[name]) for cell in steps] for name in setups},
     )
     line = Line.of(
         f"bearing, {1e6 * last.height:g} um, overshoot",
@@ -318,7 +318,7 @@ class Tracked:
 
     def of(self, name: str) -> Interval:
         """Return the mean of a metric over the seeds, with its interval."""
-        return mean_interval([getattr(one, name) for one in self.measures])
+        return mean_interval([getattr(measures, name) for measures in self.measures])
 
 
 def follow(setup: StageSetup) -> Tracked:
@@ -344,14 +344,14 @@ def stage(out: Path) -> Piece:
         f"error on the test set-point; {rig.settings.noise_seeds} noise seeds",
         list(columns),
         {
-            name: [interval_text(one.of(key), factor=by) for key, by in columns.values()]
-            for name, one in found.items()
+            name: [interval_text(measures.of(key), factor=by) for key, by in columns.values()]
+            for name, measures in found.items()
         },
     )
     own = 1e9 * found["full"].of("peak_m").mean
     lines = [
-        Line.of("stage, peak error", own, 1e9 * one.of("peak_m").mean, BASELINE[name], "nm", 0)
-        for name, one in found.items()
+        Line.of("stage, peak error", own, 1e9 * measures.of("peak_m").mean, BASELINE[name], "nm", 0)
+        for name, measures in found.items()
         if name != "full"
     ]
 
