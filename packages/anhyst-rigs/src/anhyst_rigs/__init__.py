@@ -1,7 +1,7 @@
-"""Virtual and real test rigs for actuators with hysteresis: simulate, tune, calibrate, operate.
+"""Simulate, tune, calibrate and operate test rigs of actuators with hysteresis.
 
-Every verb of the command line is a function with the same names and defaults, and the nouns are what
-they give; each is imported once it is used::
+Every command is a function with the same names and defaults. The classes are the types of the
+results. Each name is imported when it is first used::
 
     import anhyst_rigs
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from anhyst.support.lazy import lazy_names
 
-if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
+if TYPE_CHECKING:  # for type checkers and editors; other commands work too, but without types
     __version__: str
 
     from anhyst_rigs.draft.drafting import Drafted as Drafted
@@ -43,7 +43,7 @@ if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no ty
     from anhyst_rigs.verbs.watch import watch as watch
     from anhyst_rigs.verbs.xcp import xcp as xcp
 
-_PLACES = {
+_MODULES_BY_NAME = {
     "Benefit": "study.benefit",
     "BoardComparison": "study.bearing.on_board",
     "CalibratingMove": "study.tracking.excitation",
@@ -60,9 +60,9 @@ _PLACES = {
     "excite_to_calibrate": "study.tracking.excitation",
     "linearise": "study.bearing.state_space",
 }
-"""The module of each name that is not a verb."""
+"""Module of each exported name that is not a command."""
 
-__all__, __getattr__ = lazy_names("anhyst_rigs", _PLACES)
+__all__, __getattr__ = lazy_names("anhyst_rigs", _MODULES_BY_NAME)
 
 
 def __dir__() -> list[str]:

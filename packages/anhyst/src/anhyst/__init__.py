@@ -1,7 +1,7 @@
-"""From a measured loop to verified C.
+"""Identify models of actuators from measured loops, and compile them to verified C.
 
-Every verb of the command line is a function with the same names and defaults, and the nouns are what
-they give; each is imported once it is used::
+Every command is a function with the same names and defaults. The classes are the types of the
+results. Each name is imported when it is first used::
 
     import anhyst
 
@@ -14,11 +14,11 @@ they give; each is imported once it is used::
     anhyst.compile(model, "controller", rate=20e3)
     anhyst.verify("controller")
 
-The verbs of other packages are here too, once these are installed: ``anhyst.simulate`` of anhyst-rigs.
-For their types, import them from that package.
+Commands of other installed packages are available too, such as ``anhyst.simulate`` of anhyst-rigs. If
+you need their types, import them from that package.
 
-Every result has ``to_dataframe()``, ``plot(ax=None)`` and ``save(path)``, and says in short what it
-holds. Bad input raises `InputError`, a negative outcome `NegativeResult`.
+Every result has ``to_dataframe()``, ``plot(ax=None)`` and ``save(path)``, and a short text form. Bad
+input raises `InputError`, and a negative result `NegativeResult`.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from anhyst.support.lazy import lazy_names
-from anhyst.support.verbs import missing_package as _package_with
+from anhyst.support.verbs import missing_package as _missing_package
 from anhyst.support.verbs import modules as _modules
 
-if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
+if TYPE_CHECKING:  # for type checkers and editors; other commands work too, but without types
     __version__: str
 
     from anhyst.compilation.compiled_stage import CompiledStage as CompiledStage
@@ -64,7 +64,7 @@ if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no ty
     from anhyst.verbs.verify import verify as verify
     from anhyst.verification.result import Verification as Verification
 
-_PLACES = {
+_MODULES_BY_NAME = {
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
     "CompiledStage": "compilation.compiled_stage",
@@ -86,24 +86,24 @@ _PLACES = {
     "read_loops": "data.reading",
     "read_model": "model.actuator",
 }
-"""The module of each name that is not a verb."""
+"""Module of each exported name that is not a command."""
 
-_own, _find = lazy_names("anhyst", _PLACES)
+_own_names, _find_name = lazy_names("anhyst", _MODULES_BY_NAME)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name when it is first used; a verb may be one of another package."""
-    if name in _own or name.startswith("_"):
-        return _find(name)
+    """Import a name when it is first used; a command can belong to another package."""
+    if name in _own_names or name.startswith("_"):
+        return _find_name(name)
     if name in _modules():
         return getattr(import_module(_modules()[name]), name)
-    if package := _package_with(name):
+    if package := _missing_package(name):
         raise AttributeError(f"anhyst.{name} is in the package {package}: pip install {package}")
-    return _find(name)
+    return _find_name(name)
 
 
 def __dir__() -> list[str]:
     return __all__
 
 
-__all__ = sorted({*_own, *_modules(is_project_only=True)})  # noqa: PLE0605
+__all__ = sorted({*_own_names, *_modules(is_project_only=True)})  # noqa: PLE0605
