@@ -75,9 +75,9 @@ RULES = {
     r"|comes|belongs|moves|needs)\b",
     "preposition and what": r"\b(of|by|than|from|to|over|under|in|with|for|at|and|or|less|takes?"
     r"|is|beside) what\b",
-    "those that": r"\b(those|that|the ones?|the others|others|one|some|all|any|none) "
+    "those that": r"\b(those|the ones?|the others|others|one|some|all|any|none) "
     r"(of|that|which|who|whose|in|at|with|it|they|the)\b"
-    r"(?<!one of)(?<!some of)(?<!all of)(?<!all the)(?<!one that)",
+    r"(?<!one of)(?<!some of)(?<!all of)(?<!all the)(?<!one that)|\bthat (of|which|who|whose|in|at|with)\b",
     "bare pronoun": rf"\b({_PRONOUN_PHRASES})\b(?=[ ,.;:)]|$)(?! (loops?|gaps?|samples?))",
     "is no": rf"\b({_LACKS}) no\b(?! (longer|more|less))|\bis none\b|\bthere is none\b",
     "of which": rf"\b({_PREPOSITION}) which\b",
@@ -190,7 +190,12 @@ def _split_sentences(text: str) -> Iterator[str]:
 
 
 def _read_python(file: str, source: str) -> Iterator[Item]:
+    parts: set[ast.AST] = set()  # docstrings and parts of f-strings, which are not messages
     for node in ast.walk(ast.parse(source)):
+        if node in parts:
+            continue
+        if isinstance(node, ast.Expr | ast.JoinedStr):
+            parts.update(ast.iter_child_nodes(node))
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             if isinstance(node.value.value, str):
                 prose = re.split(r"\n\s*\w+\n\s*-{3,}", node.value.value)[0]
@@ -246,7 +251,7 @@ _C_NAME = re.compile(
 
 
 def _read_c(file: str, source: str) -> Iterator[Item]:
-    for comment in re.finditer(r"/\*(.*?)\*/|//([^\n]*)", source, re.DOTALL):
+    for comment in re.finditer(r"/\*(?!@)(.*?)\*/|//(?!@)([^\n]*)", source, re.DOTALL):
         line = source.count("\n", 0, comment.start()) + 1
         text = re.sub(r"\n\s*\* ?", "\n", comment.group(1) or comment.group(2) or "")
         for paragraph in re.split(r"\n\s*\n", text):

@@ -114,7 +114,7 @@ def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
         assert f"{turning / going_on:.2f}" == part
         current, rising, falling, _ = both_ways(changed, gap)
         assert f"{opening(current, rising, falling).max():.1f} %" == width
-    assert "pathological here: the one of 0.05 is" in README
+    assert "pathological here, such as the one with 0.05" in README
     assert [float(row[3]) < 0.25 for row in table] == [False, True, False]
 
 
@@ -129,7 +129,7 @@ def test_the_numbers_in_the_text(rig: BodyRig) -> None:
     path = np.array([*PAST, 2.85, 2.852])
     linkage = rig.static_map(path, np.full(path.size, gap))[1]
     inductance = (linkage[-1] - linkage[-2]) / 2e-3
-    reported = re.search(r"\((\d+) mH\) changes the current by (\d+) A/s", README)
+    reported = re.search(r"\((\d+) mH\) to (\d+) A/s", README)
     assert reported
     assert inductance == pytest.approx(1e-3 * float(reported[1]), rel=0.05)
     assert settings.amplifier.supply_V / inductance == pytest.approx(float(reported[2]), rel=0.05)

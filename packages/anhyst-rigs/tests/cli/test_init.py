@@ -153,7 +153,7 @@ def test_a_load_that_cannot_be_lifted_is_refused_with_the_forces(tmp_path: Path)
     message = refused("init", "loops.csv", "--load", 120, "--out", "my", cwd=tmp_path)
     found = re.fullmatch(
         r"loops\.csv: load: 120 N cannot be lifted at a gap of 0\.0005 m: there the loops "
-        r"reach (\S+) N at 3 A, and 1\.1 times the load, 132 N, are needed; lower it, .*",
+        r"reach (\S+) N at 3 A, and 1\.1 times the load, 132 N, are needed; lower the load, .*",
         message,
     )
     assert found

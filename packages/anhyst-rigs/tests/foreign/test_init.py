@@ -32,18 +32,18 @@ GIVEN: dict[str, tuple[object, ...]] = {
     "u": ("--mass", 20, "--load", 200),
     "soft": ("--mass", 0.1, "--load", 1, "--gap", 0.25e-3),
 }
-"""What is said of a machine; of the others nothing at all."""
+"""Options of `init` for each magnet; the others have no options."""
 
 LEFT = ("hard", "bearing", "electromagnet", "solenoid")
-"""Those that a campaign flies: like others of these, or bundled."""
+"""Magnets whose levitation only a campaign simulates: similar to others, or bundled."""
 
 LAGGING = ("hard", "u", "electromagnet")
-"""Those whose hysteresis is more than what drafted instruments and plant are off."""
+"""Magnets whose hysteresis exceeds the errors of the drafted sensors and of the plant."""
 
 
 @pytest.fixture(scope="module", params=[*sorted(MAGNETS), *BUNDLED])
 def drafted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the draft of a bearing, moved away from where it was made."""
+    """Folder with the draft of a bearing, moved after it was written."""
     name, folder = request.param, tmp_path_factory.mktemp(request.param)
     loops = EXAMPLES / name / "loops.csv"
     if name in MAGNETS:

@@ -1,4 +1,4 @@
-"""Rigs of magnets that nobody typed in: the plant comes from the loops, and says how far it is."""
+"""Rigs whose plant is fitted to measured loops and states its error."""
 
 from __future__ import annotations
 

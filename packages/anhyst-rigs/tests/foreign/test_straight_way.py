@@ -1,4 +1,4 @@
-"""The straight way, with nothing but defaults, for magnets of other people."""
+"""The whole chain with default options, for foreign magnets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RATE = 20000
 BEARINGS = {"u": (20.0, 150.0, 0.45e-3), "hard": (8.0, 80.0, 0.4e-3), "soft": (0.1, 1.0, 0.25e-3)}
 """Mass, kg; load, N; gap, m."""
 TRIES = 15
-"""Sets of gains, a tenth of what is usual: the aims must be met even so."""
+"""Number of gain sets that `tune` tries, a tenth of the default. It must meet the aims anyway."""
 
 
 MARKS = {"hard": [pytest.mark.slow], "soft": [pytest.mark.slow, pytest.mark.campaign]}
@@ -39,7 +39,7 @@ def run(folder: Path, *arguments: object) -> Result:
 
 @pytest.fixture(scope="module", params=STRAIGHT)
 def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the loops of one magnet and the model identified from them."""
+    """Folder with the loops and the identified model of a magnet."""
     folder = tmp_path_factory.mktemp(request.param)
     known = identified_once(tmp_path_factory, request.param)
     shutil.copytree(known, folder, dirs_exist_ok=True)
