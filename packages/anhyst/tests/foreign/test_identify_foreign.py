@@ -178,7 +178,7 @@ def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     assert "offsets of input and output: none, because the loops do not require any" in unwrapped(
         completed.stdout
     )
-    assert "expected between the measured values" in unwrapped(completed.stdout)
+    assert "expected error between the measured values" in unwrapped(completed.stdout)
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ SOLVE = "int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t dem
 SCALE = "  return high * b + ((low * b) >> 16);"
 CLAMP = "  return a > high ? high : a;"
 POWER = "    2,             /* 10 POWER"
-CONDITIONING = "  return (entry)(low + (span * (number)climbed) / (number)ramp);"
+CONDITIONING = "  return (entry)(low + (span * (number)ramp_ticks) / (number)ramp);"
 
 
 def on_target(line: str, right: str, wrong: str) -> str:
