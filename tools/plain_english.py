@@ -159,7 +159,7 @@ def find_items(root: Path = ROOT) -> list[Item]:
     for file in sorted(filter(None, listed.split("\0"))):
         path = root / file
         read = READERS.get(path.suffix)
-        if read and path.is_file() and not SKIPPED_FOLDERS.intersection(path.parts):
+        if read and path.is_file() and not SKIPPED_FOLDERS.intersection(file.split("/")):
             found.extend(read(file, path.read_text("utf-8")))
     return found
 
@@ -176,6 +176,18 @@ def count_percentages(items: list[Item]) -> dict[str, dict[str, int]]:
     for (folder, kind), total in sorted(totals.items()):
         shares.setdefault(folder, {})[kind] = -(-100 * hits[folder, kind] // total)
     return shares
+
+
+def find_exceeded(
+    shares: dict[str, dict[str, int]], limits: dict[str, dict[str, int]]
+) -> dict[tuple[str, str], int]:
+    """Return the shares that exceed their limit, percent, by folder and kind."""
+    return {
+        (folder, kind): share
+        for folder, now in shares.items()
+        for kind, share in now.items()
+        if share > limits.get(folder, LOWEST_LIMITS).get(kind, LOWEST_LIMITS[kind])
+    }
 
 
 def _split_sentences(text: str) -> Iterator[str]:
@@ -290,11 +302,10 @@ def main() -> int:
         return 0
     limits: dict[str, dict[str, int]] = json.loads(RECORD.read_text("utf-8"))
     shares = count_percentages(items)
-    is_exceeded = False
+    is_exceeded = bool(find_exceeded(shares, limits))
     print(f"{'folder':50}{'sentences with a hit':>22}{'vague names':>14}")
     for folder, now in shares.items():
         limit = limits.get(folder, LOWEST_LIMITS)
-        is_exceeded |= any(share > limit.get(kind, share) for kind, share in now.items())
         cells = (f"{now[kind]} %" if kind in now else "" for kind in ("sentences", "names"))
         print("{:50}{:>22}{:>14}".format(folder, *cells))
         limits[folder] = {

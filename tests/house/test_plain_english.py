@@ -11,12 +11,7 @@ from tools.plain_english import Item
 def test_no_folder_exceeds_its_limits() -> None:
     limits = json.loads(plain_english.RECORD.read_text("utf-8"))
     shares = plain_english.count_percentages(plain_english.find_items())
-    exceeded = {
-        (folder, kind): share
-        for folder, now in shares.items()
-        for kind, share in now.items()
-        if share > limits.get(folder, plain_english.LOWEST_LIMITS)[kind]
-    }
+    exceeded = plain_english.find_exceeded(shares, limits)
     assert not exceeded, "rewrite the new sentences and names (python -m tools.plain_english)"
 
 
