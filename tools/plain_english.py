@@ -184,8 +184,8 @@ def find_exceeded(
     """Return the shares that exceed their limit, percent, by folder and kind."""
     return {
         (folder, kind): share
-        for folder, now in shares.items()
-        for kind, share in now.items()
+        for folder, folder_shares in shares.items()
+        for kind, share in folder_shares.items()
         if share > limits.get(folder, LOWEST_LIMITS).get(kind, LOWEST_LIMITS[kind])
     }
 
@@ -304,13 +304,15 @@ def main() -> int:
     shares = count_percentages(items)
     is_exceeded = bool(find_exceeded(shares, limits))
     print(f"{'folder':50}{'sentences with a hit':>22}{'vague names':>14}")
-    for folder, now in shares.items():
+    for folder, folder_shares in shares.items():
         limit = limits.get(folder, LOWEST_LIMITS)
-        cells = (f"{now[kind]} %" if kind in now else "" for kind in ("sentences", "names"))
+        cells = (
+            f"{folder_shares[kind]} %" if kind in folder_shares else "" for kind in ("sentences", "names")
+        )
         print("{:50}{:>22}{:>14}".format(folder, *cells))
         limits[folder] = {
             kind: max(LOWEST_LIMITS[kind], min(share, limit.get(kind, LOWEST_LIMITS[kind])))
-            for kind, share in now.items()
+            for kind, share in folder_shares.items()
         }
     if not options.folder:
         limits = {folder: limits[folder] for folder in shares}
