@@ -53,7 +53,7 @@ def test_what_it_does_not_depend_on_counts_for_nothing(root: Path) -> None:
 
 def ran(record: Path, held: str) -> str:
     """Run one quick marked test; return its summary."""
-    case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-half-as-high]"
+    case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
         cwd=ROOT,

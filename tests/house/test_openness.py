@@ -146,7 +146,7 @@ def test_prediction_report_and_comparison_know_it(measured: Path, found: Path, t
     run("report", found, "--out", page)
     text = page.read_text()
     assert "single play operator" in text
-    assert "half-width of the play" in text
+    assert "threshold of the play" in text
     assert "the two models give the same results" in run("diff", found, found)
 
 

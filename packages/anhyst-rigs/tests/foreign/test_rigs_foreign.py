@@ -123,9 +123,9 @@ def test_a_bearing_with_iron_from_its_loops_levitates(name: str, tmp_path: Path)
 def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
     write_bearing(MAGNETS["u"], tmp_path, TYPED)
     result = quick(*RUN, cwd=tmp_path)
-    assert "anhyst: warning: the plant is " in result.stderr
+    assert "anhyst: warning: the mean deviation from the loops is " in result.stderr
     assert 'set iron = "from loops"' in result.stderr
-    assert "errors of that size are those of the plant" in (tmp_path / "report.html").read_text()
+    assert "errors of this size come from the plant" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.first(1)

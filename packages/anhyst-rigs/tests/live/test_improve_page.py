@@ -33,7 +33,7 @@ def test_an_unknown_iron_is_improved_without_leaving_the_page(
     assert page.get_by_role("button", name="2. identify").is_disabled()
     page.get_by_label("current_A").fill("5")
     press(page, "1. measure")
-    until(page, "document.getElementById('notice').textContent.includes('current_A: is not above')")
+    until(page, "document.getElementById('notice').textContent.includes('current_A: 5 is not above 0')")
     page.get_by_label("current_A").fill("1.2")
     press(page, "1. measure")
     page.get_by_role("button", name="2. identify").click()

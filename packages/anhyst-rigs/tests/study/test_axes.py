@@ -251,4 +251,4 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     assert variants["full"]["standstill_rms_m"] == at_rest["y_m"]
     text = render(study, "anhyst simulate rig.toml")
     assert 'id="cross-talk"' in text
-    assert "Every coordinate at rest, rms" in text
+    assert "Rms of each coordinate at rest" in text

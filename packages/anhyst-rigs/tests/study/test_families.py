@@ -68,9 +68,9 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
 def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says_so() -> None:
     """Play cells: closing error 3 times that of noise, but the best fit of this iron's loops."""
     loops, options = measure_loops(rig_of("duhem-hard")), IdentifyTable()
-    with pytest.warns(ReturnPointMemoryWarning, match="law effective-field is taken"):
+    with pytest.warns(ReturnPointMemoryWarning, match="law effective-field is used"):
         assert identify_magnet_with_ripple(loops, options, lambda _: True).model.law == "effective-field"
-    with pytest.warns(ReturnPointMemoryWarning, match="no law follows"):
+    with pytest.warns(ReturnPointMemoryWarning, match="no law describes"):
         known = identify_magnet_with_ripple(loops, options, lambda _: False)
     assert known.model.law.startswith("play-cells")
 

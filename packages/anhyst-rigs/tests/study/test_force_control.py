@@ -110,7 +110,7 @@ def test_its_table_and_its_picture_hold_every_controller(run: ForceControl) -> N
     assert errors["full"] < errors["single"] < errors["ratio"]
     names = run.plot(Figure().add_subplot()).get_legend_handles_labels()[1]
     assert set(names) == {"demand", *run.outcomes[0].recordings}
-    assert "full: force off by" in repr(run)
+    assert "full: force error" in repr(run)
 
 
 @pytest.mark.slow
