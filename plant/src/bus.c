@@ -8,7 +8,7 @@
 #define Q30 1073741824.0
 #define Q31 2147483648.0
 
-/* Returns the nearest code, halves upwards; saturates; the sensor's error code for NaN. */
+/* Returns the nearest code (halves upwards), saturated; for NaN, the error code of the sensor. */
 static uint32_t to_code(double value, double one)
 {
   const double place = value * one + 0.5;

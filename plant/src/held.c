@@ -16,7 +16,7 @@ void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_sta
 {
   double quantity[ANHYST_HELD_SENSORS];
   int i;
-  if (state->begun) { /* the first tick has no previous one */
+  if (state->begun) { /* the first tick has no previous tick */
     step_amplifier(held, state, reference);
   }
   if (held->seconds > 0.0) {

@@ -46,16 +46,17 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   const anhyst_plant_body *body = loop->body;
   const size_t row = i * (size_t)body->coordinates;
   const double *inject = events->inject + row;
-  double *current = loop->room + body->magnets; /* after the commands */
+  double *current = loop->room + body->magnets; /* readings; stored after the commands */
   double *flux = current + body->magnets;
   double *head = flux + body->magnets;
   double *position = head + body->heads;
-  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* after the answer */
+  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* stored after the
+                                                                                 answer */
   const uint32_t command = events->command[i];
   int has_failed;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
   double injected[ANHYST_PLANT_AXES] = {0.0};
-  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* frame plus injected signal */
+  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* frame position plus disturbance */
   int j;
   anhyst_plant_read(body, loop->state, &readings);
   for (j = 0; j < body->coordinates; j++) {
@@ -90,7 +91,7 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   sample->command = command & 0xFFU;
 }
 
-/* Sets the commands of the amplifiers: currents, or voltages of the current controllers. */
+/* Sets the commands of the amplifiers: currents, or voltages from the current controllers. */
 static void set_commands(anhyst_plant_loop *loop, const double *reference, const double *read,
                          double *command)
 {
@@ -109,7 +110,7 @@ static void set_commands(anhyst_plant_loop *loop, const double *reference, const
   }
 }
 
-/* Sets the failures of the amplifiers from now on. */
+/* Sets the failures of the amplifiers from this tick on. */
 static void set_failures(anhyst_plant_loop *loop, uint32_t command)
 {
   int j;
@@ -152,7 +153,7 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     for (j = 0; events->frame && j < coordinates; j++) {
       const double *now = events->frame + i * coordinates + j;
       const int axis = body->coordinate[j].axis;
-      loop->state->frame[axis] = now[0]; /* prevents accumulated rounding errors */
+      loop->state->frame[axis] = now[0]; /* reset, to prevent accumulated rounding errors */
       loop->state->frame_velocity[axis] = (now[coordinates] - now[0]) / body->tick;
     }
     anhyst_plant_advance(body, loop->state, command, events->load[i]);

@@ -18,7 +18,7 @@ static int32_t code_q31(double value, double full)
   return place <= -ONE ? ANHYST_Q31_MIN : (int32_t)place;
 }
 
-/* Converts a measured current. The port sends q30, so that it can exceed full scale. */
+/* Converts a measured current. The port sends q30, so that a current can exceed full scale. */
 static int32_t measured_q31(double value, double full)
 {
   const int32_t half = code_q31(value, 2.0 * full);

@@ -9,7 +9,7 @@
 
 static uint64_t rotate(uint64_t x, unsigned by) { return (x << by) | (x >> (64U - by)); }
 
-/* Fills the state by splitmix64, which accepts any seed, including 0. */
+/* Fills the state of the generator by splitmix64, which accepts any seed, including 0. */
 void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed)
 {
   int i;
@@ -39,7 +39,7 @@ static uint64_t next_word(anhyst_plant_noise *noise)
   return found;
 }
 
-static double uniform(anhyst_plant_noise *noise) /* in -1..1 */
+static double uniform(anhyst_plant_noise *noise) /* uniformly distributed in -1..1 */
 {
   return (double)(int64_t)next_word(noise) * 0x1p-63;
 }

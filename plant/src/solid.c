@@ -20,7 +20,7 @@ typedef struct {
   const anhyst_plant_memory *volume;
   const anhyst_plant_memory *sheets;
   const anhyst_plant_asked *asked;
-  double before[VOLUMES]; /* S_j */
+  double before[VOLUMES]; /* flux S_j, T */
 } slab_problem;
 
 typedef struct {
@@ -28,8 +28,8 @@ typedef struct {
   double density[VOLUMES];
   double field_slope[VOLUMES];
   double density_slope[VOLUMES];
-  double flux[VOLUMES];     /* S_j */
-  double residual[VOLUMES]; /* H_j + drag_j*dS_j/dt - H_(j-1) */
+  double flux[VOLUMES];     /* flux S_j, T */
+  double residual[VOLUMES]; /* residual H_j + drag_j*dS_j/dt - H_(j-1), A/m */
   double surface;           /* field at the surface */
   double sheets_slope;      /* slope of the field of the laminations over the flux */
 } slab_state;
@@ -80,13 +80,13 @@ static void evaluate(const slab_problem *slab, anhyst_plant_soaked *found, slab_
 }
 
 /* Computes the Newton step of all coordinates: a ladder network, whose response to the outer field
-   is computed from the middle outwards. Returns the largest change of a volume's share. */
+   is computed from the middle outwards. Returns the largest flux change of a volume, T. */
 static double newton_step(const slab_problem *slab, const slab_state *state, double *step)
 {
   const anhyst_plant_solid *solid = slab->solid;
   const anhyst_plant_asked *asked = slab->asked;
   const int last = solid->volumes - 1;
-  double admittance[VOLUMES]; /* of a volume and all deeper ones */
+  double admittance[VOLUMES]; /* sums over a volume and all deeper volumes */
   double source[VOLUMES + 1];
   double admittance_inside = 0.0;
   double outside;
@@ -128,8 +128,8 @@ static double directional_slope(const slab_problem *slab, const slab_state *at,
   return sum;
 }
 
-/* Moves along a step: to its end if it is the last one; otherwise halves it until the slope has not
-   reversed to more than half its initial size. */
+/* Moves along a step. If it is the last step, moves to its end. Otherwise, halves the step until
+   the slope has not reversed to more than half its initial size. */
 static void advance(const slab_problem *slab, const double *step, int is_last,
                     anhyst_plant_soaked *found, slab_state *state)
 {

@@ -15,11 +15,11 @@ extern "C" {
 /* Scales of the signals. */
 typedef struct {
   double gap_middle; /* gap at position 0, m */
-  double position;   /* full scales, only for fixed point: m */
+  double position;   /* full scales, which only fixed point needs; position, m */
   double current;    /* A */
   double demand;     /* N */
   double load;       /* N */
-  double flux;       /* flux density, T */
+  double flux;       /* full scale of the flux density, T */
 } anhyst_position_scales;
 
 ANHYST_PLANT_ADAPTER(position, q31);

@@ -4,7 +4,7 @@
 #include "anhyst/numeric/elementary.h"
 #include "anhyst_plant/search.h"
 
-/* Returns the parabola over the polarisation that h approaches while that rises, A/m. */
+/* Returns the parabola over the polarisation that h approaches on a rising path, A/m. */
 static double parabola(const anhyst_plant_duhem_steel *steel, double polarisation)
 {
   const double saturation = steel->curve.sharp + steel->curve.slow;

@@ -5,9 +5,9 @@
 #include "anhyst_plant/search.h"
 
 typedef struct {
-  int node;     /* index of the node below, not the last one */
-  double share; /* position between the two nodes, 0..1 */
-  double slope; /* nodes per A/m */
+  int node;     /* index of the node below x; never the last node */
+  double share; /* fraction of the interval between the two nodes, 0..1 */
+  double slope; /* slope of the node position, nodes per A/m */
 } position;
 
 static position locate(const anhyst_plant_preisach_steel *steel, double x)
@@ -61,8 +61,8 @@ static int is_rising(const anhyst_plant_memory *memory)
   return own->turn[turns - 1].at < (turns > 1 ? own->turn[turns - 2].at : 0.0);
 }
 
-/* Returns the number of reversal points after a monotone path to x; one more than before after a
-   reversal at the present field. */
+/* Returns the number of reversal points after a monotone path to x. If the path starts with a
+   reversal, the present field is one of them. */
 static int count_turns(const anhyst_plant_memory *memory, double x)
 {
   const anhyst_plant_preisach *own = &memory->own.preisach;
@@ -76,7 +76,7 @@ static int count_turns(const anhyst_plant_memory *memory, double x)
     if (turns < ANHYST_PLANT_TURNS) {
       turns++;
     } else if (is_upward ? x <= own->turn[turns - 1].at : x >= own->turn[turns - 1].at) {
-      return turns; /* the memory is full: back on the same branch */
+      return turns; /* the memory is full: the path returns on the same branch */
     } else {
       turns--;
     }
