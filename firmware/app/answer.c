@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers each request of the link with one function. Data of the control task are accessed between
-   port_lock and port_unlock; these sections are short. */
+/* Answers each request of the link with one function. Data of the control task are accessed only
+   between port_lock and port_unlock, and only for a short time. */
 #include "app/request.h"
 
 #include <stddef.h>
@@ -22,7 +22,7 @@ static void put_nak(answer *to, uint16_t request, uint16_t reason, uint16_t deta
   link_put_nak(to->payload, &nak);
 }
 
-/* Answers with an acknowledgement if the reason is NONE, otherwise with a refusal. */
+/* Answers with an acknowledgement if the reason is NONE, otherwise with a refusal (NAK). */
 static void put_result(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   if (reason == LINK_REASON_NONE) {
@@ -225,7 +225,7 @@ static const request_kind kinds[] = {
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_store_block},
 };
 
-/* Requires complete words, at least one. */
+/* Requires complete words, and at least one word. */
 static void on_block_data(app *a, const link_frame *request, answer *to)
 {
   const uint8_t *p = request->payload;

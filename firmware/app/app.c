@@ -61,12 +61,12 @@ void app_tick(app *a)
   xcp_tick(&a->carried);
 }
 
-/* Relation of a request to the requests before it. */
+/* Relation of a request to earlier requests. */
 enum {
-  SEQUENCE_NEW,       /* must be performed */
-  SEQUENCE_REPEATED,  /* repetition of the last request: the same bytes are sent again */
+  SEQUENCE_NEW,       /* new: must be performed */
+  SEQUENCE_REPEATED,  /* repetition of the last request: the same answer is sent again */
   SEQUENCE_OLD,       /* overtaken by newer requests: refused */
-  SEQUENCE_UNCHANGED, /* a hello that opens no session: answered, sequence unchanged */
+  SEQUENCE_UNCHANGED, /* a hello that opens no session: answered; the sequence is unchanged */
   SEQUENCE_NO_SESSION
 };
 
@@ -91,8 +91,8 @@ static int classify_hello(app_session *session, const link_frame *request)
 }
 
 /* Classifies a request by its sequence number. A PC numbers its requests one after the other; an
-   equal frame is a repetition. Numbers 1..127 ahead are new. All others were overtaken: performing
-   such a request now would undo a later one. */
+   equal frame is a repetition. Requests 1..127 ahead of the last are new. All others were
+   overtaken: performing such a request now would undo a later one. */
 static int classify_request(app_session *session, const link_frame *request)
 {
   const uint16_t ahead = (uint16_t)(request->sequence - session->last) & 0xFFU;
@@ -115,14 +115,14 @@ static int classify_request(app_session *session, const link_frame *request)
   return SEQUENCE_NEW;
 }
 
-/* Whether a request before the last one was answered. The window covers the last 32 numbers. */
+/* Whether a request before the last one was answered. The record covers the last 32 numbers. */
 static int was_answered(const app_session *session, uint8_t sequence)
 {
   const uint16_t behind = (uint16_t)(session->last - sequence) & 0xFFU;
   return behind < 32U && ((session->window >> behind) & 1U) != 0U;
 }
 
-/* Refuses a request. The answer goes to the buffer for answers that are not repeated. */
+/* Refuses a request. The refusal goes to the buffer for answers that are not repeated. */
 static void refuse_request(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
 {
   uint8_t payload[LINK_SIZE_NAK];
@@ -145,8 +145,8 @@ static void answer_request(app *a, const link_frame *request, uint8_t *wire)
   a->session.sending = wire;
 }
 
-/* Performs a new request. Only new requests count as heartbeat: a repetition may be an echo of the
-   line. XCP packets do not count because their master may only measure. */
+/* Performs a new request. Only new requests count as a heartbeat, because a repetition may be an
+   echo of the line. XCP packets do not count, because an XCP master may only measure. */
 static void answer_new_request(app *a, const link_frame *request)
 {
   if (request->type != (uint8_t)LINK_TYPE_XCP) {

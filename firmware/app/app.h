@@ -30,8 +30,8 @@ typedef struct {
   uint8_t answer[LINK_WIRE_MOST];     /* answer to the last request, for its repetition */
   uint8_t unrepeated[LINK_WIRE_MOST]; /* an answer that is never repeated */
   const uint8_t *sending;             /* next unsent byte of answer or unrepeated */
-  uint32_t check;                     /* checksum of the last request; identifies a repetition */
-  uint32_t window;                    /* bit n: number last - n was answered */
+  uint32_t check;                     /* CRC-32 of the last request, to identify its repetition */
+  uint32_t window;                    /* bit n: request number last_sequence - n was answered */
   uint16_t chunk_count;
   uint16_t chunk_at;
   uint16_t answer_count;
@@ -47,14 +47,14 @@ struct app {
   const app_board *board;
   app_control control;
   int32_t settings[LINK_SETTING_COUNT];
-  int32_t signals[LINK_SIGNAL_COUNT]; /* of the last tick */
+  int32_t signals[LINK_SIGNAL_COUNT]; /* signals of the last tick */
   app_session session;
   app_download download;
-  xcp_slave carried; /* XCP over the link */
-  uint32_t cycles;   /* CPU cycles of the longest tick; set by boards that count cycles */
+  xcp_slave carried; /* XCP slave for packets inside link frames */
+  uint32_t cycles;   /* CPU cycles of the longest tick; written by boards that count cycles */
 };
 
-/* Starts in the state init. Checks the built-in block: about 100 instructions per word. */
+/* Starts in the state INIT. Checks the built-in block: about 100 instructions per word. */
 void app_start(app *a, app_body *body, const app_board *board, const struct port *port);
 
 /* Runs one tick of the control task: reads the sample and sets the current. The work does not
@@ -63,7 +63,7 @@ void app_start(app *a, app_body *body, const app_board *board, const struct port
 void app_tick(app *a);
 
 /* Sends the rest of an answer first. Then reads bytes from the port and answers the requests in
-   them, until the port accepts no more bytes or one chunk is processed. */
+   them, until the port accepts no more bytes or all bytes of one read are processed. */
 void app_poll(app *a);
 
 /* Performs a request and writes the payload of its answer (up to LINK_PAYLOAD_MOST bytes). Returns

@@ -13,8 +13,8 @@ void app_control_start(app_control *control, app_body *body, const app_board *bo
   app_body_start(body, board);
 }
 
-/* Returns the ticks since the last one, usually 1. Leaves init at the first tick; an invalid
-   built-in block then causes a fault. */
+/* Returns the number of ticks since the last one, usually 1. Leaves the state INIT at the first
+   tick; an invalid built-in block then causes a fault. */
 static uint32_t update_tick(app_control *control, const app_limits *limits, uint32_t tick)
 {
   uint32_t ticks = tick - control->tick;
@@ -36,7 +36,7 @@ static uint32_t update_tick(app_control *control, const app_limits *limits, uint
   return ticks;
 }
 
-/* Enters the fault state for the first hardware fault that the port reports. */
+/* Enters the state FAULT for the first hardware fault that the port reports. */
 static void check_hardware(app_control *control, uint32_t status)
 {
   static const struct {
@@ -57,7 +57,7 @@ static void check_hardware(app_control *control, uint32_t status)
   }
 }
 
-/* Monitors the heartbeat. A silent PC is a fault only while current may flow. */
+/* Monitors the heartbeat. A PC without requests is a fault only while current may flow. */
 static void check_heartbeat(app_control *control, const int32_t *settings, uint32_t ticks)
 {
   const anhyst_supervisor *states = app_body_states(control->body);

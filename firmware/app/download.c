@@ -101,7 +101,7 @@ void app_download_seal(app_download *download)
   const uint16_t after_crc = (uint16_t)(ANHYST_WORD_CRC + 2);
   uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
   if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
-    length = ANHYST_BLOCK_LEAST_WORDS; /* an invalid length; the check refuses the block */
+    length = ANHYST_BLOCK_LEAST_WORDS; /* invalid length; the check will refuse the block */
   }
   if (download->has_checksum == 0U) {
     uint8_t bytes[4];

@@ -56,8 +56,8 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
   return reason;
 }
 
-/* Activates a checked block between two ticks. The long check ran before: only this task writes it.
- */
+/* Activates a checked block between two ticks. The long check ran before: only this task writes
+   it. */
 static void activate_block(app *a, const int16_t *words)
 {
   anhyst_compensator new_compensator;

@@ -20,7 +20,7 @@ static uint16_t add_saturated(uint16_t count, uint32_t more)
 
 static int32_t distance(int32_t a, int32_t b) { return anhyst_abs_q31(anhyst_sub_q31(a, b)); }
 
-/* Tracks for how long the code was equal and whether the current moved in this time. */
+/* Counts the ticks with an equal code, and tracks whether the current moved meanwhile. */
 static void track_noise(app_sensor *sensor, int32_t stuck_current, int32_t value, uint32_t ticks,
                         int32_t drive)
 {

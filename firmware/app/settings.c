@@ -5,14 +5,14 @@ typedef struct {
   int32_t low;
   int32_t high;
   int32_t start;
-  uint16_t start_ms; /* for a setting in ticks, else 0 */
+  uint16_t start_ms; /* default time of a setting in ticks, ms; otherwise 0 */
   uint16_t while_running;
 } setting;
 
 static const setting table[LINK_SETTING_COUNT] = {LINK_SETTING_TABLE};
 
 /* Returns the largest value of a setting. The board limits the times, so that a PC cannot make the
-   firmware ignore a lost link or a wrong current for long. */
+   firmware ignore a lost link or a wrong current for a long time. */
 static int32_t maximum(const app_board *board, uint16_t number)
 {
   const int32_t high = table[number].high;

@@ -48,7 +48,7 @@ uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
   if (quantity != (uint16_t)LINK_BODY_FORCE) {
     return LINK_REASON_TYPE;
   }
-  body->target = value; /* the command `run` resets it to 0 */
+  body->target = value; /* the command `run` resets the demand to 0 */
   return LINK_REASON_NONE;
 }
 
@@ -70,7 +70,7 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   (void)value;
   const int is_gain =
       number >= (uint16_t)LINK_SETTING_GAINS && number <= (uint16_t)LINK_SETTING_GAIN_DD;
-  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position controller */
+  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains belong to a position controller */
 }
 
 /* Returns the fault reason of this sample, or ANHYST_FAULT_NONE. All sensors are checked, because
@@ -98,7 +98,7 @@ static uint16_t find_fault(app_body *body, const int32_t *settings, const port_s
   return current;
 }
 
-/* Checks the sample: enters the fault state, or advances the self-test. */
+/* Checks the sample. Enters the state FAULT if necessary, or advances the self-test. */
 static void check_sample(app_body *body, const int32_t *settings, const port_sample *sample,
                          uint32_t ticks)
 {
@@ -115,8 +115,8 @@ static void check_sample(app_body *body, const int32_t *settings, const port_sam
   }
 }
 
-/* Returns demand*ratio (q31 times q30) as a q31, saturated. Only the upper 16 bits of the ratio
-   count; rounded down, error below 2^-15 of the demand. */
+/* Returns demand*ratio (q31 times q30) as q31, saturated. Only the upper 16 bits of the ratio
+   count. Rounds down; the error is below 2^-15 of the demand. */
 static int32_t multiply_by_ratio(int32_t demand, int32_t ratio)
 {
   return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
@@ -127,7 +127,7 @@ static uint8_t is_compensated(const int32_t *settings)
   return (settings[LINK_SETTING_COMPENSATION] != 0) ? 1U : 0U;
 }
 
-/* Moves the demand by at most its slew and returns its current at this gap, q31. */
+/* Moves the demand by at most the slew limit and returns the current for it at this gap, q31. */
 static int32_t force_current(app_body *body, const int32_t *settings, int32_t gap)
 {
   const int32_t slew = settings[LINK_SETTING_DEMAND_SLEW];

@@ -67,7 +67,7 @@ int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
   const uint16_t count = receiver->count;
   receiver->count = 0;
   if (count == 0) {
-    return 0; /* zeros between frames are allowed; a sender may clear the line with them */
+    return 0; /* zeros between frames are allowed, because a sender may clear the line with them */
   }
   if (count <= capacity &&
       parse_frame(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
@@ -79,7 +79,7 @@ int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
 
 uint16_t link_encode(uint8_t *wire, const link_frame *frame)
 {
-  /* The frame starts at the second byte; the first becomes the first COBS code. */
+  /* The frame starts at the second byte. The first byte becomes the first COBS code. */
   uint8_t *plain = wire + 1;
   const uint16_t crc_bytes = (uint16_t)(LINK_HEAD + frame->length);
   const uint16_t count = (uint16_t)(crc_bytes + LINK_CHECK);
@@ -92,7 +92,7 @@ uint16_t link_encode(uint8_t *wire, const link_frame *frame)
     plain[LINK_HEAD + i] = frame->payload[i];
   }
   link_put_u32(plain + crc_bytes, link_crc32(0, plain, crc_bytes));
-  /* Each zero becomes the distance to the next zero, from the end backwards. */
+  /* Replaces each zero by the distance to the next zero, from the end backwards. */
   uint16_t next = (uint16_t)(count + 1);
   for (uint16_t i = count; i > 0; i--) {
     if (wire[i] == 0) {

@@ -21,7 +21,7 @@ typedef struct {
   uint8_t version;
   uint8_t type;
   uint8_t sequence;
-  uint8_t length; /* bytes of the payload */
+  uint8_t length; /* number of payload bytes */
   uint32_t tick;
   const uint8_t *payload;
   uint32_t check; /* received CRC-32 */

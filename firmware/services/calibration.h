@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-/* Result for a code outside low..high: no valid value. Equal to PORT_RESERVED. */
+/* Result for a code outside low..high, which has no valid value. Equal to PORT_RESERVED. */
 #define CALIBRATION_NONE INT32_MIN
 
 #define CALIBRATION_MANTISSA_MOST ((int32_t)1073741824) /* 2^30, for either sign */
@@ -19,14 +19,14 @@ typedef struct {
   int32_t zero;     /* code whose value is 0 */
   int32_t mantissa; /* nonzero; magnitude at most CALIBRATION_MANTISSA_MOST */
   int32_t shift;    /* 0..CALIBRATION_SHIFT_MOST */
-  int32_t low;      /* codes below low or above high have no value (broken wire) */
-  int32_t high;     /* above low */
+  int32_t low;      /* codes below `low` or above `high` have no value (broken wire) */
+  int32_t high;     /* greater than `low` */
 } calibration;
 
 /* Whether all fields of a calibration are in their ranges. */
 int calibration_is_valid(const calibration *c);
 
-/* Returns the value of a code, or CALIBRATION_NONE if the code is outside low..high. */
+/* Returns the value of a code, or CALIBRATION_NONE if the code is outside `low`..`high`. */
 int32_t calibration_value(const calibration *c, int32_t code);
 
 #endif

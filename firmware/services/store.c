@@ -30,8 +30,8 @@ static int is_valid(const store_flash *flash, uint16_t copy)
   return words[AT_SET + count] == crc;
 }
 
-/* Returns the index of the newer valid copy, or NONE. Set numbers wrap around: the newer number is
-   ahead by less than 2^31. */
+/* Returns the index of the newer valid copy, or NO_COPY. Set numbers wrap around: the newer number
+   is ahead by less than 2^31. */
 static uint16_t find_newest_copy(const store_flash *flash)
 {
   const int first = is_valid(flash, 0);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "services/thermal.h"
 
-#define MIN_MANTISSA ((uint32_t)536870912) /* 2^29: smallest mantissa */
+#define MIN_MANTISSA ((uint32_t)536870912) /* smallest mantissa, 2^29 */
 
 /* Returns the square of a current of either sign; at most 2^62. */
 static uint64_t square(int32_t current)
@@ -15,7 +15,7 @@ int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clea
   if (ticks < 2U || clears <= 0 || trips <= clears) {
     return 0;
   }
-  /* 2^bits/ticks by long division, until the quotient has 30 bits. */
+  /* Computes 2^bits/ticks by long division, until the quotient has 30 bits. */
   uint32_t quotient = 0;
   uint64_t remainder = 1;
   uint16_t bits = 0;
@@ -41,7 +41,7 @@ void thermal_start(thermal *t, const thermal_plan *plan)
   t->tripped = 0;
 }
 
-/* Returns a difference of warmth times the share of one tick. The product is below 2^63. */
+/* Returns the change of warmth in one tick, share*difference. The product is below 2^63. */
 static uint64_t scale_by_share(const thermal_plan *plan, uint64_t difference)
 {
   return ((difference >> 30) * plan->mantissa) >> plan->shift;
@@ -60,7 +60,7 @@ int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
   } else if (t->warmth < plan->clears) {
     t->tripped = 0;
   } else {
-    /* between the limits: no change */
+    /* between the two limits, the result does not change */
   }
   return t->tripped;
 }

@@ -1,17 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* I^2 t protection: estimates how warm a winding is from its current.
+/* I^2 t protection: estimates how warm a winding is from its current. The warmth models the
+   temperature rise of one heat capacity that the square of the current heats:
 
-   The warmth models the temperature rise of one heat capacity that the square of the current heats:
+       warmth += share*(current^2 - warmth) in each tick;   share = 1/(time constant in ticks)
 
-       warmth += share*(current^2 - warmth)   in each tick; share = 1/(time constant in ticks)
-
-   A constant current brings the warmth to its square. The protection trips above the square of the
-   continuous current limit and clears below the square of a lower current. The explicit Euler step
-   leads the exact exponential by less than half a tick.
+   A constant current brings the warmth to the square of the current. The protection trips above the
+   square of the continuous current limit and clears below the square of a lower current. The
+   explicit Euler step leads the exact exponential by less than half a tick.
 
    - Format: currents are any q30 of full scale; the warmth is q60, 0..4.0.
    - Rounding: towards the present warmth. Each step is too small by less than 2^-30*share, so a
-     constant current ends within 2^-30 of its square.
+   constant current ends within 2^-30 of its square.
    - Saturation: not needed, because the warmth stays between 0 and the largest square. */
 #ifndef ANHYST_SERVICES_THERMAL_H
 #define ANHYST_SERVICES_THERMAL_H
@@ -22,7 +21,7 @@
 typedef struct {
   uint32_t mantissa; /* share = mantissa/2^(30 + shift), mantissa 2^29..2^30 */
   uint16_t shift;    /* 0..32 */
-  uint64_t trips;    /* q60, squares of the two currents */
+  uint64_t trips;    /* warmth at which the protection trips and clears, q60 */
   uint64_t clears;
 } thermal_plan;
 
@@ -35,7 +34,7 @@ typedef struct {
    clears < trips; returns 1, or 0 if this is not true. */
 int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears);
 
-/* Starts at the warmth of the current that clears, because the time without power is unknown. */
+/* Starts at the warmth of the clearing current, because the time without power is unknown. */
 void thermal_start(thermal *t, const thermal_plan *plan);
 
 /* Updates the warmth by one tick of measured current. Returns 1 while the winding is too warm. */

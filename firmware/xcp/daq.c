@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/daq.h"
 
-/* Stages of allocation. Each call repeats the present stage or advances to the next one. */
+/* Stages of the allocation. Each call repeats the present stage or advances to the next stage. */
 enum { STAGE_FREE, STAGE_LISTS, STAGE_PARTS, STAGE_ENTRIES };
 
 void xcp_daq_free(xcp_daq *d)
@@ -136,7 +136,7 @@ void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals)
   }
 }
 
-/* Checks that no list runs and that allocation may continue with this stage. */
+/* Checks that no list is running and that the allocation may continue with this stage. */
 static uint8_t check_allocation(xcp_daq *d, uint8_t stage)
 {
   if (xcp_daq_runs(d)) {
@@ -318,7 +318,7 @@ uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
   if (mode > 2U) {
     return XCP_MODE;
   }
-  /* One lock, so that all lists start with the same tick. */
+  /* One lock for all lists, so that they start with the same tick. */
   port_lock(d->port);
   for (uint8_t i = 0; i < d->lists; i++) {
     xcp_list *list = &d->list[i];

@@ -31,7 +31,7 @@
 
 /* Bytes of a packet before the signals: number of the part, number of the list. */
 #define XCP_DAQ_HEAD 2U
-#define XCP_DAQ_STAMP 4U /* in the first packet of a list: the tick */
+#define XCP_DAQ_STAMP 4U /* bytes of the tick number, in the first packet of a list */
 
 typedef char xcp_all_entries_fit_into_a_packet[2 + 4 + 4 * XCP_ENTRIES <= XCP_PACKET ? 1 : -1];
 
@@ -49,7 +49,7 @@ typedef struct {
 } xcp_list;
 
 typedef struct {
-  const struct port *port; /* lock against the tick */
+  const struct port *port; /* provides the lock against the tick */
   xcp_list list[XCP_LISTS];
   xcp_range part[XCP_ODTS];    /* entries of each part */
   uint8_t signal[XCP_ENTRIES]; /* signal number of each entry, or XCP_NO_SIGNAL */
@@ -80,7 +80,7 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t size);
 /* Stops and frees all lists. */
 void xcp_daq_free(xcp_daq *d);
 
-/* The following functions return XCP_FINE, or an error; then nothing has changed. */
+/* The following functions return XCP_OK, or an error; then nothing has changed. */
 uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count);
 uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count);
 uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t count);

@@ -39,7 +39,7 @@ static uint16_t sum_of_words(const uint8_t *bytes, uint16_t count)
   return sum;
 }
 
-/* Adds header and checksum to a packet in the output buffer. */
+/* Adds the header and the checksum to a packet in the output buffer. */
 static void wrap_packet(xcp_line *line, uint16_t length)
 {
   line->out_at = 0;
@@ -51,7 +51,7 @@ static void wrap_packet(xcp_line *line, uint16_t length)
     line->out_count = packet_end(line, length);
   }
   if ((length > 0U) && (line->checked != 0U)) {
-    line->out[XCP_LINE_HEAD + length] = 0; /* padding, or overwritten by the checksum */
+    line->out[XCP_LINE_HEAD + length] = 0; /* padding byte, or overwritten by the checksum */
     link_put_u16(&line->out[line->out_count], sum_of_words(line->out, line->out_count));
     line->out_count += XCP_LINE_CHECK;
   }

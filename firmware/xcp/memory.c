@@ -9,7 +9,7 @@ static uint16_t address_area(uint32_t address) { return (uint16_t)(address >> 16
 
 static uint16_t address_offset(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
 
-/* Returns the bytes per value of an area. */
+/* Returns the number of bytes per value of an area. */
 static uint16_t value_width(uint16_t area)
 {
   switch (area) {
@@ -35,7 +35,7 @@ static uint8_t read_signal(const xcp_slave *x, uint16_t number, uint32_t *value)
   return XCP_FINE;
 }
 
-/* Whether the body accepts this input: a force or a position. */
+/* Whether the body accepts this input, which is a force or a position. */
 static int accepts_input(const xcp_slave *x, uint16_t number)
 {
   const int levitates = x->firmware->board->plan != NULL;
@@ -119,7 +119,7 @@ uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t 
   for (uint32_t i = 0; i < count; i++) {
     const uint16_t at = (uint16_t)(address_offset(address) + i);
     const uint16_t byte = at % width;
-    if (i == 0U || byte == 0U) { /* fetched once, so that it is consistent */
+    if (i == 0U || byte == 0U) { /* the value is read only once, so that its bytes are consistent */
       const uint8_t error = read_value(x, area, at / width, &value);
       if (error != XCP_FINE) {
         return error;

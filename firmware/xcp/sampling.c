@@ -10,14 +10,14 @@
 #define DAQ_HAS_PRESCALER 0x02U
 #define DAQ_HAS_STAMP 0x10U
 #define DAQ_OVERLOAD_IS_EVENT 0x80U
-#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes before a sample */
+#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* the packet number has two bytes before a sample */
 #define STAMP_IS_FIXED_4_BYTES 0x0CU
 #define EVENT_IS_DAQ 0x04U
-#define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
+#define EVENT_WHOLE 0x80U /* all signals of a sample belong to one tick */
 #define LIST_STIM_OR_NO_HEAD 0x23U
 
-/* Returns the tick period as a number up to `max_value` times 10^power ns, rounded to the nearest.
- */
+/* Returns the tick period as a number up to `max_value` times 10^power ns, rounded to the
+   nearest. */
 static uint16_t find_tick_period(uint32_t rate, uint16_t max_value, uint8_t *power)
 {
   uint32_t second = 1000000000U;
@@ -45,7 +45,7 @@ static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
   const uint16_t ticks = find_tick_period(x->firmware->board->rate, UINT16_MAX, &power);
-  r->answer[1] = 4; /* size of an entry: one signal */
+  r->answer[1] = 4; /* size of an entry in bytes: one signal */
   r->answer[2] = 4;
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
   link_put_u16(r->answer + 6, ticks);
@@ -109,7 +109,7 @@ static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
   const uint8_t signal = xcp_signal_at(link_get_u32(r->command + 4));
   if (r->command[1] != 0xFFU || r->command[2] != 4U || r->command[3] != 0U ||
       signal == XCP_NO_SIGNAL) {
-    return XCP_RANGE; /* only complete signals, no single bits */
+    return XCP_RANGE; /* an entry is a complete signal, not a single bit */
   }
   return xcp_daq_write(&x->daq, signal);
 }

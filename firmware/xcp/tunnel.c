@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/tunnel.h"
 
-/* Writes the length before a packet that is already in place. Returns the new number of bytes. */
+/* Writes the length byte before a packet that is in place. Returns the new number of bytes. */
 static uint16_t put_length(uint8_t *packets, uint16_t at, uint16_t length)
 {
   uint16_t end = at;

@@ -74,7 +74,7 @@ static uint8_t on_connect(xcp_slave *x, xcp_request *r)
       OPTIONAL_COMM_MODE; /* byte order low first, address unit byte, no block transfer */
   r->answer[3] = XCP_PACKET;
   link_put_u16(r->answer + 4, XCP_PACKET);
-  r->answer[6] = 1; /* versions of protocol and transport */
+  r->answer[6] = 1; /* versions of the protocol and transport layers */
   r->answer[7] = 1;
   r->length = 8;
   return XCP_FINE;
@@ -100,7 +100,7 @@ static uint8_t on_status(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* SYNCH always gets an error packet as answer. It shows that both sides are synchronised again. */
+/* The answer to SYNCH is an error packet. It shows that both sides are synchronised again. */
 static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;
@@ -109,7 +109,7 @@ static uint8_t on_synch(xcp_slave *x, xcp_request *r)
   return XCP_FINE;
 }
 
-/* No block mode and no interleaved mode. */
+/* There is no block mode and no interleaved mode. */
 static uint8_t on_comm_mode_info(xcp_slave *x, xcp_request *r)
 {
   r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
@@ -126,7 +126,8 @@ static uint32_t text_length(const char *text)
   return length;
 }
 
-/* The master reads the name with UPLOAD. Types 0 and 1: text, and file name without extension. */
+/* The master reads the name with UPLOAD. Types 0 and 1: a text, and a file name without
+   extension. */
 static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
   x->address = (uint32_t)XCP_AREA_NAME << 16;
@@ -138,7 +139,7 @@ static uint8_t on_id(xcp_slave *x, xcp_request *r)
 static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U) {
-    return XCP_SEQUENCE; /* the seed has no second part */
+    return XCP_SEQUENCE; /* the seed has only one part */
   }
   r->length = 2;
   if (x->unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
@@ -219,7 +220,7 @@ static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 
 static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r, 2); }
 
-/* Address and bytes in one command: a demand needs one round trip instead of two. */
+/* Address and bytes are in one command, so that a demand needs one round trip instead of two. */
 static uint8_t on_short_download(xcp_slave *x, xcp_request *r)
 {
   const uint8_t error = on_address(x, r);

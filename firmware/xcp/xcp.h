@@ -2,14 +2,14 @@
 /* XCP slave (ASAM MCD-1 XCP) without transport: performs commands and provides samples. The owner
    of a line adds the transport header.
 
-       xcp_start(&slave, &firmware);             once
-       xcp_tick(&slave)                          in every tick
-       xcp_answer(&slave, ...), xcp_take(...)    between ticks, like app_poll
-       xcp_hang_up(&slave);                      after a disconnection
+       xcp_start(&slave, &firmware);                    once
+       xcp_tick(&slave)                                 in every tick
+       xcp_answer(&slave, ...), xcp_take(...)           between ticks, like app_poll
+       xcp_disconnect(&slave);                          after a disconnection
 
    An address is a number of the tables in contract/, not a memory address. Writes use the same
    functions as requests of the link, with the same limits and refusals. Writing requires a key once
-   per connection. Only after the key does each command count as heartbeat. */
+   per connection. Commands count as a heartbeat only after the key. */
 #ifndef ANHYST_XCP_H
 #define ANHYST_XCP_H
 
@@ -23,9 +23,9 @@ typedef struct {
   uint8_t connected;
   uint8_t unlocked;
   uint8_t has_seed;   /* whether a seed was sent, and no key received since */
-  uint8_t page;       /* page of the master: 0 active block, 1 next block */
+  uint8_t page;       /* page that the master accesses: 0 active block, 1 next block */
   uint8_t is_swapped; /* 1: the content of page 1 is active */
-  uint16_t reported;  /* number of lost samples that the master knows */
+  uint16_t reported;  /* number of lost samples that were reported to the master */
   xcp_daq daq;
 } xcp_slave;
 

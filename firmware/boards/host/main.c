@@ -7,10 +7,10 @@
    listens. PLANT gives the ticks: fd:N is an inherited stream; tcp:PORT connects. --xcp listens for
    XCP on TCP. Port 0 selects a free port, which is printed. Ports are on 127.0.0.1. The process
    ends when the plant disconnects. */
-// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
+/* NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): names that POSIX needs */
 #define _XOPEN_SOURCE 700
-#define _DEFAULT_SOURCE  /* cfmakeraw */
-#define _DARWIN_C_SOURCE /* cfmakeraw and INADDR_LOOPBACK on macOS */
+#define _DEFAULT_SOURCE  /* needed for cfmakeraw */
+#define _DARWIN_C_SOURCE /* needed for cfmakeraw and INADDR_LOOPBACK on macOS */
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include <arpa/inet.h>
 #include <errno.h>
@@ -40,7 +40,7 @@ static lockstep controller;
 static int listener = NONE; /* listening socket of a link on TCP */
 static int link_fd = NONE;
 static int plant_fd = NONE;
-static int more_to_send; /* the link accepted less than was offered */
+static int more_to_send; /* the link accepted fewer bytes than were offered */
 static int more_to_read; /* the link has unread bytes */
 
 static void exit_with_error(const char *subject, const char *reason)
@@ -96,7 +96,7 @@ static int listen_on(int port)
   struct sockaddr_in address = local_address(port);
   socklen_t size = sizeof address;
   const int fd = new_socket();
-  const int yes = 1; /* reuse the port of a process that was killed */
+  const int yes = 1; /* allows to reuse the port of a process that was killed */
   if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
       getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
@@ -175,8 +175,8 @@ static void accept_link(void)
   }
 }
 
-/* Closes the link. On TCP another client may connect; a terminal stays silent, like a pulled cable.
- */
+/* Closes the link. On TCP another client may connect; a terminal stays silent, like a disconnected
+   cable. */
 static void drop_link(void)
 {
   (void)close(link_fd);
@@ -192,7 +192,7 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
   if (link_fd == NONE || !more_to_read) {
     return 0;
   }
-  more_to_read = 0; /* until poll reports input; this saves one call per tick */
+  more_to_read = 0; /* there is no input until poll reports some; this saves one call per tick */
   const ssize_t count = read(link_fd, bytes, size);
   if (count > 0) {
     return (uint16_t)count;
@@ -207,7 +207,7 @@ static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
   if (link_fd == NONE) {
-    return count; /* discarded */
+    return count; /* the bytes are discarded */
   }
   const ssize_t taken = write(link_fd, bytes, count);
   if (taken < 0 && !would_block()) {
@@ -279,7 +279,7 @@ int main(int argc, char **argv)
   if (argc != 3 && !with_xcp) {
     exit_with_error("usage", "firmware LINK PLANT [--xcp PORT]");
   }
-  (void)signal(SIGPIPE, SIG_IGN); /* write reports a disconnection */
+  (void)signal(SIGPIPE, SIG_IGN); /* a failed write reports a disconnection */
   open_link(argv[1]);
   open_plant(argv[2]);
   lockstep_start(&controller, link_read, link_write);

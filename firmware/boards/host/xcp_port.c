@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
+/* NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): names that POSIX needs */
 #define _XOPEN_SOURCE 700
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include "xcp_port.h"
@@ -72,7 +72,7 @@ static void send_pending_bytes(void)
   out_at = 0;
 }
 
-/* Collects packets while another one fits. Returns whether there were any. */
+/* Collects packets while another packet fits. Returns whether it collected any. */
 static int collect_packets(void)
 {
   const size_t before = out_count;
@@ -99,7 +99,8 @@ static void receive_bytes(void)
   }
 }
 
-/* Sends and processes bytes; closes a broken line. Returns whether any byte moved. */
+/* Sends and processes bytes; closes a broken connection. Returns whether any byte was
+   transferred. */
 static int transfer_bytes(void)
 {
   send_pending_bytes();
@@ -118,7 +119,7 @@ static int transfer_bytes(void)
 
 struct pollfd xcp_port_wanted(void)
 {
-  /* Do not wait for input while old input is unprocessed. */
+  /* Do not wait for input while received bytes are unprocessed. */
   struct pollfd descriptor = {master != NONE ? master : listener,
                               (short)(master == NONE || in_at == in_count ? POLLIN : 0), 0};
   if (master != NONE && out_count > 0U) {

@@ -7,10 +7,10 @@
 
 typedef struct {
   lockstep lockstep;
-  const uint8_t *in; /* unread bytes of the caller */
+  const uint8_t *in; /* bytes from the caller that the firmware has not read */
   uint16_t in_count;
   uint16_t out_count;
-  uint8_t out[16384]; /* sent bytes that the caller has not fetched; more stay in the firmware */
+  uint8_t out[16384]; /* sent bytes that the caller has not fetched yet */
 } library;
 
 static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)

@@ -4,7 +4,7 @@
 #include "registers.h"
 #include "services/store.h"
 
-#define SECTOR 6U /* and sector 7, 128 KiB each; board.ld excludes them from the program */
+#define SECTOR 6U /* sectors 6 and 7, 128 KiB each; board.ld excludes them from the program */
 #define SECTOR_ADDRESS 0x08040000U
 #define SECTOR_BYTES 0x20000U
 #define WORDS (sizeof(memory_set) / sizeof(uint32_t))
@@ -12,7 +12,7 @@
 /* Places a function in RAM, because the flash cannot be read while it is written. */
 #define IN_RAM(name) __attribute__((section(".data.memory_" name), noinline))
 
-/* Executes one flash command to its end. Returns 1 if it succeeded. */
+/* Executes one flash command and waits for its end. Returns 1 if it succeeded. */
 IN_RAM("work") static int run_command(uint32_t command, volatile uint32_t *at, uint32_t word)
 {
   FLASH_SR = FLASH_SR_ERRORS;

@@ -4,7 +4,7 @@
 #include "nucleo.h"
 #include "registers.h"
 
-/* Word that is sent while the ADC is read; the ADC ignores it. */
+/* The word that SPI sends while it reads the ADC; the ADC ignores it. */
 static const uint16_t dummy_word = 0;
 
 static uint16_t last_count;
@@ -54,7 +54,7 @@ int32_t place_converter(void)
 {
   int32_t code = -1;
   if ((SPI2_SR & SPI_SR_RXNE) != 0U) {
-    code = (int32_t)(SPI2_DR & 0xFFFFU); /* the read clears the flag */
+    code = (int32_t)(SPI2_DR & 0xFFFFU); /* reading the register clears the flag */
   }
   return code;
 }

@@ -17,12 +17,13 @@
 #define PLACE_ENCODER 0U
 #define PLACE_CONVERTER 1U
 
-/* Duration of the start signal of the ADC before the read. */
+/* Duration of the start pulse of the ADC, before its result is read. */
 #define PLACE_CONVERT_NS 1000U
 
 void place_start(void);
 
-/* Returns the edges since the start, modulo 2^32. At most 32767 edges between two calls. */
+/* Returns the encoder edges since the start, modulo 2^32. Requires at most 32767 between two
+   calls. */
 int32_t place_encoder(void);
 
 /* Returns the code of the ADC at this tick, 0..65535; -1 if the ADC has not answered. */

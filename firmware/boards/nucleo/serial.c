@@ -71,11 +71,11 @@ static void start_port(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
 void serial_start(void)
 {
   RCC_APB1ENR |= RCC_APB1ENR_USART2 | RCC_APB1ENR_UART4;
-  (void)RCC_APB1ENR; /* a clock runs two cycles after its bit was set */
+  (void)RCC_APB1ENR; /* a peripheral clock runs two cycles after its bit was set */
   GPIOA_AFRL |= GPIO_FUNCTION(7U, 2U) | GPIO_FUNCTION(7U, 3U);
   GPIOA_MODER |= GPIO_ALTERNATE(2U) | GPIO_ALTERNATE(3U);
   GPIOC_AFRH |= GPIO_FUNCTION(8U, 10U) | GPIO_FUNCTION(8U, 11U);
-  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* idle level without a cable */
+  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* pull-up: idle level without a cable */
   GPIOC_MODER |= GPIO_ALTERNATE(10U) | GPIO_ALTERNATE(11U);
   start_port(&serial_link, USART2, DMA1_STREAM(5U), USART2_IRQ);
   start_port(&serial_xcp, UART4, DMA1_STREAM(2U), UART4_IRQ);

@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#define SERIAL_RING 2048U /* a power of two; 22 ms of the line */
+#define SERIAL_RING 2048U /* bytes of a ring buffer, a power of two; 22 ms of the line */
 
 typedef struct {
   uint32_t port;                          /* base address of its registers */

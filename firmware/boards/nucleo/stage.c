@@ -7,7 +7,7 @@
 #define PIN_STOP 4U
 #define PIN_AMPLIFIER 5U
 #define PIN_OVER_CURRENT 12U
-#define PULSE_COUNTS 4096U /* counts per pulse: 12 bits, as the analogue reference */
+#define PULSE_COUNTS 4096U /* counts per pulse: 12 bits, like the analogue reference */
 
 void stage_start(void)
 {

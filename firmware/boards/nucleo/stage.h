@@ -17,8 +17,9 @@
 
 void stage_start(void);
 
-/* Sets the references of both currents (q31), and switches the stage on or off. At zero currents
-   and a high over-current input, it enables outputs again that the hardware switched off. */
+/* Sets the references of both currents (q31), and switches the power stage on or off. If the
+   hardware switched the outputs off, enables them again when both currents are zero and the
+   over-current input is high. */
 void stage_drive(const int32_t *currents, int on);
 
 /* Returns the bits of port_sample.status. */

@@ -8,7 +8,7 @@
 #include "startup.h"
 #include "xcp/line.h"
 
-/* CMSDK UART: one byte of buffer in each direction. */
+/* CMSDK UART, with a buffer of one byte in each direction. */
 #define UART_LINK 0x40004000U
 #define UART_PLANT 0x40005000U
 #define UART_XCP 0x40006000U
@@ -36,7 +36,7 @@
 
 #define RING 1024U /* a power of two, because indices wrap around */
 
-/* Written by an interrupt, read by main. */
+/* Written by an interrupt, read by the main loop. */
 typedef struct {
   volatile uint16_t head;
   volatile uint16_t tail;
@@ -66,7 +66,7 @@ static void receive_link(void) { receive(UART_LINK, &from_link); }
 static void receive_plant(void) { receive(UART_PLANT, &from_plant); }
 static void receive_xcp(void) { receive(UART_XCP, &from_xcp); }
 
-/* Only wakes main, which has more bytes to send. */
+/* Only wakes the main loop, which has more bytes to send. */
 static void stop_tx_interrupt(uint32_t uart)
 {
   UART_CONTROL(uart) &= ~UART_TX_INTERRUPT_ENABLE;
@@ -115,7 +115,8 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
   return count;
 }
 
-/* Sends the bytes that the UART accepts without waiting; the interrupt wakes main for the rest. */
+/* Sends the bytes that the UART accepts without waiting; the interrupt wakes the main loop
+   later. */
 static uint16_t write_available(uint32_t uart, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;
@@ -150,7 +151,7 @@ static int serve_xcp(void)
   return has_moved || count > 0U;
 }
 
-/* The plant waits for the drive, so there is no current to switch off. */
+/* The plant waits for the drive record. Therefore, there is no current to switch off. */
 void board_panic(void) {}
 
 /* Opens a UART. QEMU's multiplexer holds earlier bytes until one byte is read. */
@@ -181,10 +182,10 @@ int main(void)
     }
     while (serve_xcp()) {
     }
-    startup_interrupts_off(); /* otherwise a byte could arrive between check and sleep */
+    startup_interrupts_off(); /* with interrupts on, a byte could arrive between check and sleep */
     if (from_plant.tail == from_plant.head && from_link.tail == from_link.head &&
         (from_xcp.tail == from_xcp.head || xcp.out_count > 0U)) {
-      startup_wait_for_interrupt(); /* a pending interrupt wakes it although interrupts are off */
+      startup_wait_for_interrupt(); /* a pending interrupt wakes it even while interrupts are off */
     }
     startup_interrupts_on();
   }
