@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fuzzing harness: an input is a script of what a line, a PC, a master of XCP and sensors may do to
-   the firmware. Parser, request handler, slave and control task run on a compiled compensator;
-   address and undefined behaviour sanitizers watch the memory, `require` watches what must hold at
-   any time. With FUZZ_XCP a script is what a master does, with a few ticks in between. */
+/* Fuzzing harness. An input is a script of possible actions of a line, a PC, an XCP master and
+   sensors.
+
+   Parser, request handler, XCP slave and control task run with a compiled compensator. Address and
+   undefined-behaviour sanitizers check the memory; `require` checks what must always be true. With
+   FUZZ_XCP, a script contains actions of an XCP master, with a few ticks in between. */
 #include "boards/actuator.h"
 #include "app/app.h"
 #include "force/force.h"
@@ -50,7 +52,7 @@ static const app_board board = {
     .limits = &limits,
 };
 
-static app fresh; /* as app_start leaves it: its check of the block would take most of the time */
+static app fresh; /* state after app_start, whose check of the block would take most of the time */
 static app_body fresh_body;
 static app firmware;
 static port_sample sample;
@@ -60,15 +62,15 @@ static uint8_t wire[4096];
 static uint16_t wire_count;
 static uint16_t wire_at;
 static uint16_t accepts;
-static link_receiver line; /* what a PC sees */
-static link_receiver twin; /* what the firmware should see */
+static link_receiver line; /* receiver of a PC */
+static link_receiver twin; /* receiver that the firmware should be equal to */
 static uint32_t answers;
 static uint32_t requests;
 static uint8_t sequence;
 static int locks;
-static xcp_slave *const slave = &firmware.carried; /* spoken to as it is, and by the link */
-static xcp_line serial;                            /* with checksums, and a slave of its own */
-static uint32_t stamp;                             /* of the last sample of list 0 */
+static xcp_slave *const slave = &firmware.carried; /* used directly and through the link */
+static xcp_line serial;                            /* with checksums and its own slave */
+static uint32_t stamp;                             /* tick of the last sample of list 0 */
 
 static void require(int holds)
 {
@@ -117,7 +119,7 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
   return count;
 }
 
-/* Packets of XCP stand one behind the other, and fill what they say. */
+/* XCP packets follow each other without gaps, and each has its stated length. */
 static void check_packets(const link_frame *answer)
 {
   uint16_t at = 0;
@@ -181,7 +183,7 @@ static void put_byte(uint8_t byte)
   }
 }
 
-/* What must hold whatever was sent. */
+/* Checks what must be true after any input. */
 static void check_session(void)
 {
   const int16_t *words = firmware.control.body->compensator.words;
@@ -222,7 +224,7 @@ static void tick(void)
   require(drive_state == states->state + 256U * states->fault);
   require(control->tick == sample.tick);
   if (states->state == ANHYST_STATE_FAULT || !was_live) {
-    /* the safe state: one step of the ramp nearer to zero, at least */
+    /* in the safe state, the current moves towards zero by at least one step of the ramp */
     const int32_t size = magnitude(before);
     require(magnitude(drive) <= (size > control->body->ramp ? size - control->body->ramp + 1 : 0));
   }
@@ -254,8 +256,8 @@ static void send_words(const uint8_t *words, uint16_t count)
   }
 }
 
-/* A whole block: the one built in with a few words changed, its own checksum made right again, so
-   that what is behind the checksum is reached. */
+/* Sends a complete block: the built-in block with a few changed words and a correct checksum, so
+   that the later checks are reached. */
 static void download(script *s)
 {
   static uint8_t words[2 * ACTUATOR_PARAMETERS_WORDS];
@@ -282,7 +284,7 @@ static void download(script *s)
   poll();
 }
 
-/* A request whose length is as a rule that of its type. */
+/* Sends a request, usually with the length of its type. */
 static void request(script *s, uint8_t damage)
 {
   static const uint8_t lengths[16] = {
@@ -392,7 +394,7 @@ static void step(script *s)
     command(s);
     break;
   case 5:
-    if ((what & 0x18U) == 0U) { /* takes longest: not as often as the others */
+    if ((what & 0x18U) == 0U) { /* this takes the longest time, so it is done less often */
       download(s);
     } else {
       command(s);
@@ -427,7 +429,7 @@ static void start(void)
   xcp_line_start(&serial, &firmware, 1);
 }
 
-/* Without a session nothing but a hello is done. */
+/* Without a session, the firmware performs only a hello. */
 static void open_session(void)
 {
   uint8_t payload[LINK_SIZE_HELLO] = {LINK_VERSION};

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The part of fuzz_firmware.c that is masters of XCP: on the slave itself, carried by the link, and
-   on a serial line. Uses what stands above it there. */
+/* The XCP masters of fuzz_firmware.c: on the slave itself, in frames of the link, and on a serial
+   line. This file is included there after the functions that it uses. */
 #ifndef ANHYST_FUZZ_MASTERS_H
 #define ANHYST_FUZZ_MASTERS_H
 
-/* A command of XCP and what may be said of its answer. */
+/* Performs an XCP command, and checks what is true of every answer. */
 static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
 {
   const int listens = slave->connected != 0U || (length > 0U && command[0] == 0xFFU);
@@ -15,7 +15,7 @@ static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
   return count;
 }
 
-/* Shows the key, so that what is behind it is reached. */
+/* Sends the key, so that the protected commands are reached. */
 static void unlock(void)
 {
   uint8_t answer[XCP_PACKET];
@@ -29,7 +29,7 @@ static void unlock(void)
   }
 }
 
-/* One list of one part with a few signals, ready to be started: long to be found otherwise. */
+/* Allocates one list with one part and a few signals, which random commands would rarely do. */
 static void configure(script *s)
 {
   static const uint8_t steps[][6] = {
@@ -44,7 +44,7 @@ static void configure(script *s)
   }
 }
 
-/* Samples come in the order of their ticks, whole. */
+/* Samples arrive complete and in the order of their ticks. */
 static void take_samples(void)
 {
   uint8_t packet[XCP_PACKET];
@@ -59,7 +59,7 @@ static void take_samples(void)
   }
 }
 
-/* A command of XCP as a rule of its own length: codes from 0xC0 on, areas that there are. */
+/* Performs an XCP command, usually with its own length: codes from 0xC0 on, and valid areas. */
 static void xcp_command(script *s)
 {
   uint8_t command[XCP_PACKET + 4];
@@ -77,7 +77,7 @@ static void xcp_command(script *s)
     xcp_hang_up(slave);
     break;
   case 0xC0:
-    command[0] = 0xF6; /* an address in an area that there is, perhaps off its end */
+    command[0] = 0xF6; /* an address in a valid area, perhaps beyond its end */
     command[1] = 0;
     command[2] = 0;
     command[3] = 0;
@@ -97,7 +97,7 @@ static void xcp_command(script *s)
   take_samples();
 }
 
-/* A command in a frame of the link. */
+/* Sends a command in a frame of the link. */
 static void carried_command(script *s)
 {
   uint8_t payload[XCP_PACKET + 4];
@@ -113,7 +113,7 @@ static void carried_command(script *s)
   poll();
 }
 
-/* Every packet that leaves the serial line is whole, with a checksum that is right. */
+/* Every packet that leaves the serial line is complete and has a correct checksum. */
 static void drain(uint16_t most)
 {
   uint8_t packet[XCP_LINE_MOST];
@@ -139,7 +139,7 @@ static void drain(uint16_t most)
   }
 }
 
-/* A command on the serial line, whole as a rule. */
+/* Sends a command on the serial line, usually a complete one. */
 static void serial_command(script *s)
 {
   uint8_t bytes[XCP_LINE_MOST] = {0};
@@ -168,7 +168,7 @@ static void serial_command(script *s)
   check_session();
 }
 
-/* A master on one of its three ways. */
+/* Runs one of the three XCP masters. */
 static void any_command(script *s, uint8_t way)
 {
   if (way == 0U) {

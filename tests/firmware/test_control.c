@@ -57,7 +57,7 @@ static void current_follows_the_demand_in_run_alone(void)
   CHECK(states()->state == ANHYST_STATE_READY && bench.drive == 0);
 }
 
-/* Brings the controller to one of idle, ready, run and fault. */
+/* Brings the controller to the state IDLE, READY, RUN or FAULT. */
 static void go_to(uint16_t state)
 {
   bench_start();
@@ -75,11 +75,11 @@ static void go_to(uint16_t state)
   CHECK(states()->state == state);
 }
 
-/* Each command in each state: where it leads, -1 where it is refused. */
+/* Sends each command in each state, and checks the next state; -1: the command is refused. */
 static void commands_are_done_in_their_states_alone(void)
 {
   static const int leads[ANHYST_COMMAND_COUNT][4] = {
-      /* from idle, ready, run, fault; -2: there is no such command */
+      /* from IDLE, READY, RUN, FAULT; -2: this controller does not have the command */
       {ANHYST_STATE_IDLE, ANHYST_STATE_READY, ANHYST_STATE_RUN, ANHYST_STATE_FAULT}, /* none */
       {ANHYST_STATE_IDLE, ANHYST_STATE_IDLE, -1, -1},                                /* condition */
       {ANHYST_STATE_READY, ANHYST_STATE_READY, -1, -1},              /* demagnetised */
@@ -117,7 +117,7 @@ static void conditioning_drives_its_sequence_and_ends_ready(void)
     CHECK(bench.drive == i * FAKE_CONDITION_STEP);
     CHECK(fake.committed == bench.drive);
   }
-  bench_ticks(1); /* the tick after the last of the sequence */
+  bench_ticks(1); /* the tick after the last tick of the sequence */
   CHECK(states()->state == ANHYST_STATE_READY && (control()->flags & ANHYST_KNOWN) != 0);
   bench_ticks(25);
   CHECK(bench.drive == 0 && (control()->flags & ANHYST_CONDITIONING) == 0);
@@ -135,7 +135,7 @@ static void conditioning_is_ended_by_idle_and_then_nothing_is_known(void)
   CHECK((control()->flags & ANHYST_KNOWN) == 0);
 }
 
-/* Runs at the board's largest current, breaks something, and checks reason and ramp. */
+/* Runs at the board's largest current; the caller injects a fault, and checks reason and ramp. */
 static void begin_at_full_current(void)
 {
   bench_start();
@@ -153,7 +153,7 @@ static void falls_safely(uint16_t fault)
   CHECK(states()->fault == fault);
   CHECK(bench.drive_state == ANHYST_STATE_FAULT + 256U * fault);
   int32_t last = bench.drive;
-  /* 20 ms at 1000 ticks a second; the fault's own tick was the first. */
+  /* 20 ms at 1000 ticks a second; the tick of the fault was the first. */
   for (int i = 0; i < 19; i++) {
     bench_ticks(1);
     CHECK(bench.drive >= 0 && bench.drive <= last);
@@ -161,7 +161,7 @@ static void falls_safely(uint16_t fault)
   }
   CHECK(bench.drive == 0);
   CHECK(states()->fault == fault);
-  /* Nothing but clear leads out, and that through selftest. */
+  /* Only the command `clear` leaves the state FAULT, and it leads to the self-test. */
   bench_ticks(200);
   CHECK(states()->state == ANHYST_STATE_FAULT);
   CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_NAK);
@@ -175,7 +175,7 @@ static void comes_back_on_clear(void)
   CHECK((control()->flags & ANHYST_KNOWN) == 0);
 }
 
-/* Ticks with one sensor showing this, the others as they are. */
+/* Runs ticks with this value of one sensor; the other sensors do not change. */
 static void show(int32_t *sensor, int32_t value, int count)
 {
   const int32_t before = *sensor;
@@ -232,7 +232,7 @@ static void what_the_hardware_reports_is_a_fault_at_once(void)
     bench_ticks(1);
     falls_safely(reports[i][1]);
     bench_ticks(100);
-    CHECK(states()->state == ANHYST_STATE_FAULT); /* as long as it is reported */
+    CHECK(states()->state == ANHYST_STATE_FAULT); /* the port still reports the fault */
     bench.sample.status = 0;
     CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
     comes_back_on_clear();
@@ -246,7 +246,7 @@ static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
   bench.sample.status = PORT_NO_SAMPLE;
   bench_ticks(2);
   bench.sample.status = 0;
-  bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; one allows PORT_ONE/100 */
+  bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; PORT_ONE/100 is allowed in one tick */
   bench_ticks(1);
   CHECK(states()->state == ANHYST_STATE_RUN && states()->age == 0);
 }
@@ -413,8 +413,8 @@ static void the_first_reason_stays(void)
   CHECK(states()->fault == ANHYST_FAULT_MISSED_TICK);
 }
 
-/* From full current any commands, one a tick: what leaves the run leaves it along the ramp, and the
-   way back waits for its end. */
+/* Three commands in three ticks at full current: the current falls along the ramp, and a return to
+   RUN waits until the ramp has ended. */
 static void no_pair_of_commands_is_faster_than_the_ramp(void)
 {
   for (int first = 0; first < (int)ANHYST_COMMAND_COUNT; first++) {
@@ -467,7 +467,7 @@ static void the_board_limits_what_the_block_does_not(void)
   CHECK(fake.committed == 7000);
   bench_limits.current_low = -6000;
   (void)bench_demand(INT32_MIN);
-  bench_ticks(2); /* the largest slew is full scale a tick, and this is twice as far */
+  bench_ticks(2); /* the largest slew is full scale per tick, and this change is twice full scale */
   CHECK(bench.drive == -6000);
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the check of the measured against the driven current: which faults it finds, how
-   soon, and that ten minutes of normal operation raise none. */
+/* Claims about the comparison of measured and driven current: which faults it finds and how soon.
+   Ten minutes of normal operation raise no fault. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -8,16 +8,16 @@
 enum { LAG = 5, SWEEP = 50, OFF = 20 };
 enum { TEN_MINUTES = 600 * BENCH_RATE };
 #define TOLERANCE 0.05
-#define HELD 0.72  /* current of the fault cases, parts of full scale */
-#define CODES 2048 /* of the converter in full scale */
+#define HELD 0.72  /* current of the fault cases, fraction of full scale */
+#define CODES 2048 /* converter steps in full scale */
 
-/* An amplifier and its current sensor; parts of full scale. */
+/* An amplifier and its current sensor; fractions of full scale. */
 typedef struct {
-  double share;  /* of the missing current that flows a tick later */
-  double slew;   /* largest change in a tick: the voltage limit over the inductance */
-  double gain;   /* of the sensor */
-  double offset; /* of the sensor */
-  double noise;  /* largest, of the sensor */
+  double share;  /* fraction of the missing current that the amplifier adds in a tick */
+  double slew;   /* largest change in a tick: voltage limit divided by inductance */
+  double gain;   /* gain of the sensor */
+  double offset; /* offset of the sensor */
+  double noise;  /* largest noise of the sensor */
   double current;
 } amplifier;
 
@@ -45,7 +45,7 @@ static int32_t code_of(double part)
   return (int32_t)floor(part * CODES + 0.5) * (PORT_ONE / CODES);
 }
 
-/* One tick: the amplifier follows the driven current, the sensor shows it. */
+/* Runs one tick: the amplifier follows the driven current, and the sensor measures it. */
 static void amplified_tick(amplifier *a)
 {
   const double step = a->share * (driven() - a->current);
@@ -56,7 +56,7 @@ static void amplified_tick(amplifier *a)
   bench_tick();
 }
 
-/* Starts a controller on a board that measures its current, with all of the current allowed. */
+/* Starts a controller on a board that measures its current, with the full current allowed. */
 static void start(void)
 {
   bench_start();
@@ -64,14 +64,14 @@ static void start(void)
   bench_limits.current.low = -PORT_ONE / 4 * 5;
   bench_limits.current.high = PORT_ONE / 4 * 5;
   bench_limits.current.slew = INT32_MAX;
-  bench_limits.current.stuck_ticks = 0; /* found by the noise otherwise, see test_control.c */
+  bench_limits.current.stuck_ticks = 0; /* otherwise the stuck rule finds the faults */
   bench_limits.current_low = INT32_MIN;
   bench_limits.current_high = INT32_MAX;
   bench_restart();
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
 }
 
-/* Demands a current; the compensator of the bench halves a demand. */
+/* Demands a current. The compensator of the bench halves a demand. */
 static void demand(double current)
 {
   bench_words[FAKE_MORE] = (int16_t)(current > 0.0 ? 16384 : -16384);
@@ -114,7 +114,7 @@ static int ticks_until_fault(amplifier *a, double current, int most)
   return -1;
 }
 
-/* What is wrong with the sensor or the amplifier from one tick on. */
+/* Fault of the sensor or the amplifier from one tick on. */
 typedef struct {
   const char *name;
   amplifier after;
@@ -131,7 +131,7 @@ static const breakage breakages[] = {
 };
 enum { BREAKAGES = sizeof breakages / sizeof breakages[0] };
 
-/* From a step of the demand on: the slowest allowed response takes SWEEP + 3 * LAG ticks. */
+/* After a step of the demand, the slowest allowed response takes SWEEP + 3 * LAG ticks. */
 static void a_fault_that_is_there_from_the_start_is_found_with_the_current(void)
 {
   for (int i = 0; i < BREAKAGES; i++) {
@@ -145,7 +145,7 @@ static void a_fault_that_is_there_from_the_start_is_found_with_the_current(void)
   }
 }
 
-/* At a constant current only the number of samples counts. */
+/* At a constant current, only the number of samples matters. */
 static void a_fault_at_a_constant_current_is_found_after_off_ticks(void)
 {
   for (int i = 0; i < 5; i++) {
@@ -176,7 +176,7 @@ static void a_sensor_that_stays_on_one_value_is_found_when_the_current_moves(voi
   CHECK_BELOW("ticks until a stuck sensor is found", found, SWEEP + 3 * LAG + OFF + 1);
 }
 
-/* As many samples as the setting allows are no fault. */
+/* As many bad samples as the setting allows are no fault. */
 static void a_short_deviation_is_no_fault(void)
 {
   amplifier a = normal;
@@ -192,7 +192,7 @@ static void a_short_deviation_is_no_fault(void)
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-/* A sensor that sends its error code now and then does not hide that it is wrong. */
+/* Error codes of a sensor now and then do not prevent that a wrong value is found. */
 static void a_sample_without_a_value_does_not_end_a_row(void)
 {
   amplifier a = normal;
@@ -234,7 +234,7 @@ static void without_a_current_sensor_nothing_is_compared(void)
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-/* Clear starts again: the current that flows then, and not the one before, is where it begins. */
+/* After clear, the check starts again from the current that flows at that time. */
 static void clear_begins_again(void)
 {
   amplifier a = normal;
@@ -273,7 +273,7 @@ static void its_settings_stay_while_the_controller_runs(void)
   CHECK(ticks_until_fault(&a, HELD, 100) == 4);
 }
 
-/* Steps, sines, holds and stops of the demand, start-up sequences and arming again. */
+/* Steps, sines, constant values and stops of the demand, start-up sequences, and arming again. */
 static void ten_minutes_of_normal_operation_raise_no_fault(void)
 {
   amplifier a = normal;
@@ -293,7 +293,7 @@ static void ten_minutes_of_normal_operation_raise_no_fault(void)
       demand(i / 1000 % 3 == 0 ? to : i / 1000 % 3 == 1 ? 0.6 * rest + wave : rest);
     }
     amplified_tick(&a);
-    if (i % 10000 == 9999) { /* stopped at any current, and run again */
+    if (i % 10000 == 9999) { /* stopped at any current, and started again */
       CHECK(bench_command(ANHYST_COMMAND_STOP) == LINK_TYPE_ACK);
       for (int k = 0; k < 40; k++) {
         amplified_tick(&a);

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the framing: what is sent arrives, and whatever happens to it on the way is found.
- */
+/* Claims about the framing: a sent frame arrives, and any damage to it is detected. */
 #include "../core/check.h"
 #include "link/frame.h"
 
@@ -24,7 +23,7 @@ static uint16_t encode(uint8_t *wire, const uint8_t *payload, uint8_t length)
   return link_encode(wire, &frame);
 }
 
-/* Payloads that are hard on COBS: no zero, only zeros, a zero in each place, counting. */
+/* Difficult payloads for COBS: no zero, only zeros, a zero at each position, and counting bytes. */
 static void fill(uint8_t *payload, uint8_t length, int pattern)
 {
   for (int i = 0; i < length; i++) {
@@ -124,7 +123,7 @@ static void what_is_too_long_costs_one_frame_and_no_memory(void)
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
   link_receiver_start(&receiver);
-  for (long i = 0; i < 0x10000; i++) { /* a 16-bit counter would be at zero again */
+  for (long i = 0; i < 0x10000; i++) { /* a counter of 16 bits would be zero again */
     CHECK(feed(&one, 1) == 0);
   }
   CHECK(feed(wire, count) == 0);
@@ -146,8 +145,8 @@ static void the_length_in_the_head_must_be_the_length(void)
   uint8_t plain[LINK_WIRE_MOST];
   uint8_t payload[4] = {1, 2, 3, 4};
   link_receiver_start(&receiver);
-  /* A valid frame whose payload ends with what could be the checksum of a shorter one would need
-     another length byte, which the checksum covers. */
+  /* The end of the payload could be the checksum of a shorter frame. That frame would need another
+     length byte, which the checksum covers. */
   const uint16_t count = encode(plain, payload, 4);
   for (int length = 0; length < 256; length++) {
     if (length != 4) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about XCP on a row of bytes: what stands around a packet, and what a line does to it. */
+/* Claims about XCP on a stream of bytes: header and checksum of a packet, and line faults. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -15,7 +15,7 @@ static uint16_t sent_count;
 
 static const uint8_t hello[] = {2, 0, 0, 0, 0xFF, 0};
 static const uint8_t status[] = {1, 0, 1, 0, 0xFD};
-/* With checksums: 2 + 0 + 0x00FF, and behind an odd packet 1 + 1 + 0x00FD with a zero. */
+/* With checksums: 2 + 0 + 0x00FF, and after an odd packet 1 + 1 + 0x00FD with a zero byte. */
 static const uint8_t checked_hello[] = {2, 0, 0, 0, 0xFF, 0, 0x01, 0x01};
 static const uint8_t checked_status[] = {1, 0, 1, 0, 0xFD, 0, 0xFF, 0};
 
@@ -26,7 +26,7 @@ static void start(int checked)
   xcp_line_start(&line, &bench.firmware, checked);
 }
 
-/* Sends all that waits, `most` bytes at a time, and keeps the last packet. */
+/* Sends all pending bytes, `most` bytes at a time, and keeps the last packet. */
 static void fetch(uint16_t most)
 {
   uint16_t count = 0;
@@ -38,7 +38,7 @@ static void fetch(uint16_t most)
     sent_count = (uint16_t)(sent_count + part);
     xcp_line_sent(&line, part);
     if (line.out_count == 0U) {
-      return; /* a packet is over */
+      return; /* the end of a packet */
     }
     bytes = xcp_line_offer(&line, &count);
   }
@@ -76,7 +76,7 @@ static void a_checksum_is_the_sum_of_all_words(void)
 
 static void an_odd_answer_is_filled_with_a_zero(void)
 {
-  /* upload of two bytes: an answer of three */
+  /* an upload of two bytes has an answer of three bytes */
   const uint8_t upload[] = {8, 0, 0, 0, 0xF4, 2, 0, 0, 0, 0, 1, 0, 0xFD, 2};
   start(1);
   CHECK(GIVE(checked_hello) == sizeof checked_hello);
@@ -86,7 +86,7 @@ static void an_odd_answer_is_filled_with_a_zero(void)
   CHECK(sent_count == 10 && link_get_u16(sent) == 3 && sent[4] == 0xFF && sent[7] == 0);
 }
 
-/* Any bit of a command: never done, and the line goes on afterwards. */
+/* Flips any bit of a command: it is never performed, and the line works afterwards. */
 static void a_damaged_command_is_not_done(void)
 {
   for (unsigned bit = 0; bit < 8U * sizeof checked_hello; bit++) {
@@ -153,7 +153,7 @@ static void who_hangs_up_is_gone(void)
   CHECK(sent_count == 0 && line.slave.connected == 0);
 }
 
-/* The longest command and the longest sample, with checksums: the sanitizers watch the edges. */
+/* The longest command and the longest sample, with checksums: sanitizers check the array bounds. */
 static void the_longest_packets_fit(void)
 {
   uint8_t longest[XCP_LINE_HEAD + XCP_PACKET + XCP_LINE_CHECK] = {XCP_PACKET, 0, 1, 0, 0xF0};

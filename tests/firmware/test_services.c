@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about what a board may use: a set in flash survives a cut at any byte; a calibration
-   saturates; a winding trips and cools as the equation says. */
+/* Claims about the services for boards. A set in flash survives a power failure at any byte, a
+   calibration saturates, and the I^2 t protection trips and clears at the calculated times. */
 #include "../core/check.h"
 #include "services/calibration.h"
 #include "services/store.h"
@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-/* Flash of two copies. It works byte by byte, and the power may go after any of them. */
+/* Flash with two copies. It works byte by byte, and the power may fail after any byte. */
 enum { WORDS = 24, BYTES = 4 * WORDS, SET = 13 };
 
 static uint32_t memory[2][WORDS];
@@ -32,7 +32,7 @@ static uint32_t random_word(void)
   return rubbish;
 }
 
-/* An erasing that is cut leaves bits that were 0 in any state. */
+/* After an interrupted erase, bits that were 0 have any value. */
 static int erase(uint16_t copy)
 {
   for (int i = 0; i < WORDS; i++) {
@@ -47,7 +47,7 @@ static int erase(uint16_t copy)
   return 1;
 }
 
-/* Bits can only fall; of the byte at which it is cut some do. */
+/* A write only clears bits. If it is interrupted, it clears some bits of the present byte. */
 static int program(uint16_t copy, uint32_t at, uint32_t word)
 {
   for (unsigned byte = 0; byte < 4U; byte++) {
@@ -63,7 +63,7 @@ static int program(uint16_t copy, uint32_t at, uint32_t word)
 
 static const store_flash flash = {{memory[0], memory[1]}, WORDS, erase, program};
 
-/* A set that is told by its first word. */
+/* Makes a set that its first word identifies. */
 static void make_set(uint32_t *set, uint32_t name, uint32_t count)
 {
   for (uint32_t i = 0; i < count; i++) {
@@ -118,7 +118,7 @@ static void a_set_is_read_back(void)
   CHECK(reads(11, 0));
 }
 
-/* From a flash with none, one or two sets, cut after every step; then it goes on. */
+/* Writes to a flash with none, one or two sets, interrupts after every step, and writes again. */
 static long cut_everywhere(int sets)
 {
   long steps = 0;
@@ -164,7 +164,7 @@ static void a_number_that_goes_round_is_still_newer(void)
   memory[0][0] = STORE_MAGIC;
   memory[0][1] = 0xFFFFFFFFU;
   memory[0][2] = 0;
-  memory[0][3] = 0xC02EFFBEU; /* of these three, by zlib */
+  memory[0][3] = 0xC02EFFBEU; /* CRC-32 of these three words, by zlib */
   CHECK(store_read(&flash, &count) != NULL && count == 0);
   CHECK(writes(7, 3));
   CHECK(memory[1][1] == 0);
@@ -224,7 +224,7 @@ static void a_winding_trips_in_its_time_and_clears_again(void)
   while (!thermal_tick(&t, &plan, ONE)) {
     tick++;
   }
-  /* From 1/16 on the way to 1 past 1/4: ln((1 - 1/16)/(1 - 1/4)) time constants. */
+  /* From 1/16 towards 1 past 1/4: ln((1 - 1/16)/(1 - 1/4)) time constants. */
   CHECK_BELOW("ticks off", fabs((double)tick - 100000.0 * log(1.25)), 2.0);
   tick = 0;
   while (thermal_tick(&t, &plan, 0)) {
@@ -243,7 +243,7 @@ static void a_standing_current_that_may_flow_never_trips(void)
     CHECK(!thermal_tick(&t, &plan, i % 2 == 0 ? ONE / 2 : -ONE / 2));
   }
   CHECK_BELOW("short of the square", ldexp((double)(plan.trips - t.warmth), -60), ldexp(1.0, -28));
-  /* What is no current counts as the largest. */
+  /* A value that is not a current counts as the largest current. */
   CHECK(thermal_tick(&t, &plan, INT32_MIN));
 }
 

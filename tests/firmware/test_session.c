@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the session: every request is answered once, in order, and done once. */
+/* Claims about the session: every request is answered and performed once, in order. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -78,7 +78,7 @@ static void a_repeated_request_is_answered_again_and_done_once(void)
   bench_ticks(3);
   for (int again = 2; again < 5; again++) {
     ask_again(LINK_TYPE_COMMAND, 5, arm, 2);
-    /* Done twice it would be a NAK: ready cannot be armed. */
+    /* A second execution would give a NAK, because ready cannot be armed. */
     CHECK(bench.answers == again && bench.answer.type == LINK_TYPE_ACK);
     CHECK(bench.answer.sequence == 5 && bench.answer.tick == tick);
     CHECK(memcmp(bench.payload, first, bench.answer.length) == 0);
@@ -92,12 +92,12 @@ static void what_newer_requests_overtook_is_not_done(void)
   ask_again(LINK_TYPE_HEARTBEAT, 100, NULL, 0);
   put_demand(101, 1000);
   put_demand(102, 2000);
-  put_demand(101, 1000); /* a copy of the first that came late */
+  put_demand(101, 1000); /* a delayed copy of the first hello */
   bench_poll();
   CHECK(bench_reason() == LINK_REASON_OLD && bench_detail() == 1);
   CHECK(bench.firmware.control.body->target == 2000);
-  put_demand(106, 3000); /* 103 to 105 are lost */
-  put_demand(104, 4000); /* and one of them turns up */
+  put_demand(106, 3000); /* requests 103 to 105 are lost */
+  put_demand(104, 4000); /* request 104 arrives late */
   bench_poll();
   CHECK(bench_reason() == LINK_REASON_OLD && bench_detail() == 0);
   CHECK(bench.firmware.control.body->target == 3000);
@@ -156,7 +156,7 @@ static void a_new_session_starts_the_sequence_again(void)
   CHECK(bench.answer.type == LINK_TYPE_STATUS && session()->lost == 0);
 }
 
-/* A copy of the hello that turned the sequence back made the requests after it look overtaken. */
+/* If a copy of the hello reset the sequence, later requests would look overtaken. */
 static void a_copy_of_the_hello_is_answered_and_changes_nothing(void)
 {
   for (int late = 0; late < 300; late++) {
@@ -255,7 +255,7 @@ static void settings_keep_their_ranges(void)
   CHECK(bench_set(LINK_SETTING_DEMAND_SLEW, 5) == LINK_TYPE_SETTING);
 }
 
-/* Time may stand still while a board keeps a block: only where nothing is on its way. */
+/* Time may stand still while a board stores a block. Therefore, the current must be zero. */
 static void a_block_is_kept_at_rest_alone(void)
 {
   bench_start();

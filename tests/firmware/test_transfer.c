@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about parameter blocks and recordings: whole or not at all. */
+/* Claims about parameter blocks and recordings, which are transferred completely or not at all. */
 #include "../core/check.h"
 #include "bench.h"
 #include "link/crc.h"
@@ -10,10 +10,10 @@
 
 #define BLOCK_BYTES (2 * BENCH_WORDS)
 
-static uint8_t bytes[BLOCK_BYTES + 2]; /* a block, and a word more than it has */
+static uint8_t bytes[BLOCK_BYTES + 2]; /* one word more than the block has */
 static uint32_t checksum;
 
-/* A block of this generation as it is sent. */
+/* A block with this generation, as the PC sends it. */
 static void make_block(uint16_t generation)
 {
   int16_t words[BENCH_WORDS];
@@ -54,7 +54,7 @@ static uint16_t generation_in_force(void)
   return link_get_u16(bench.payload + 24);
 }
 
-/* Changes a word of the block that is sent next. */
+/* Changes a word of the next block. */
 static void change(uint16_t word, int16_t value)
 {
   link_put_u16(bytes + 2 * (size_t)word, (uint16_t)value);
@@ -160,8 +160,8 @@ static void a_built_in_block_made_for_other_scales_is_a_fault(void)
         bench.drive == 0);
 }
 
-/* At a demand at which the board's block asks for half of full scale, one that asks for a quarter
-   less, or more than the board allows. */
+/* The board's block gives half of full scale at this demand. Another block gives a quarter less, or
+   more than the board allows. */
 static void after_a_swap_the_current_moves_along_the_ramp(int16_t more)
 {
   bench_start();
@@ -194,8 +194,8 @@ static void once_there_the_current_is_as_fast_as_before(void)
   CHECK(bench.drive == -8192 * 65536);
 }
 
-/* Switched while it runs, the current goes from one to the other along the ramp, and the memory of
-   the iron goes on. */
+/* After a swap in the state RUN, the current moves to that of the new block along the ramp, and the
+   hysteresis state is transferred. */
 static void compensation_is_switched_along_the_ramp(void)
 {
   bench_start();

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about XCP inside frames of the own link. */
+/* Claims about XCP inside frames of the link. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -7,9 +7,9 @@
 
 #include "link/crc.h"
 
-#define SAMPLE 39U /* of eight signals, its length in front */
+#define SAMPLE 39U /* packet of eight signals, after its length */
 
-/* Carries a command; what came back stands in bench.payload. */
+/* Sends a command in a frame. Its answer is in bench.payload. */
 static uint8_t carry(const uint8_t *command, uint8_t length)
 {
   return bench_ask(LINK_TYPE_XCP, command, length);
@@ -33,7 +33,7 @@ static void show_key(void)
   CHECK(carry(command, sizeof command) == LINK_TYPE_XCP_PACKETS && bench.payload[1] == 0xFF);
 }
 
-/* Eight signals, and so many ticks. */
+/* Starts a list of eight signals, and runs `count` ticks. */
 static void sample(int ticks)
 {
   CHECK(CARRY(0xD6) && CARRY(0xD5, 0, 1, 0) && CARRY(0xD4, 0, 0, 0, 1));
@@ -58,7 +58,7 @@ static void samples_come_whole_and_none_is_lost(void)
   sample(ticks);
   const uint32_t first = bench.sample.tick - (uint32_t)ticks + 1U;
   uint32_t found = 0;
-  CHECK(CARRY(0xFD) == LINK_TYPE_XCP_PACKETS && bench.payload[0] == 6); /* an answer comes first */
+  CHECK(CARRY(0xFD) == LINK_TYPE_XCP_PACKETS && bench.payload[0] == 6); /* the answer comes first */
   uint16_t at = 7;
   for (int asked = 0; asked < ticks; asked++) {
     while (at < bench.answer.length) {
@@ -75,7 +75,7 @@ static void samples_come_whole_and_none_is_lost(void)
   CHECK(found == (uint32_t)ticks && bench.answer.length == 0);
 }
 
-/* The line lost the answer: the same bytes again, and no sample less. */
+/* The line lost the answer. A repetition gives the same bytes, and no sample is lost. */
 static void what_is_repeated_is_answered_with_the_same_bytes(void)
 {
   uint8_t before[LINK_PAYLOAD_MOST];
@@ -97,7 +97,7 @@ static void who_looks_on_through_the_link_is_no_heartbeat(void)
   bench.firmware.control.silent = 7;
   CHECK(CARRY(0xFD) && carry(NULL, 0) && bench.firmware.control.silent == 7);
   show_key();
-  CHECK(bench.firmware.control.silent == 7); /* by the key itself a command is not yet his */
+  CHECK(bench.firmware.control.silent == 7); /* the key itself is not a heartbeat */
   CHECK(carry(NULL, 0) && bench.firmware.control.silent == 7);
   CHECK(CARRY(0xFD) && bench.firmware.control.silent == 0);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the slave of XCP, command by command. */
+/* Claims about the XCP slave, command by command. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -15,7 +15,7 @@ static xcp_slave slave;
 static uint8_t answer[XCP_PACKET];
 static uint16_t answered;
 
-/* Sends a command; 0 where it was done, else the error. */
+/* Sends a command. Returns 0 if it was performed, otherwise the error. */
 static uint8_t send(const uint8_t *command, uint16_t length)
 {
   memset(answer, 0xEE, sizeof answer);
@@ -73,7 +73,7 @@ static uint8_t read_at(uint32_t address, uint8_t count)
   return send(command, sizeof command);
 }
 
-/* One list of `entries` signals in one part. */
+/* Allocates one list with one part of `entries` signals. */
 static void sample(uint8_t entries)
 {
   CHECK(SEND(0xD6) == 0 && SEND(0xD5, 0, 1, 0) == 0 && SEND(0xD4, 0, 0, 0, 1) == 0);
@@ -130,7 +130,7 @@ static void memory_ends_where_its_tables_end(void)
   CHECK(read_at(SIGNALS, XCP_PACKET) == XCP_RANGE);
   CHECK(write_value(XCP_AREA_SIGNAL, 0, 1) == XCP_WRITE_PROTECTED);
   CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_COUNT, 1) == XCP_RANGE);
-  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_SET_TARGET, 1) == XCP_DENIED); /* of force */
+  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_SET_TARGET, 1) == XCP_DENIED); /* signal: force */
   CHECK(write_at((uint32_t)XCP_AREA_SETTING << 16, (const uint8_t[]){1, 0}, 2) == XCP_RANGE);
 }
 
@@ -155,7 +155,7 @@ static void the_key_is_good_once_and_for_its_connection(void)
   CHECK(SEND(0xF7, 4, 0, 0, 0, 0) == XCP_SEQUENCE);
   CHECK(show_key(XCP_SECRET + 1U) == XCP_LOCKED);
   (void)SEND(0xFD);
-  CHECK(answered == 0); /* a wrong key ended the connection */
+  CHECK(answered == 0); /* the wrong key ended the connection */
   unlock();
   memcpy(command + 2, answer + 2, 4);
   CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_DEMAND_SLEW, 5) == 0);
@@ -185,7 +185,7 @@ static void allocation_keeps_its_order_and_its_room(void)
   CHECK(SEND(0xD4, 0, 0, 0, 2) == 0 && SEND(0xD4, 0, 0, 0, 1) == XCP_SEQUENCE);
   CHECK(SEND(0xD3, 0, 0, 0, 0, XCP_ENTRIES + 1) == XCP_NO_ROOM);
   CHECK(SEND(0xD3, 0, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 2, 1) == XCP_RANGE);
-  CHECK(SEND(0xD4, 0, 1, 0, 1) == XCP_SEQUENCE); /* parts come before entries */
+  CHECK(SEND(0xD4, 0, 1, 0, 1) == XCP_SEQUENCE); /* parts are allocated before entries */
 }
 
 static void a_list_runs_once_all_its_entries_are_signals(void)
@@ -193,11 +193,11 @@ static void a_list_runs_once_all_its_entries_are_signals(void)
   connect_master();
   CHECK(SEND(0xD5, 0, 1, 0) == 0 && SEND(0xD4, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 0, 1) == 0);
   CHECK(SEND(0xE2, 0, 0, 0, 0, 1) == XCP_RANGE && SEND(0xE2, 0, 0, 0, 0, 0) == 0);
-  CHECK(SEND(0xDE, 1, 0, 0) == XCP_DAQ_CONFIG); /* an entry was never written */
+  CHECK(SEND(0xDE, 1, 0, 0) == XCP_DAQ_CONFIG); /* one entry was never written */
   CHECK(SEND(0xE1, 0xFF, 2, 0, 0, 0, 1, 0) == XCP_RANGE);
-  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 2, 0) == XCP_RANGE); /* a setting is no signal */
+  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 2, 0) == XCP_RANGE); /* a setting is not a signal */
   CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 1, 0) == 0);
-  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 1, 0) == XCP_DAQ_CONFIG); /* no entry is left */
+  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 1, 0) == XCP_DAQ_CONFIG); /* no entry is free */
   CHECK(SEND(0xE0, 0x10, 0, 0, 0, 0, 0, 0) == XCP_RANGE &&
         SEND(0xE0, 0x02, 0, 0, 0, 0, 1, 0) == XCP_MODE);
   CHECK(SEND(0xDE, 1, 0, 0) == 0 && SEND(0xE2, 0, 0, 0, 0, 0) == XCP_DAQ_ACTIVE);
