@@ -18,7 +18,7 @@ static int16_t words[1024];
 
 static inline double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
 
-/* Returns the field of an entry of a row. */
+/* Returns the field at an entry of a row. */
 static inline double field_of(int column)
 {
   const int middle = STRIDE / 2;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims: compares a measured value with its limit, and prints both in any case. */
+/* Claims: each compares a measured value with its limit, and prints both in any case. */
 #ifndef TEST_CHECK_H
 #define TEST_CHECK_H
 
@@ -9,7 +9,7 @@
 
 static int failures = 0;
 
-/* Counts a claim that does not hold. In tests of seeded faults, stops at the first one. */
+/* Counts a claim that is not true. In tests of seeded faults, stops at the first of these. */
 static inline void fail(void)
 {
   failures++;

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the compensator and of the check of a block, for one number format. Defined before:
-   entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH. The law is linear and records how
-   it is called. */
+/* Claims about the compensator and the check of a block, for one number format. The including file
+   defines before: entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH.
+
+   The law is linear and records how it is called. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
 #include "check.h"
 
-#define WORDS 80 /* of the block: a head and five tables of two entries */
+#define WORDS 80 /* words of the block: a head and five tables of two entries */
 
 typedef FORMAT(anhyst_compensator) compensator_type;
 typedef FORMAT(anhyst_kernel) law_type;
@@ -27,7 +28,7 @@ static number straight_field(compensator_type *c)
   return c->flux;
 }
 
-/* Arms are 1/4 for the flux and 1/4 for the field. */
+/* The coefficients are 1/4 for the flux and 1/4 for the field. */
 static number straight_flux(compensator_type *c, number current)
 {
   flux_calls++;
@@ -126,7 +127,7 @@ static void flip(entry *word, unsigned bit)
 
 static void every_damaged_bit_is_refused(void)
 {
-  entry words[WORDS]; /* a sanitizer detects a read outside */
+  entry words[WORDS]; /* a sanitizer detects a read beyond the end */
   compensator_type c;
   int accepted = 0;
   make_block(words);
@@ -156,7 +157,7 @@ static compensator_type started(void)
   return c;
 }
 
-/* Calls of the law in a solve and the commit of its current. */
+/* Counts the calls of the law in a solve and in the commit of its current. */
 static void what_was_solved_is_committed_by_a_copy(void)
 {
   compensator_type c = started();
@@ -180,7 +181,7 @@ static void what_was_solved_is_committed_by_a_copy(void)
   CHECK(flux_calls == 2);
 }
 
-/* Calls in any order, compared with the table of stage.h. */
+/* Calls the functions in any order, and compares the results with the table of stage.h. */
 static void stages_are_those_of_the_table(void)
 {
   compensator_type c = started();
@@ -219,7 +220,7 @@ static void stages_are_those_of_the_table(void)
     wrong += c.stage != stage || (c.flags & ANHYST_FLAG_BUSY) != 0U;
   }
   CHECK_BELOW("wrong stages", wrong, 0);
-  CHECK(worst_stage == 0); /* no search of a field starts at an uncommitted step */
+  CHECK(worst_stage == 0); /* a search of a field does not start at an uncommitted step */
 }
 
 static uint16_t flags_of_solve(compensator_type *c, signal demand, signal gap)
@@ -244,11 +245,11 @@ static void signals_out_of_range_raise_flags(void)
   CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_BELOW) == ANHYST_GAP_LIMITED);
   CHECK((flags_of_solve(&c, FULL_DEMAND, GAP) & ANHYST_DEMAND_LIMITED) != 0U);
   CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP) == 0U);
-  CHECK(flags_of_commit(&c, CURRENT_LIMIT, GAP) == 0U); /* the limit itself */
+  CHECK(flags_of_commit(&c, CURRENT_LIMIT, GAP) == 0U); /* exactly at the limit */
   CHECK(flags_of_commit(&c, FULL_CURRENT / 7, GAP) == ANHYST_CURRENT_LIMITED);
   CHECK(flags_of_commit(&c, -(FULL_CURRENT / 7), GAP) == ANHYST_CURRENT_LIMITED);
   CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP_BELOW) == ANHYST_GAP_LIMITED);
-  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve: only its own flags */
+  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve, only the flags of the commit */
   CHECK(c.flags == 0U);
   format_claims(&c);
 }
@@ -327,8 +328,8 @@ static void a_current_that_does_not_follow_is_seen(void)
   CHECK(!SIGNALS(anhyst_compensator_follows)(&c, -(FULL_CURRENT / 10), FULL_CURRENT / 100));
 }
 
-/* Iron without layers or a lag needs one commit for missed ticks; with a lag, each tick counts, at
-   most 64. */
+/* Iron without layers or a lag needs one commit after missed ticks. With a lag, each missed tick
+   needs one, up to 64 commits. */
 static void missed_ticks_are_made_up_for_where_time_matters(void)
 {
   compensator_type c = started();
@@ -361,7 +362,7 @@ static void a_lag_costs_current_while_the_flux_moves(void)
     const signal current = SOLVE(&c, FULL_DEMAND / 16, GAP);
     const double more = (double)current / (double)(FULL_CURRENT)-still;
     COMMIT(&c, current, GAP);
-    if (i == 0) { /* 0.1 besides 0.25 for the flux and 0.25 for the field */
+    if (i == 0) { /* 0.1 in addition to 0.25 for the flux and 0.25 for the field */
       CHECK_BELOW("current of a lag", fabs(more / still - 0.2), 1e-3);
     } else {
       CHECK_BELOW("current of a lag at rest", fabs(more), 1e-6);

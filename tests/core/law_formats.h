@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A law in fixed point, f32 and f64 on the same path. Defined before: LAW_FORMATS, one FORMAT(...)
-   for each, with the words of the law. */
+/* A law in fixed point, f32 and f64 on the same path. The including file defines before:
+   LAW_FORMATS, one FORMAT(...) for each, with the words of the law. */
 #ifndef TEST_LAW_FORMATS_H
 #define TEST_LAW_FORMATS_H
 
@@ -13,7 +13,7 @@
 #include "check.h"
 #include "truth.h"
 
-/* The arms of the current at the gap of the tick, weights. */
+/* The coefficients (weights) of the current at the gap of the tick. */
 static int flux_arm = 12000;
 static int field_arm = 16000;
 

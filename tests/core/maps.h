@@ -38,7 +38,7 @@ static inline void fill(const anhyst_map_q31 *map, int16_t *table, int32_t step)
   }
 }
 
-/* Returns a valid table with neighbours along the force that differ by up to a given step. */
+/* Returns a valid table whose neighbours along the force differ by up to a given step. */
 static inline anhyst_map_q31 any_map(int16_t *table, uint16_t n, uint16_t m, int32_t step)
 {
   const anhyst_map_q31 map = {table, n, m};

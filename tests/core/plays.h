@@ -67,7 +67,7 @@ static inline void set_word(any_play *play, int word, int32_t value)
   play->single[word] = (float)value;
 }
 
-/* Sets half-widths that a map allows: they change by at most its rise, and stay within the
+/* Sets half-widths that a map allows: they change by at most its rise, and are in the range of the
    format. */
 static inline void fill_halves(const any_play *play, int16_t *halves)
 {

@@ -39,8 +39,8 @@ static double *zeros(size_t n)
 }
 
 typedef struct {
-  double residual; /* of x + omega*m = r, in units of a */
-  double distance; /* of m from the scalar linear step */
+  double residual; /* error of x + omega*m = r, in units of a */
+  double distance; /* deviation of m from the scalar linear step */
 } errors;
 
 /* Returns the largest errors over 1.5 loops of `samples` each, with r up to 3. */

@@ -1,4 +1,4 @@
-"""The binding converts and checks: it refuses what it would have to convert."""
+"""Test that the binding converts no argument: it refuses what it would have to convert."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ IRON = Iron(1.3e6, 300.0, 200.0, 0.2, 5e-4)
 OPERATOR = Operator(0.7, 0.2)
 N, SETS, DIRECTIONS = 4, 3, 2
 
-# Every function that takes arrays, with arguments it accepts.
+# Every function that takes arrays, with arguments that it accepts.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, FloatArray]]] = {
     "forward": (
         IRON.forward,
@@ -66,7 +66,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, FloatArray]]] = {
     "langevin": (langevin, {"z": np.ones(N)}),
 }
 ARGUMENTS = [(name, argument) for name, (_, given) in CALLS.items() for argument in given]
-# Any length is right for these.
+# Arguments whose length is free.
 FREE = {("batch", "drive"), ("batch_functions", "t"), ("langevin", "z")}
 
 

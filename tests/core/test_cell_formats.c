@@ -13,8 +13,8 @@ static void fill(void)
   fill_real_words();
 }
 
-/* The gap changes the arms. A third of the currents is rounded to a converter of 12 bits, and
-   sometimes another current is applied. */
+/* The gap changes the coefficients. A third of the currents is rounded to a converter of 12 bits,
+   and sometimes another current is applied. */
 static void formats_agree_on_random_paths(void)
 {
   uint64_t seed = 3;
@@ -100,7 +100,7 @@ static void a_constant_demand_reverses_no_path(void)
   CHECK(changes == 0);
 }
 
-/* Fields and fluxes stay finite and within their range, and no word outside the block is read, as
+/* Fields and fluxes stay finite and in their range. No word outside the block is read, as
    sanitizers check. */
 static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
 {

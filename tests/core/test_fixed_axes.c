@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the controller of a stage in fixed point: rows, PID, allocation, a tick. */
-#include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): calls static functions */
 
 #include "check.h"
 #include "edges.h"

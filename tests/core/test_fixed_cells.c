@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the play-cell law in fixed point, compared with sums of its curves in double precision
    at the resulting fields. */
-/* Their static functions are meant. */
+/* The test calls their static functions. */
 #include "compensator/cells.c"       /* NOLINT(bugprone-suspicious-include) */
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */
 
@@ -17,7 +17,7 @@ enum { STEPS = 20000 };
 
 static double plays[CELLS + 1];
 
-/* Moves the plays to a field; returns h*x + m. */
+/* Moves the plays to a field. Returns h*x + m. */
 static double follow(double x)
 {
   double flux = AIR * x;
@@ -80,7 +80,7 @@ static void a_field_gives_the_flux_that_was_asked_for(void)
   CHECK_BELOW("flux", worst, OFF);
 }
 
-/* The current is near the solved one, as after a converter, or any current. */
+/* The applied current is near the solved current, as after a converter, or any current. */
 static void a_current_leads_where_it_must(void)
 {
   const anhyst_arms arms = {0, 12000, 16000};
@@ -108,7 +108,7 @@ static void a_current_leads_where_it_must(void)
   CHECK_BELOW("flux and current", worst, OFF);
 }
 
-/* Only such a flux: if the current is within its limits, the flux is the demanded one. */
+/* If the current is within its limits, the flux is the demanded flux. */
 static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
 {
   const anhyst_arms arms = {0, 12000, 16000};

@@ -2,7 +2,8 @@
 /* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
    the distance, and the slope. The reference is the equation z = -ln v + nu*v - nu in double
    precision. */
-#include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): calls static
+                                       functions */
 
 #include "check.h"
 #include "truth.h"

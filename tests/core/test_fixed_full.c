@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the parts of the Jiles-Atherton law in fixed point (table, decay, one evaluation of a
    path), compared with double and long double precision. */
-/* Their static functions are meant. */
+/* The test calls their static functions. */
 #include "compensator/full.c" /* NOLINT(bugprone-suspicious-include) */
 
 #include "check.h"
@@ -128,9 +128,9 @@ static double magnetised(double kappa, double c, const double *start, double x1)
   return (1.0 - c) * y + c * langevin(x1);
 }
 
-/* Returns the largest distance, over the reach, between the solved field and a bisection of the
-   true law, for iron with a negative weight: `share` of the weight at which the left side would be
-   constant. */
+/* Returns the largest error of field and magnetisation, divided by the range of x, compared with a
+   bisection of the true law. The iron has a negative weight: `share` of the weight at which the
+   left side would be constant. */
 static double against_the_air(double kappa, double c, double share, int16_t evaluations)
 {
   uint64_t seed = 31;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the map with one play in fixed point. The reference is the same law in double
-   precision. It reads its tables by the map that test_fixed_map.c compares with exact
+   precision. It reads its tables with the map that test_fixed_map.c compares with exact
    arithmetic. */
 #include "check.h"
 #include "edges.h"
@@ -9,7 +9,7 @@
 static const double FULL = 2147483648.0;
 static any_play made;
 
-/* Starts with a random block. */
+/* Starts a compensator with a random block. */
 static anhyst_play_map_q31 any_start(uint16_t n, uint16_t m, int32_t step)
 {
   anhyst_play_map_q31 c = {0};
@@ -196,7 +196,7 @@ static void invalid_tables_are_refused(void)
   memcpy(made.fixed + FIRST, high, sizeof high);
   close_play(&made);
   CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
-  CHECK(is_refused(FIRST + 5, 1)); /* a branch beyond the format */
+  CHECK(is_refused(FIRST + 5, 1)); /* a branch beyond the range of the format */
 }
 
 int main(void)

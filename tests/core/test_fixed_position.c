@@ -39,7 +39,7 @@ static anhyst_position_limits_q31 any_limits(void)
   limits.levitation.max_missing_samples = (uint16_t)any_within(0, 4);
   limits.levitation.hold = (uint16_t)any_within(0, 40);
   limits.levitation.selftest = (uint16_t)any_within(1, 4);
-  /* A range of up to all numbers, with steps from one code up to the whole range. */
+  /* Limits of a range of up to all numbers, with steps from one code up to the whole range. */
   limits.current_step = any_within(1, 1 << any_within(0, 30));
   limits.current_low = any_within(ANHYST_Q31_MIN, ANHYST_Q31_MAX / 4);
   const uint32_t most =
@@ -71,7 +71,7 @@ static anhyst_position_settings_q31 any_settings(void)
   return settings;
 }
 
-/* Most positions are plausible, so that every state is reached. */
+/* Most positions are plausible, so that the controller reaches every state. */
 static anhyst_position_sample_q31 any_sample(const anhyst_position_limits_q31 *limits, int tick)
 {
   anhyst_position_sample_q31 sample;
@@ -264,7 +264,7 @@ static void gains_change_without_a_jump(void)
   CHECK(same > 10000);
 }
 
-/* A new method, as another project would write it: it calls a force controller with any other
+/* A new method, as another project would write it. It calls a force controller with any other
    method. */
 static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, int32_t gap,
                               int32_t flux)

@@ -9,7 +9,7 @@
 enum { LOW = -32768, HIGH = 32767 };
 
 #ifdef TEST_SANITIZED
-enum { STRIDE = 251 }; /* a prime, so that every residue of b meets every residue of a */
+enum { STRIDE = 251 }; /* a prime, so that every residue of b occurs with every residue of a */
 #else
 enum { STRIDE = 1 };
 #endif

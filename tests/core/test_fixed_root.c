@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the conversion from demand to flux and back: root, square, and the quotient of Newton
    steps, compared with double precision. */
-#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): calls static
+                                        functions */
 
 #include <stdlib.h>
 

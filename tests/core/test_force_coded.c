@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of a force controller in SI units that calls one in fixed point. The inner one has its own
-   method, which records its input codes. */
+/* Claims of a force controller in SI units that calls one in fixed point. The inner controller has
+   its own method, which records its input codes. */
 #include "anhyst/compensator/force_coded_real.h"
 
 #include <float.h>
@@ -33,7 +33,7 @@ static const anhyst_force_method_q31 telling = {.solve = solve, .commit = commit
 
 static double any_part(void) { return (double)any_code() / CODES; }
 
-/* Returns a code minus its signal, above the error that the outer format permits, in codes. */
+/* Returns the error of a code, in codes, above the error that the outer format permits. */
 static double missed(int32_t code, double signal, double epsilon)
 {
   return fabs((double)code - signal * CODES) - 2.0 * epsilon * fabs(signal) * CODES;

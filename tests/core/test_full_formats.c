@@ -62,8 +62,8 @@ static void fill(void)
          1.0, double_of)
 #include "law_formats.h"
 
-/* The gap changes the arms. A third of the currents is rounded to a converter of 12 bits, and
-   sometimes another current is applied. An error of a step decays along the path. */
+/* The gap changes the coefficients. A third of the currents is rounded to a converter of 12 bits,
+   and sometimes another current is applied. An error of a step decays along the path. */
 static void formats_agree_on_random_paths(int arm)
 {
   uint64_t seed = 3;
@@ -155,7 +155,7 @@ static void a_constant_demand_moves_nothing(void)
               changes / ((double)STEPS / 5.0), 1e-3);
 }
 
-/* Fields and fluxes stay finite and within their range, and no word outside the block is read, as
+/* Fields and fluxes stay finite and in their range. No word outside the block is read, as
    sanitizers check. */
 static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
 {

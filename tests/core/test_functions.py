@@ -1,4 +1,4 @@
-"""The batch and the sensitivities against the scalar core, differences and 50-digit arithmetic."""
+"""Compare batch and sensitivities with the scalar core, differences and 50-digit arithmetic."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ def test_sensitivities_agree_with_central_differences(step: str, play: float) ->
             difference = (up - down) / (2.0 * h)
             scale = np.max(np.abs(found[:, j])) + 1e-3
             errors.append(np.max(np.abs(difference - found[:, j])) / scale)
-    # Differences straddle a kink (a reversal, a play that closes) in a few of the paths.
+    # In a few of the paths, a difference includes a kink (a reversal, or a play that closes).
     assert np.quantile(errors, 0.95) < 1e-6
     assert np.max(errors) < 1e-3
 

@@ -1,4 +1,5 @@
-"""Faults put into copies of the position controller: the exact-integer oracle finds every one."""
+"""Faults in copies of the position controller: the exact-integer reference must detect every one.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +61,7 @@ FAULTS = [
 
 
 def samples_of(seed: int) -> list[Sample]:
-    """Return signals that lead through every state, most of them such as can be."""
+    """Return signals that lead through every state; most of them are plausible."""
     rng = np.random.default_rng(seed)
     gap, rows = REST, []
     for tick in range(3000):
@@ -82,7 +83,7 @@ def samples_of(seed: int) -> list[Sample]:
 
 @cache
 def answers_of(run: int) -> NDArray[np.int32]:
-    """Return what the oracle answers."""
+    """Return the answers of the exact-integer reference."""
     control = RUNS[run]
     drives = [cast(FixedForceController, make_drive("fixed")) for _ in range(magnets_of(control))]
     gains = cast(NDArray[np.int32], control.gains("fixed"))
@@ -106,7 +107,7 @@ def numbers_of(control: PositionControl) -> NDArray[np.int32]:
 
 
 def is_exact(library: Path) -> bool:
-    """Tell whether a build of the core answers as the oracle does, in every run."""
+    """Whether a build of the core gives the answers of the reference in every run."""
     run_plant: Callable[..., int] = ctypes.CDLL(str(library)).position_run
     entries = np.round(table() / SCALES.current * 2.0**15).astype(np.int16)
     for i, control in enumerate(RUNS):

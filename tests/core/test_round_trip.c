@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Forward and inverse solutions undo each other, for thousands of sets at 12 samples per loop. The
-   limit is the resolution of double precision: last places of H_max + B_max/mu0, because a rounded
-   flux density contains no more information about the field. Most sets stay below 20 of them; if M
-   is constant and M_s/a is 1e6, the rounding of y is amplified a thousandfold. For the extreme
-   sets, this is the only claim: with B_max/mu0 = 1e7*H_max, B itself has no digits left. */
+   limit is the resolution of double precision, in units of the last place (ulp) of H_max +
+   B_max/mu0, because a rounded flux density contains no more information about the field. Most sets
+   stay below 20 ulp. If M is constant and M_s/a is 1e6, the rounding of y is amplified a
+   thousandfold. For the extreme sets, this is the only claim: with B_max/mu0 = 1e7*H_max, B itself
+   has no digits left. */
 #include <float.h>
 #include <string.h>
 
@@ -12,13 +13,13 @@
 
 #define SAMPLES 24
 
-static const double most_units = 4000.0; /* in single precision 5e-4 of H_max + B_max/mu0 */
+static const double most_units = 4000.0; /* in single precision: 5e-4 of H_max + B_max/mu0 */
 
 static sample_iron sample;
 
 typedef struct {
-  double field; /* worst |H - H'| over H_max */
-  double units; /* the same in last places of H_max + B_max/mu0 */
+  double field; /* largest |H - H'| divided by H_max */
+  double units; /* the same error in ulp of H_max + B_max/mu0 */
   double state;
   int sets, jumping, saturated;
 } outcome;
@@ -67,7 +68,7 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
     keep_worst(&most_flux, fabs(flux[i]));
     keep_worst(&worst, fabs(again[i] - drive[i]));
   }
-  /* Sum of all terms of the drive: field, gap, eddy currents. */
+  /* Returns the sum of all terms of the drive: field, gap and eddy currents. */
   const double terms = largest + most_flux * (1.0 / ANHYST_MU0 * (1.0 + rho) + eddy);
   keep_worst(&out->field, worst / largest);
   keep_worst(&out->units, worst / terms / DBL_EPSILON);

@@ -332,7 +332,7 @@ FAULTS = [
 
 
 BLOCKS = ("compensator/block",)
-"""Further sources of a test that includes the tested source."""
+"""Additional sources of a test that includes the tested source."""
 BESIDE = {
     "test_simplified_formats": tuple(
         f"compensator/{name}" for name in ("simplified", "simplified_f32", "simplified_f64")
@@ -348,11 +348,11 @@ BESIDE = {
         f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")
     ),
 }
-"""Further sources of the other tests."""
+"""Additional sources of the other tests."""
 
 
 def passes(core: Path, test: str, folder: Path) -> bool:
-    """Build one C test with a copy of core/, and return whether its claims hold."""
+    """Build one C test with a copy of core/, and return whether its claims are true."""
     program = folder / test
     # No warning flags, because a fault may leave a variable unused.
     command = [tool("cc", "gcc"), "-std=c99", "-O1", "-DTEST_SANITIZED", "-DTEST_UP_TO_THE_FIRST"]

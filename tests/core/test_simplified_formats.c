@@ -45,7 +45,7 @@ static void put_weight(int word, double value, int shift)
   f32_words[word] = (float)f64_words[word];
 }
 
-/* 1 - v at a distance, by bisection. */
+/* Returns 1 - v at a distance, by bisection. */
 static double state_at(double z)
 {
   double low = 1e-12;
@@ -104,7 +104,7 @@ static void demagnetise(void)
   f32.arms.field_arm = (float)f64.arms.field_arm;
 }
 
-/* The bounded state of each format after a step. */
+/* Result of each format after a step. */
 typedef struct {
   double fixed;
   double f32;
@@ -118,7 +118,7 @@ static void keep_steps(void)
   f64.memory = f64.next.memory;
 }
 
-/* The candidate of a step to a flux that all formats represent exactly, |flux| <= 1. */
+/* The trial step of each format to a flux that all formats represent exactly, |flux| <= 1. */
 static states solve_for(double flux)
 {
   fixed.flux = (int32_t)lrint(flux * FULL_Q30);
@@ -137,7 +137,7 @@ static states step_to(double flux)
   return found;
 }
 
-/* A step under a current, which may begin at the candidate. The fluxes. */
+/* Commits a step at a current, which may begin at the trial step, and returns the fluxes. */
 static states step_under(double current)
 {
   fixed.stage = ANHYST_STAGE_AHEAD;
@@ -151,7 +151,8 @@ static states step_under(double current)
   return found;
 }
 
-/* Long and short ways, reversals within the dead band and beyond; on a grid of 2^-22. */
+/* Returns the next flux of a random path: long and short steps, reversals within and beyond the
+   dead band; on a grid of 2^-22. */
 static double next_flux(uint64_t *seed, double flux)
 {
   const double reach = log_uniform(seed, 1e-5, 1.0);
@@ -186,7 +187,7 @@ static void formats_agree_on_any_path_of_the_current(void)
   demagnetise();
   for (int i = 0; i < 200000; i++) {
     flux = next_flux(&seed, flux);
-    const double current = 0.18 * flux; /* of a flux below 1 in any state */
+    const double current = 0.18 * flux; /* field of a flux below 1 in any state */
     (void)solve_for(next_flux(&seed, flux));
     const states found = step_under(current);
     keep_worst(&of_fixed, fabs(found.fixed - found.f64));
@@ -234,10 +235,10 @@ static void reversals_within_the_dead_band_move_nothing(double way)
   const states after = step_to(way / 2.0);
   CHECK(after.fixed == before.fixed && after.f32 == before.f32 && after.f64 == before.f64);
   (void)step_to(way / 2.0 + (way > 0.0 ? 0.01 : -0.01));
-  CHECK(fabs(step_to(way / 2.0).f64) < fabs(before.f64)); /* beyond it, the law goes on */
+  CHECK(fabs(step_to(way / 2.0).f64) < fabs(before.f64)); /* beyond the dead band */
 }
 
-/* Any words in the memory and in the candidate: bounded states, and no endless loop. */
+/* Any words in the memory and in the trial step give states in -1..1 and no endless loop. */
 static void damaged_numbers_stay_within_their_bounds(void)
 {
   uint64_t seed = 11;

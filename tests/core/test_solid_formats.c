@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of solid iron in fixed point, f32 and f64 together: the formats agree while the demand
-   moves, the current of a held demand comes to rest, and damaged states do no harm. */
+   moves, the current of a constant demand becomes constant, and damaged states do no harm. */
 #include "cell_law_formats.h"
 #include "check.h"
 #include "truth.h"
 
 enum { STEPS = 20000, RESTING = 20000 };
 
-/* An iron of this many layers. The fields between them are 0.3*2^shift for a flux of 1 a tick. */
+/* An iron with this number of layers, whose fields differ by 0.3*2^shift for a flux of 1 a tick. */
 static void fill(int layers, int shift, int laminated)
 {
   fill_cell_words();
@@ -24,7 +24,7 @@ static void fill(int layers, int shift, int laminated)
   f64_start();
 }
 
-/* The gap moves the arms, and two thirds of the solved currents are applied with rounding. */
+/* The gap changes the coefficients, and two thirds of the solved currents are applied rounded. */
 static void formats_agree_while_the_demand_moves(double slow, double fast)
 {
   uint64_t seed = 3;
@@ -51,7 +51,7 @@ static void formats_agree_while_the_demand_moves(double slow, double fast)
   CHECK_BELOW("flux, f32", worst[3], 1e-4);
 }
 
-/* A residual that is owed from tick to tick comes to an end. */
+/* An outstanding residual, which is carried from tick to tick, reaches zero. */
 static void a_held_demand_comes_to_rest(const format *law, int descends)
 {
   double last = 0.0;
@@ -70,8 +70,7 @@ static void a_held_demand_comes_to_rest(const format *law, int descends)
   CHECK_BELOW("current at rest", moved, 5e-6);
 }
 
-/* Fields and fluxes stay within their range, and no word out of the block is read, which sanitizers
-   see. */
+/* Fields and fluxes stay in their range. No word outside the block is read, as sanitizers check. */
 static void damage_does_no_harm(void)
 {
   uint64_t seed = 77;

@@ -15,7 +15,7 @@ typedef struct {
   double omega, r;
 } problem;
 
-/* steepness: range of 1 + omega*A, below zero for jumps. */
+/* steepness: range of 1 + omega*A, which is below zero if the magnetisation jumps. */
 static problem draw(uint64_t *seed, anhyst_step step, double low, double high, double reach)
 {
   problem p;
@@ -26,7 +26,7 @@ static problem draw(uint64_t *seed, anhyst_step step, double low, double high, d
   p.law.eps = step == ANHYST_STEP_JA1986 ? uniform(seed, -5.0, 2.0) : 0.0;
   p.law.branch = &branch;
   if (step == ANHYST_STEP_EXACT) {
-    /* Tables take long to build with sanitizers: one serves for several problems. */
+    /* With sanitizers, a table takes long to build. Therefore, several problems use one table. */
     if (branches_drawn++ % 25 == 0) {
       CHECK(anhyst_branch_build_f64(&branch, p.law.kappa) == ANHYST_OK);
     }
@@ -50,7 +50,7 @@ static double residual_in_units(const problem *p, const anhyst_candidate_f64 *fo
   return (double)(fabsl(left) / unit);
 }
 
-/* The law really answers what the candidate says, if it goes there by itself. */
+/* Returns the difference between a trial step and the law, evaluated at its end point. */
 static double inconsistency(const problem *p, const anhyst_candidate_f64 *found)
 {
   anhyst_path_f64 path;
@@ -93,7 +93,7 @@ static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low,
   CHECK_BELOW("  evaluations of the law, most", most, 60.0);
 }
 
-/* Follows the path in small steps: no solution may lie well before the one that was found. */
+/* Follows the path in small steps. Returns whether a solution is clearly before the found one. */
 static int passes_a_solution(const problem *p, const anhyst_candidate_f64 *found)
 {
   anhyst_path_f64 path;
@@ -174,7 +174,7 @@ static void what_cannot_be_solved_has_a_code(void)
   }
 }
 
-/* Any finite input at all ends with a code of its own, and soon. */
+/* Any finite input ends with a status code after a limited number of evaluations. */
 static void no_magnitude_makes_it_search_for_ever(void)
 {
   uint64_t seed = 43;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the allocation of a wrench, on drives that stand anywhere. */
+/* Claims of the allocation of a wrench to drives in any position and direction. */
 #include "anhyst/control/wrench.h"
 #include "check.h"
 #include "maps.h"
@@ -12,7 +12,7 @@ static const float narrow_yields[ANHYST_WRENCH_AXES] = {1e-1F, 1e-2F, 1e-4F, 1e-
 
 static double any_part(void) { return (double)any_within(-1000000, 1000000) / 1e6; }
 
-/* Drives that stand anywhere; the first two of many are a pair. */
+/* Returns drives in any position and direction. Of more than two, the first two are a pair. */
 static anhyst_wrench_layout_f64 any_layout(void)
 {
   const anhyst_wrench_layout_f64 layout = {(uint16_t)any_within(1, ANHYST_WRENCH_AXES),
@@ -83,7 +83,7 @@ static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
   CHECK_BELOW("residual, of the largest force", worst, 1e-9);
 }
 
-/* Every number of a layout rounded; pull and against are those above. */
+/* Returns a layout with all numbers rounded to single precision. */
 static anhyst_wrench_layout_f32 rounded(const anhyst_wrench_layout_f64 *layout)
 {
   static float narrow[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
@@ -201,8 +201,8 @@ static void what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number(voi
   CHECK(fabs(force[0]) < 1e-300 && fabs(force[1]) < 1e-300);
 }
 
-/* How far forces are from those of drives that lose the same and are asked nothing else, of the
-   largest. */
+/* Returns the largest deviation from the forces of new drives with the same losses and the same
+   wrench, divided by the largest force. */
 static double off_fresh(const anhyst_wrench_layout_f64 *layout, const int *lost, int losses,
                         const double *wrench, const double *force)
 {
@@ -222,7 +222,7 @@ static double off_fresh(const anhyst_wrench_layout_f64 *layout, const int *lost,
   return worst / size;
 }
 
-/* No force is beyond its bounds, and what is lost has none. */
+/* Every force is within its bounds, and a lost drive has no force. */
 static void check_bounds(const anhyst_wrench_layout_f64 *layout, const double *force)
 {
   for (int j = 0; j < (int)layout->drives; j++) {
