@@ -21,13 +21,13 @@ ROOT = Path(__file__).resolve().parents[1]
 BIN = ROOT / ".venv" / "bin"
 PIP = [str(BIN / "python"), "-m", "pip", "--disable-pip-version-check"]
 
-# Taken from PyPI, so that every machine builds with the same ones.
+# These tools are installed from PyPI, so that every machine builds with the same versions.
 BUILD_TOOLS = ["cmake", "ninja"]
 
 PARTS = ("anhyst", "anhyst-rigs", "anhyst-exchange")
 """Folders of packages/. Each part depends only on parts before it."""
 
-# What `make demo` runs, and the page it points to; further extras come with `make test`.
+# Extras that `make demo` needs, and the page that it mentions. `make test` adds further extras.
 DEMO_EXTRAS = ["anhyst[verify]", "anhyst-rigs[link,live]"]
 
 ZIG_AS_CPP = """#!/bin/sh
@@ -72,7 +72,7 @@ def requirements(listed: list[str]) -> list[str]:
 
 
 def step(what: str, work: Callable[[], None]) -> None:
-    """Print the name of a step, run it, and print its duration."""
+    """Print the name of a step, run the step, and print its duration."""
     print(f"make: {what} ...", end="", flush=True)
     began = time.monotonic()
     try:
@@ -84,7 +84,7 @@ def step(what: str, work: Callable[[], None]) -> None:
 
 
 def own_index() -> bool:
-    """Whether pip uses a package index other than PyPI. uv does not read that setting."""
+    """Whether pip uses a package index other than PyPI. uv does not read that setting of pip."""
     listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
     return bool(re.search(r"index[-_]url|no[-_]index", listed.stdout))
 
@@ -93,7 +93,7 @@ def create() -> None:
     """Create .venv, and install uv if possible: it needs a tenth of pip's time."""
     subprocess.run([sys.executable, "-m", "venv", str(BIN.parent)], check=True)
     if not own_index():
-        # Without a wheel for this machine uv would be compiled, for minutes.
+        # Without a wheel of uv for this machine, pip would compile it for minutes.
         wanted = ["--quiet", "--only-binary", ":all:", "uv"]
         subprocess.run([*PIP, "install", *wanted], capture_output=True, check=False)
 
@@ -105,7 +105,8 @@ def install(packages: list[str]) -> None:
         if subprocess.run([*uv, *packages], capture_output=True, check=False).returncode == 0:
             return
         print(" (with pip)", end="", flush=True)
-    # Python compiles what is imported; all of it at once takes longer than the downloads.
+    # Python compiles a module when it is imported. Compiling all modules here takes longer than the
+    # downloads.
     subprocess.run([*PIP, "install", "--quiet", "--no-compile", *packages], check=True)
 
 
@@ -125,7 +126,7 @@ def prepare() -> None:
 
 
 def install_package() -> None:
-    """Compile the core and install the parts without their dependencies, which are there."""
+    """Compile the core and install the parts; their dependencies are installed already."""
     env = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
     if (BIN / "c++").exists():
         env["CXX"] = str(BIN / "c++")

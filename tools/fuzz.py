@@ -30,7 +30,7 @@ from anhyst_rigs.link.firmware import actuator_defines
 ROOT = Path(__file__).resolve().parents[1]
 VARIANTS = ("full", "simplified")
 XCP_RUNS = ("xcp-1", "xcp-2")
-"""Runs with XCP commands alone, each with its own seed."""
+"""Runs with only XCP commands, each with its own seed."""
 
 TICK_RATE_HZ = 100.0
 """Ticks per second. The rate is low, so that the heartbeat of 0.1 s is only a few ticks of a
@@ -38,7 +38,8 @@ script."""
 
 COMPILER_FLAGS = [
     *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
-    # Comparisons need not be traced: the harness makes valid frames itself. Twice as fast.
+    # Comparisons need not be traced, because the harness makes valid frames itself. This doubles
+    # the speed.
     "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
 ]
 NAME = "magnet"
@@ -90,7 +91,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
 
 
 def start_run(run_name: str, program: Path, runs: int, seed: int) -> subprocess.Popen[str]:
-    """Start a run with an empty corpus."""
+    """Start a run of the fuzzer with an empty corpus."""
     corpus = program.with_name(f"corpus-{run_name}")
     shutil.rmtree(corpus, ignore_errors=True)
     corpus.mkdir()

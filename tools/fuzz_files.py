@@ -68,7 +68,7 @@ def make_good_files(folder: Path) -> dict[str, list[bytes]]:
 
 
 def damage(content: bytes, generator: random.Random) -> bytes:
-    """Damage a file at one to eight positions; half of the positions are in the first 2048 bytes."""
+    """Damage a file at one to eight positions. Half of the positions are in the first 2048 bytes."""
     data = bytearray(content)
     for _ in range(generator.choice((1, 1, 1, 2, 4, 8))):
         if not data:
@@ -116,7 +116,7 @@ def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
 
 
 def try_file(path: Path) -> str:
-    """Read the channels of a file; return the result as a word."""
+    """Read the channels of a file; return the result as one word."""
     try:
         list_channels(path)
     except InputError as refusal:
@@ -136,7 +136,7 @@ def run_batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> 
     child = os.fork()
     if child == 0:
         sys.stderr = (folder / "faults.txt").open("a", encoding="utf-8")
-        for stream in (1, 2):  # libraries print what they do not understand
+        for stream in (1, 2):  # libraries print warnings about data that they cannot read
             os.dup2(sys.stderr.fileno(), stream)
         for number in numbers:
             limit_resources(MIN_CPU_TIME_S, 0)
@@ -176,7 +176,7 @@ def main() -> int:
                 saved_file = options.out / f"wrong-{first + index}{suffix}"
                 saved_file.write_bytes(make_damaged_file(suffix, files, first + index))
             failures += len(failed_indices)
-            if completed < FILES_PER_PROCESS:  # the process died of the next one
+            if completed < FILES_PER_PROCESS:  # the next file crashed the process
                 saved_file = options.out / f"crash-{first + completed}{suffix}"
                 saved_file.write_bytes(make_damaged_file(suffix, files, first + completed))
                 result = try_file(saved_file)

@@ -58,11 +58,10 @@ BUDGETS = {
     **{"C core": 14_000, "C rigs": 10_000, "C parts": 7_500},
     **{"changelog": 600, "architecture": 1_800},
 }
-"""The targets of the limits."""
+"""Targets of the metrics."""
 ROUNDING_STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
-"""Limits of numbers that change with every commit are rounded up to a multiple of this step."""
 ROUNDING_STEPS |= {"C core": 100, "C rigs": 100, "C parts": 100, "changelog": 100, "architecture": 100}
-"""What changes with every commit is recorded rounded up to these."""
+"""Metrics that change with every commit are recorded as multiples of these steps, rounded up."""
 
 Graph = dict[str, set[str]]
 

@@ -26,21 +26,21 @@ ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 OTHERS = PARTS[1:]
-"""The parts without anything that is compiled."""
+"""The parts that contain no compiled code."""
 ALONE = 6
-"""The last step of the tutorial that needs the part anhyst alone."""
+"""The last step of the tutorial that needs only the part anhyst."""
 
 MACHINES = ("x86_64", "aarch64")
 GLIBC = (2, 17)
-"""Of 2012, as in manylinux2014."""
+"""Oldest supported glibc, of 2012, as in manylinux2014."""
 
 _STABLE = (3, 12)
-"""From here on the stable ABI has what nanobind needs."""
+"""First version of Python whose stable ABI contains the functions that nanobind needs."""
 _BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
 
 
 def tag(version: tuple[int, int], machine: str) -> str:
-    """Return what a wheel built by a version of CPython is for: interpreter, ABI, platform."""
+    """Return the compatibility tag of a wheel: interpreter, ABI and platform."""
     platform = f"manylinux_{GLIBC[0]}_{GLIBC[1]}_{machine}"
     if version >= _STABLE:
         return f"cp{_STABLE[0]}{_STABLE[1]}-abi3-{platform}"
@@ -49,12 +49,13 @@ def tag(version: tuple[int, int], machine: str) -> str:
 
 
 def build(python: Path, machine: str, dist: Path) -> Path:
-    """Build the wheel of a Python for a machine.
+    """Build the wheel for a version of Python and a machine.
 
     Parameters
     ----------
     python : Path
-        Of this machine; one that is not this one gets what it builds with in a place of its own.
+        A Python of this machine. If it is not the running one, its build tools are installed into a
+        separate folder.
     machine : str
         One of :data:`MACHINES`.
     dist : Path
@@ -86,7 +87,8 @@ def build(python: Path, machine: str, dist: Path) -> Path:
         [*pip, "--no-deps", *options, "--wheel-dir", str(dist), str(ROOT / "packages" / "anhyst")],
         variables={
             "CC": f"{zig} cc {target}",
-            # Without symbols from the first check on: zig keeps a C++ library for each way.
+            # Without symbols from the first check on: zig keeps a C++ library for each set of
+            # options.
             "CXX": f"{zig} c++ {target} -s",
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         },
@@ -96,7 +98,7 @@ def build(python: Path, machine: str, dist: Path) -> Path:
 
 
 def build_others(dist: Path) -> list[Path]:
-    """Build the wheels of the other parts into a folder; return them."""
+    """Build the wheels of the other parts into a folder; return the wheels."""
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "wheel"]
     folders = [str(ROOT / "packages" / part) for part in OTHERS]
     run(
@@ -107,12 +109,12 @@ def build_others(dist: Path) -> list[Path]:
 
 
 def check(wheel: Path) -> None:
-    """Hold a wheel to what its name promises: the glibc, and the stable ABI.
+    """Check that a wheel needs no newer glibc, and only the stable ABI, as its name promises.
 
     Raises
     ------
     RuntimeError
-        It needs more.
+        If the wheel needs more than its name promises.
     """
     platform = wheel.stem.split("-")[4]
     said = run([sys.executable, "-m", "auditwheel", "show", str(wheel)])
@@ -123,7 +125,7 @@ def check(wheel: Path) -> None:
 
 
 def empty_environment(python: Path, wheel: Path, folder: Path) -> Path:
-    """Install a wheel, and what it depends on, where nothing else is; return the Python there."""
+    """Install a wheel and its dependencies into a new environment; return its Python."""
     run([str(python), "-m", "venv", str(folder)])
     inside = folder / "bin" / "python"
     install(inside, [wheel])
@@ -131,13 +133,13 @@ def empty_environment(python: Path, wheel: Path, folder: Path) -> Path:
 
 
 def install(python: Path, wheels: Sequence[Path]) -> None:
-    """Install wheels, and what they depend on, into the environment of a Python."""
-    # Of what they depend on, most is never imported here: not compiling it takes half of the time.
+    """Install wheels and their dependencies into the environment of a Python."""
+    # Most modules of the dependencies are never imported here. Not compiling them halves the time.
     run([str(python), "-m", "pip", "--quiet", "install", "--no-compile", *map(str, wheels)])
 
 
 def megabytes(python: Path) -> float:
-    """Return what the packages in the environment of a Python take, without pip."""
+    """Return the size of the packages in the environment of a Python, without pip, MB."""
     (packages,) = (python.parents[1] / "lib").glob("python*/site-packages")
     files = (path for path in packages.rglob("*") if path.is_file() and not path.is_symlink())
     own = (path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"})
@@ -145,31 +147,31 @@ def megabytes(python: Path) -> float:
 
 
 def up_to_step(page: str, last: int) -> str:
-    """Return a page up to a step, which its headings number."""
+    """Return a page up to the end of a numbered step."""
     return page.partition(f"\n## {last + 1}. ")[0]
 
 
 def run_page(page: str, python: Path, place: Path) -> int:
-    """Run a page's blocks of shell and Python in their order, in a folder.
+    """Run the shell and Python blocks of a page in their order, in a folder.
 
     Parameters
     ----------
     page : str
-        Markdown.
+        The page, in Markdown.
     python : Path
-        Of the environment whose ``anhyst`` they run.
+        The Python of the environment whose ``anhyst`` the blocks run.
     place : Path
-        Where they read and write.
+        The working folder of the blocks.
 
     Returns
     -------
     int
-        Blocks run.
+        Number of blocks that were run.
 
     Raises
     ------
     RuntimeError
-        One of them fails.
+        If a block fails.
     """
     blocks = [(language, code) for shown, language, code in _BLOCK.findall(page) if not shown]
     for language, code in blocks:
@@ -182,12 +184,12 @@ def run_page(page: str, python: Path, place: Path) -> int:
 
 
 def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str, str] | None = None) -> str:
-    """Run a command without this environment's own variables of Python; return what it prints.
+    """Run a command without the Python variables of this environment; return its output.
 
     Raises
     ------
     RuntimeError
-        It fails.
+        If the command fails.
     """
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     done = subprocess.run(
@@ -205,14 +207,14 @@ def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str,
 
 
 def version_of(python: Path) -> tuple[int, int]:
-    """Return the version of a Python."""
+    """Return the major and minor version of a Python."""
     said = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
     major, minor = map(int, said.split())
     return major, minor
 
 
 def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]) -> None:
-    """Run the first steps of the tutorial with anhyst alone, then all with the other wheels."""
+    """Run the first steps of the tutorial with anhyst alone, then all steps with all wheels."""
     page = TUTORIAL.read_text(encoding="utf-8")
     for name, steps in (("alone", up_to_step(page, ALONE)), ("all", page)):
         place = folder / name
@@ -224,7 +226,7 @@ def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callab
 
 
 def main() -> int:
-    """Build for each Python named, then try each; return the exit code."""
+    """Build wheels for each Python that the arguments name, then test them; return the exit code."""
     pythons = [Path(name) for name in sys.argv[1:]] or [Path(sys.executable)]
     begun = time.monotonic()
 

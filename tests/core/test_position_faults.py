@@ -1,5 +1,4 @@
-"""Faults in copies of the position controller: the exact-integer reference must detect every one.
-"""
+"""Faults in copies of the position controller: the exact-integer reference must detect every one."""
 
 from __future__ import annotations
 

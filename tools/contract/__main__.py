@@ -24,7 +24,7 @@ PAGE = ROOT / "docs" / "link.md"
 
 
 def wanted() -> dict[Path, str]:
-    """Return every generated file with its contents."""
+    """Return every generated file with its expected contents."""
     frames, signals = read("frames"), read("signals")
     controller, block, xcp = read("controller"), read("block"), read("xcp")
     tables = page(frames, signals, controller)

@@ -57,7 +57,7 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
 
 
 def page_with_tables(text: str, tables: str) -> str:
-    """Return the page with its tables generated again; unchanged if it has no place for them."""
+    """Return the page with new tables; return it unchanged if it has no markers for them."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:

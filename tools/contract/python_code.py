@@ -1,4 +1,4 @@
-"""Python of the tables: frames of the link, states and flags of a controller."""
+"""Generate Python from the tables: frames of the link, states and flags of a controller."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _check(body: bytes) -> int:
 
 
 def docstring(text: str, indent: str) -> str:
-    """Return a docstring."""
+    """Return the lines of a docstring."""
     first, dot, more = text.partition(". ")
     first += dot.strip()
     if not more:
@@ -112,7 +112,7 @@ def docstring(text: str, indent: str) -> str:
 
 
 def enum_class(entry: Entry, base: str, values: list[int]) -> str:
-    """Return an enum class; what a value means stands above it."""
+    """Return an enum class with a comment on the meaning of each value."""
     lines = [f"class {entry['name'].capitalize()}({base}):", docstring(entry["doc"], "    "), ""]
     for item, value in zip(entry["values"], values, strict=True):
         note = f"  # {item['doc']}" if item.get("doc") else ""
@@ -125,7 +125,7 @@ def enum_class(entry: Entry, base: str, values: list[int]) -> str:
 
 
 def dataclass_of(entry: Entry, name: str, base: str) -> str:
-    """Return the dataclass of a frame or record, whose base says of what class it is."""
+    """Return the dataclass of a frame or record; `base` is its base class."""
     tail = entry.get("tail")
     code = "<" + "".join(CODES[field["type"]] for field in entry["fields"])
     own = f', tail="{CODES[tail["type"]]}"' if tail else ""
@@ -145,13 +145,13 @@ def dataclass_of(entry: Entry, name: str, base: str) -> str:
 
 
 def class_name(frame: Entry) -> str:
-    """Return the Python name of a frame."""
+    """Return the Python class name of a frame."""
     words = "".join(word.capitalize() for word in frame["name"].split("_"))
     return words + ("Request" if is_request(frame) else "Answer")
 
 
 def frames_module(frames: Entry, signals: Entry) -> str:
-    """Return frames.py."""
+    """Return the contents of frames.py."""
     protocol, plant = frames["protocol"], frames["plant"]
     parts = [
         f"VERSION = {protocol['version']}\nPAYLOAD_MOST = {protocol['payload_most']}\n"
@@ -188,7 +188,7 @@ def frames_module(frames: Entry, signals: Entry) -> str:
 
 
 def states_module(controller: Entry) -> str:
-    """Return states.py."""
+    """Return the contents of states.py."""
     parts = [enum_class(entry, "IntEnum", numbers(entry)) for entry in controller["enum"]]
     parts += [enum_class(entry, "IntFlag", bits(entry)) for entry in controller["flags"]]
     return STATES_PREAMBLE + "\n" + "\n\n\n".join(parts) + "\n"

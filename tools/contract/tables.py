@@ -1,4 +1,4 @@
-"""The tables of contract/, and what the writers of C, Python and pages ask of them."""
+"""Read the tables of contract/, for the generators of C, Python and documentation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read(name: str) -> Entry:
 
 
 def _number(table: Entry) -> None:
-    """Name what is of a further magnet by its number, as columns are; `array` keeps the bare name."""
+    """Append the number of a magnet to the names of its fields; `array` keeps the original name."""
     for value in table.values():
         for entry in value if isinstance(value, list) else [value]:
             if isinstance(entry, dict):
@@ -33,7 +33,7 @@ def _number(table: Entry) -> None:
 
 
 def size_of(fields: list[Entry]) -> int:
-    """Return the bytes of these fields."""
+    """Return the total number of bytes of these fields."""
     return sum(SIZES[field["type"]] for field in fields)
 
 
@@ -48,15 +48,15 @@ def link_enums(frames: Entry, signals: Entry) -> list[Entry]:
 
 
 def numbers(entry: Entry) -> list[int]:
-    """Return the numbers of an enum's names."""
+    """Return the numbers that belong to the names of an enum."""
     return list(range(len(entry["values"])))
 
 
 def bits(entry: Entry) -> list[int]:
-    """Return the bits of a flag's names."""
+    """Return the bit values that belong to the names of flags."""
     return [1 << number for number in numbers(entry)]
 
 
 def word_size(word: Entry) -> int:
-    """Return how many words it takes in a parameter block; a table is named by one."""
+    """Return the number of words of an entry in a parameter block; a table needs one word."""
     return int(word.get("words", 2 if word["format"] == "single" else 1))

@@ -35,7 +35,7 @@ def _header(path: Path, include: Path) -> str:
 
 
 def _declarations(text: str) -> list[tuple[str, str]]:
-    """Return each comment that is followed by a declaration, with that declaration."""
+    """Return each comment before a declaration, with that declaration."""
     found = []
     for match in _DECLARED.finditer(text):
         comment, code = _plain(match.group(1)), match.group(2).strip()

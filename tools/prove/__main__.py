@@ -1,7 +1,7 @@
-"""Run the proofs: ``make prove`` runs those that changed, ``make prove-all`` all of them.
+"""Run the proofs: ``make prove`` runs those whose inputs changed, ``make prove-all`` runs all.
 
-``proofs/proofs.toml`` lists the proofs and ``proofs/proved.toml`` records those that held;
-docs/proofs.md explains both. Arguments are names of proofs, which are run even if they are
+``proofs/proofs.toml`` lists the proofs and ``proofs/proved.toml`` records the proofs that held.
+docs/proofs.md explains both files. Arguments are names of proofs, which are run even if they are
 recorded.
 """
 
@@ -20,7 +20,7 @@ from tools.prove.running import Evidence, Outcome, run
 from tools.prove.verdict import PROVED, REFUTED
 
 RECORD = PROOFS / "proved.toml"
-MIN_RECORDED_S = 5  # seconds of processor time, below which a proof is run rather than recorded
+MIN_RECORDED_S = 5  # processor time below which a proof is always run and not recorded, s
 
 
 def print_evidence(proof: Proof, evidence: Evidence) -> None:
@@ -39,12 +39,12 @@ def print_evidence(proof: Proof, evidence: Evidence) -> None:
 
 
 def current_hash(proof: Proof) -> str:
-    """Return the hash of the files that a proof depends on, as they are now on the disk."""
+    """Return the hash of the files that a proof depends on, as they are on the disk now."""
     return content_hash(proof, version(proof.tool))
 
 
 def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Entry]) -> int:
-    """Run proofs two at a time, and record each proof that held; return their number."""
+    """Run two proofs at a time and record each proof that held; return the number of these."""
     runs: dict[str, dict[bool, Outcome]] = {proof.name: {} for proof in proofs}
     held_count = 0
     with ThreadPoolExecutor(2) as pool:
@@ -62,7 +62,7 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
             print_evidence(proof, evidence)
             held_count += evidence.holds
             record.pop(proof.name, None)
-            is_unchanged = current_hash(proof) == contents[proof.name]  # by an editor meanwhile
+            is_unchanged = current_hash(proof) == contents[proof.name]  # by an editor
             if evidence.holds and evidence.seconds >= MIN_RECORDED_S and is_unchanged:
                 record[proof.name] = entry_of(evidence, contents[proof.name])
             write_record(RECORD, record)
@@ -79,7 +79,7 @@ def read_valid_record(contents: dict[str, str]) -> dict[str, Entry]:
 
 
 def main() -> int:
-    """Return 0 if every proof holds, now or as recorded, and every control is rejected."""
+    """Return 0 if every proof holds, now or as recorded, and rejects the fault of its control."""
     proofs, requested = read_proofs(), set(sys.argv[1:])
     names = {proof.name for proof in proofs}
     if unknown := requested - names - {"--all"}:

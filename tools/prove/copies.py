@@ -13,7 +13,7 @@ def replace_once(file: Path, right: str, wrong: str) -> None:
     """Replace a text in a copy. The text must occur exactly once."""
     text = file.read_text(encoding="utf-8")
     if text.count(right) != 1:
-        raise ValueError(f"{file.name}: {right!r} does not stand there once; adapt proofs.toml")
+        raise ValueError(f"{file.name}: {right!r} does not occur exactly once; adapt proofs.toml")
     file.write_text(text.replace(right, wrong), encoding="utf-8")
 
 

@@ -63,7 +63,7 @@ def is_valid(entry: Entry, content: str) -> bool:
 
 
 def sealed(real: str, control: str, seconds: float, content: str) -> str:
-    """Return the hash of an entry."""
+    """Return the hash of an entry and of the contents that it belongs to."""
     return hashlib.sha256(json.dumps([real, control, seconds, content]).encode()).hexdigest()
 
 

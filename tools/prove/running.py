@@ -15,8 +15,8 @@ from tools.prove.listing import ROOT, Proof
 from tools.prove.provers import command
 from tools.prove.verdict import PROVED, REFUTED, TIMEOUT, verdict_of
 
-LONGEST = 1200  # seconds of processor time of one run of a tool
-HANGING = 3600  # seconds after which it is given up, on however busy a machine
+LONGEST = 1200  # limit of the processor time of one run of a tool, s
+HANGING = 3600  # limit of the elapsed time of one run, even on a busy machine, s
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def run(proof: Proof, *, broken: bool) -> Outcome:
             process = subprocess.Popen(limited, cwd=folder, stdout=out, stderr=subprocess.STDOUT)
             timer = Timer(HANGING, process.kill)
             timer.start()
-            _, status, used = os.wait4(process.pid, 0)  # whose answer knows the processor time
+            _, status, used = os.wait4(process.pid, 0)  # wait4 returns the processor time
             timer.cancel()
             process.returncode = os.waitstatus_to_exitcode(status)
         output = log.read_text(encoding="utf-8", errors="replace")
