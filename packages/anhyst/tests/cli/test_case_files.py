@@ -58,7 +58,9 @@ def proposal(message: str) -> str:
 @pytest.mark.parametrize(
     ("name", "largest_percent"), [("square_steel_ev0.csv", 2.0), ("two_temperatures.csv", 0.1)]
 )
-def test_identify_fits_what_a_candidate_can_fit(case: Any, name: str, largest_percent: float) -> None:
+def test_identify_fits_case_files_within_their_stated_error(
+    case: Any, name: str, largest_percent: float
+) -> None:
     found, _ = identified(name, case(name))
     assert 100.0 * found["fit"]["rms"] / found["fit"]["largest_output"] < largest_percent
 
@@ -181,7 +183,7 @@ def test_layouts_of_loggers_are_read(case: Any, name: str, options: tuple[str, .
     assert max(loop["input_high_A"] for loop in found["loops"]) > 1.0
 
 
-def test_overrange_samples_are_left_out_and_counted(case: Any) -> None:
+def test_overrange_samples_are_skipped_and_counted(case: Any) -> None:
     folder = case("scope_overrange.csv")
     options = ("--columns", "Channel A=I_A,Channel B=F_N", "--scale", "Channel A=1,Channel B=1")
     refused = quick("inspect", "scope_overrange.csv", *options, cwd=folder)
@@ -192,7 +194,7 @@ def test_overrange_samples_are_left_out_and_counted(case: Any) -> None:
     assert re.search(rf"\b{count} ", found["said"])
 
 
-def test_settings_beside_the_data_are_named_or_read(case: Any) -> None:
+def test_settings_next_to_the_data_are_read_or_reported(case: Any) -> None:
     done = quick("inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv"))
     assert "1200=I_A" not in done.stderr
 

@@ -47,7 +47,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_current_goes_to_force_and_back(folder: Path) -> None:
+def test_predict_and_invert_are_inverse_commands(folder: Path) -> None:
     there = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert (there.returncode, there.stderr) == (0, "")
     assert there.stdout.startswith("force.csv: 59 rows, 1 run demagnetised\nF_N: ")

@@ -90,7 +90,7 @@ def taken(kind: Kind, words: Words) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_words_of_a_kind_have_places_of_their_own_in_front_of_the_tables(kind: Kind) -> None:
+def test_parameter_words_do_not_overlap_and_precede_the_tables(kind: Kind) -> None:
     end = 0
     for word in (*layout.HEAD_WORDS, *layout.BODY_WORDS[kind]):
         assert word.index >= end, word.name
@@ -101,7 +101,7 @@ def test_words_of_a_kind_have_places_of_their_own_in_front_of_the_tables(kind: K
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_sound_block_is_taken_and_its_checksum_is_that_of_zlib(kind: Kind) -> None:
+def test_a_valid_block_is_accepted_and_its_checksum_agrees_with_zlib(kind: Kind) -> None:
     block = compiled(kind)
     assert taken(kind, block.words)
     assert np.array_equal(sealed(block.words), block.words)
@@ -128,7 +128,7 @@ def test_a_length_that_does_not_fit_is_refused(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_words_out_of_range_are_refused_and_those_at_its_ends_taken(kind: Kind) -> None:
+def test_words_outside_their_range_are_refused_and_the_limits_accepted(kind: Kind) -> None:
     block = compiled(kind)
     for name, (low, high) in (COMMON | RANGES[kind]).items():
         at = WORD_INDEX_OF_KIND[kind][name]
@@ -201,7 +201,7 @@ def test_a_table_with_an_entry_too_low_or_too_steep_is_refused(kind: Kind) -> No
             assert not taken(kind, sealed(words)), name
 
 
-def test_the_full_law_takes_a_flux_arm_below_zero_as_long_as_the_current_rises() -> None:
+def test_the_full_law_accepts_a_negative_flux_coefficient_if_the_current_rises() -> None:
     block = compiled("full", "circuit")
     flux_arm, field_arm = (block.table(f"GAP_{arm}_ARM").astype(float) for arm in ("FLUX", "FIELD"))
     assert flux_arm.min() < 0.0 < flux_arm.max()
@@ -242,7 +242,7 @@ def test_every_single_flipped_bit_is_refused(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_block_that_is_refused_leaves_the_old_one_in_use(kind: Kind) -> None:
+def test_a_refused_block_leaves_the_old_one_in_use(kind: Kind) -> None:
     block = compiled(kind)
     twin = FixedCompensator(kind, block.words)
     before = twin.solve_q31(700_000_000, 0)

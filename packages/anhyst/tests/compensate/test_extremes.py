@@ -69,7 +69,7 @@ def header(block: Block, law: str, io: RealSignalFormat) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["f32", "f64"])
 @pytest.mark.parametrize("law", LAWS)
-def test_any_signal_in_any_order_gives_currents_within_limits(
+def test_any_sequence_of_signals_gives_currents_within_limits(
     law: str, io: RealSignalFormat, tmp_path: Path
 ) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")

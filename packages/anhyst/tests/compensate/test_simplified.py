@@ -108,7 +108,7 @@ def test_the_state_is_exact_along_ways_jumps_and_reversals(law: LinearAnhysteret
 
 
 @each_law
-def test_a_reversal_while_held_goes_back_the_way_it_came(law: LinearAnhysteretic) -> None:
+def test_a_reversal_in_the_dead_band_retraces_its_path(law: LinearAnhysteretic) -> None:
     """Just after a reversal the state is in its dead band; a reversal there is the critical case."""
     hold = (1.0 - law.nu) / rate_of(law)
     ways = 0.4 * hold * np.random.default_rng(8).uniform(-1.0, 1.0, 3000)
@@ -165,7 +165,7 @@ def test_the_euler_form_is_the_papers(law: LinearAnhysteretic, substeps: int) ->
     assert np.abs(state - euler(law, flux, substeps)).max() < 5e-3
 
 
-def test_the_closed_form_is_exact_where_the_euler_form_is_not() -> None:
+def test_the_closed_form_is_exact_and_the_euler_form_is_not() -> None:
     """One Euler step per sample, with ever fewer samples per cycle of a triangle from zero."""
     law = LAWS[0]
     worst: dict[Kind, list[float]] = {"simplified": [], "euler": []}

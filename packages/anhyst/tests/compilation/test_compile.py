@@ -95,7 +95,7 @@ def files_below(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("compiler", ["cc", "clang"])
-def test_c_compiles_without_a_warning_and_gives_the_golden_currents(
+def test_the_c_compiles_without_warnings_and_gives_the_golden_currents(
     compiled: Compiled, compiler: str, tmp_path: Path
 ) -> None:
     program = built(compiled.out, tool(compiler), tmp_path / "example")
@@ -126,7 +126,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
 
 
 @pytest.mark.slow
-def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
+def test_the_budget_agrees_with_the_model_sample_by_sample(folder: Path) -> None:
     """The budget calculates all forces together; the stepper does it sample by sample."""
     plan = full(folder).plan
     path = plan.builder.output_range.paths(seed=5)[-1]
@@ -157,7 +157,7 @@ def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+def test_equal_models_give_equal_bytes(folder: Path, tmp_path: Path) -> None:
     first = full(folder)
     again = compile_model(folder / "magnet.toml", tmp_path / "again", CompileRequest("full", "q15", 1e4))
     assert sorted(again.files) == sorted(first.files)
@@ -167,7 +167,7 @@ def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
         assert not re.search(r"\b20\d\d-\d\d|\d\d:\d\d:\d\d", (first.out / name).read_text())
 
 
-def test_manifest_reports_what_the_folder_is(compiled: Compiled) -> None:
+def test_the_manifest_describes_the_folder(compiled: Compiled) -> None:
     plan = compiled.plan
     manifest = json.loads((compiled.out / "manifest.json").read_text())
     assert manifest["format"] == 2
@@ -311,7 +311,7 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["q15", "f32"])
-def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io: Any) -> None:
+def test_the_size_of_the_state_agrees_with_the_manifest(folder: Path, tmp_path: Path, io: Any) -> None:
     """Pointers have 64 bits here, which adds to the size; the structure is padded to 8 bytes."""
     place, suffix = (folder / "out", "") if io == "q15" else (tmp_path, "_f32")
     if io == "q15":
@@ -345,7 +345,7 @@ def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
+def test_less_accuracy_needs_less_memory(folder: Path, tmp_path: Path) -> None:
     rough = compile_model(
         folder / "magnet.toml", tmp_path / "rough", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     )
@@ -381,7 +381,7 @@ def test_unreachable_accuracy_names_its_cause(
         ({"gap_map": "free", "parameters": {"k": (300.0, 310.0, 320.0)}}, "no-fixed-point-form: 'free'"),
     ],
 )
-def test_what_cannot_be_compiled_is_reported_in_a_line(
+def test_a_model_that_cannot_be_compiled_is_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, Any], message: str
 ) -> None:
     model = measured(magnet())
@@ -419,7 +419,7 @@ def test_bad_options_exit_with_two(
 
 
 @pytest.mark.slow
-def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
+def test_compile_replaces_only_folders_that_it_wrote(folder: Path, tmp_path: Path) -> None:
     model, request = folder / "magnet.toml", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     out = tmp_path / "out"
     out.mkdir()
@@ -440,7 +440,7 @@ def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_json_says_what_the_manifest_says(
+def test_json_output_agrees_with_the_manifest(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--rate", "1e4", "--accuracy", "2", "--json", "--out", str(tmp_path / "out")]

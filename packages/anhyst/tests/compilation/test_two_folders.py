@@ -98,7 +98,9 @@ def test_thin_core_before_solid_parameters_does_not_compile(folders: Path, tmp_p
     assert "-DANHYST_MEMORIES=2" in done.stderr
 
 
-def test_object_files_with_different_room_are_told_at_start(folders: Path, tmp_path: Path) -> None:
+def test_object_files_with_different_memory_counts_are_detected_at_start(
+    folders: Path, tmp_path: Path
+) -> None:
     (tmp_path / "main.c").write_text(
         '#include "thin_parameters.h"\nint main(void)\n{\n  static anhyst_compensator c;\n'
         "  return anhyst_compensator_init(&c, &THIN_KERNEL, thin_parameters,\n"

@@ -82,7 +82,7 @@ def least_sum(pull: FloatArray, wrench: FloatArray) -> float | None:
     ("name", "mean", "most"), [("8", 1.0, 1.0), ("10", 1.0, 1.0), ("12", 1.03, 1.25), ("14", 1.03, 1.25)]
 )
 @pytest.mark.parametrize("size", [0.1, 1.0])
-def test_every_wrench_that_can_be_made_is_made_with_little_more_than_the_least_force(
+def test_every_feasible_wrench_is_made_with_nearly_the_least_force(
     name: str, size: float, mean: float, most: float
 ) -> None:
     lines = LAYOUTS[name]

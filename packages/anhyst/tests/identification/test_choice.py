@@ -57,7 +57,7 @@ def reason(result: IdentifyResult) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
-def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) -> None:
+def test_auto_finds_the_true_gap_map(gap_map: GapMap, output: str) -> None:
     loops = loops_of(magnet(gap_map, output), noise=NOISE, samples=60)
     result = identify(loops)
     assert result.model.gap_map == gap_map
@@ -70,7 +70,7 @@ def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) ->
 
 
 @pytest.mark.slow
-def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
+def test_a_withheld_error_is_that_of_a_fit_without_that_gap() -> None:
     loops = loops_of(magnet("scaling"), noise=NOISE, samples=60)
     law = "effective-field"
     reported = fit_of(identify(loops, law=law, gap_map="reluctance")).left_out["reluctance"]
@@ -104,7 +104,7 @@ def test_one_gap_makes_a_model_of_that_gap_and_a_warning() -> None:
     assert fit_of(result).rms == pytest.approx(NOISE * largest(loops), rel=0.15)
 
 
-def test_two_gaps_prove_nothing_and_that_is_said() -> None:
+def test_with_two_gaps_the_gap_map_is_reported_as_a_guess() -> None:
     loops = loops_of(magnet(gaps=GAPS[1:3]), noise=NOISE)
     result = identify(loops)
     assert result.model.gap_map == "reluctance"
@@ -189,7 +189,9 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", pytest.param("flux_linkage", marks=pytest.mark.slow)])
-def test_a_map_that_bends_between_the_gaps_is_not_taken(output: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_that_bends_between_the_gaps_is_not_selected(
+    output: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It fits every measured gap, so withheld gaps alone would select it."""
     loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
 
@@ -252,7 +254,7 @@ def roughness(coordinates: FloatArray) -> float:
     return float(np.sum(np.diff(coordinates) ** 2))
 
 
-def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
+def test_undetermined_parameters_vary_smoothly_over_the_gap() -> None:
     """One noisy loop per gap, far from saturation, determines little; the penalty costs almost
     nothing."""
     truth = magnet("scaling")

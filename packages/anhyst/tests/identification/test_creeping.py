@@ -34,7 +34,7 @@ def halves(folder: Path) -> tuple[Model, Loop, int]:
 
 
 @pytest.mark.slow
-def test_the_other_half_is_inverted_to_half_of_what_the_authors_reach(measurements: Path) -> None:
+def test_the_inverse_of_unseen_data_has_half_the_error_of_the_authors(measurements: Path) -> None:
     model, whole, half = halves(measurements)
     asked = model.invert(whole.output, time=whole.time).drive
     slope = np.ptp(whole.output[half:]) / np.ptp(whole.input[half:])

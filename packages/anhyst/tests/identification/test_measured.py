@@ -82,7 +82,7 @@ def test_the_gapped_core_is_fitted_by_reluctance(gapped_core: Loops) -> None:
     assert rho[0] < rho[1] < rho[2]
 
 
-def test_auto_takes_a_gap_in_series_for_the_gapped_core(gapped_core: Loops) -> None:
+def test_auto_selects_a_series_gap_for_the_gapped_core(gapped_core: Loops) -> None:
     result = identify(gapped_core)
     assert result.model.gap_map in {"reluctance", "circuit"}
     left_out = fit_of(result).left_out

@@ -65,7 +65,7 @@ CASES += [("jiles-atherton-1986", "none", history) for history in HISTORIES]
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("law", "gap_map", "history"), CASES)
-def test_every_figure_is_that_of_the_written_model(
+def test_every_reported_metric_is_that_of_the_written_model(
     law: str, gap_map: str, history: str, tmp_path: Path
 ) -> None:
     """No model fits these loops exactly: their iron differs and the force sensor is noisy."""
@@ -120,7 +120,7 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
 
 
 @pytest.mark.slow
-def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: IdentifyResult) -> None:
+def test_with_one_loop_withheld_blocks_of_samples_select_the_law(dipole: IdentifyResult) -> None:
     """The simplest law is not selected if another has a third of its residual; descents are long."""
     loops, truth = accelerator(), accelerator_magnet()
     model = dipole.model
@@ -139,7 +139,7 @@ def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: Identify
 
 
 @pytest.mark.slow
-def test_how_much_one_loop_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_uncertainty_of_a_single_loop_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """One loop of a ring with pinning as strong as the drive barely determines inner loops."""
     monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     parameters = {"M_0": 3e4, "a_0": 150.0, "M_1": 1e6, "a_1": 150.0, "k_1": 250.0, "s_1": 2.7}
@@ -222,7 +222,7 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
 
 
-def test_what_could_not_be_left_out_is_absent() -> None:
+def test_a_missing_withheld_error_is_absent() -> None:
     one, fold = ModelCandidate("free", frozenset()), frozenset({1})
     nothing = Refit(np.inf, {1: WithheldError(np.inf, (np.inf,))})
     contest = CandidateComparison([one], {}, {fold: {one: nothing}}, [1])
@@ -230,7 +230,7 @@ def test_what_could_not_be_left_out_is_absent() -> None:
 
 
 @pytest.mark.parametrize(("fitted", "populations"), [(0.3, 2), (0.9, 1)])
-def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
+def test_a_much_better_candidate_is_selected_despite_a_large_standard_error(
     fitted: float, populations: int
 ) -> None:
     """One block with a large gain makes the standard error of the difference large."""
@@ -254,7 +254,7 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
     assert chosen.cells.population_count == populations
 
 
-def test_a_model_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+def test_an_unreadable_model_is_not_written(tmp_path: Path) -> None:
     place = tmp_path / "model.toml"
     good = core()
     good.save(place)

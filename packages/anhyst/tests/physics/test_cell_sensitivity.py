@@ -43,7 +43,7 @@ def follow(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> Flo
 
 @pytest.mark.parametrize("centres", [None, np.array([0.0, 70.0, 30.0])], ids=["odd", "centred"])
 @pytest.mark.parametrize("shape", ["tanh", "langevin"])
-def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape, centres: FloatArray | None) -> None:
+def test_derivatives_of_a_path_agree_with_differences(shape: Shape, centres: FloatArray | None) -> None:
     numbers = np.concatenate([NUMBERS, [OMEGA, DRIVE]])
     core = operator(numbers, shape, centres)
     by = population_tangents(pinned(numbers))

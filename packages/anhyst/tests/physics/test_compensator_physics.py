@@ -140,7 +140,7 @@ def test_limited_current_leads_to_the_force_it_can_give() -> None:
     assert expected == pytest.approx(force, abs=PROMISED * wide)
 
 
-def test_below_the_residual_force_the_current_takes_the_flux_away() -> None:
+def test_below_the_residual_force_the_current_removes_the_flux() -> None:
     """A demand of at most the force without flux removes the flux from the iron."""
     twin, model = FixedTwin(compiled("full")), magnet()
     history = [twin.run([60.0], [WIDE])[0], twin.solve(0.2 * RESIDUAL, WIDE)]
@@ -188,7 +188,7 @@ def test_a_current_too_strong_for_the_tables_is_refused() -> None:
         build_block(replace(magnet(), parameters=changed), "full", scales, limits)
 
 
-def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
+def test_the_largest_accepted_current_gives_a_valid_block() -> None:
     changed = dict(magnet().parameters) | {"k": 200.0, "a": 50.0}
     model = replace(magnet(), parameters=changed)
     scales, limits = ranges("reluctance")

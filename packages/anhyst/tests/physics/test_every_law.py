@@ -27,7 +27,7 @@ def status_of(sample: Sample, direction: str, given: list[float]) -> tuple[int, 
 @pytest.mark.first(1)
 @every_law
 @with_jumps
-def test_inverse_of_forward_gives_the_field_back(law: str, jumping: bool) -> None:
+def test_the_inverse_of_the_forward_law_returns_the_field(law: str, jumping: bool) -> None:
     for one in samples(law, 400, seed=181, jumping=jumping):
         drive = sine(one.amplitude, 12, cycles=2)
         back = one.inverse(one.forward(drive)[0])[0]
@@ -36,7 +36,7 @@ def test_inverse_of_forward_gives_the_field_back(law: str, jumping: bool) -> Non
 
 @pytest.mark.first(2)
 @every_law
-def test_forward_of_inverse_gives_the_flux_density_back_without_jumps(law: str) -> None:
+def test_the_forward_law_of_the_inverse_returns_the_flux_density_without_jumps(law: str) -> None:
     for number, one in enumerate(samples(law, 400, seed=182)):
         top = MU_0 * one.saturation
         demand = random_walk(0.9 * top, 12, number)
@@ -137,7 +137,7 @@ def test_sample_that_is_not_finite_is_reported(law: str, value: float, direction
 
 
 @every_law
-def test_core_leaves_its_arguments_alone(law: str) -> None:
+def test_the_core_does_not_change_its_arguments(law: str) -> None:
     one = samples(law, 1, seed=195)[0]
     state: FloatArray = one.forward(random_walk(one.amplitude, 9, 1))[2]
     drive, zero = sine(one.amplitude, 12), np.zeros(12)

@@ -82,7 +82,7 @@ def test_cmake_links_both(folders: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("port", [False, True], ids=["portable", "port header"])
-def test_an_emulated_cortex_m4_gives_the_same(folders: Path, tmp_path: Path, port: bool) -> None:
+def test_an_emulated_cortex_m4_gives_the_same_currents(folders: Path, tmp_path: Path, port: bool) -> None:
     unicorn = pytest.importorskip("unicorn", reason="unicorn: pip install 'anhyst[verify]'")
     core = merged_core(folders)
     for file, content in core.items():
