@@ -69,7 +69,7 @@ def test_a_stage_that_will_not_do_is_named_by_file_and_key(
     assert not (folder / "run.csv").exists()
 
 
-def test_a_stage_takes_no_options_of_a_bearing(folder: Path) -> None:
+def test_a_stage_refuses_options_of_a_bearing(folder: Path) -> None:
     text = refused("simulate", "rig.toml", "--out", "map.json", "--board", "host", cwd=folder)
     assert says(text, "option-not-for-this")
 
@@ -98,7 +98,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     assert [row["error"] for row in found["variants"]["full"]["average_m"]] == CASES
 
 
-def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
+def test_calibrate_without_estimates_exits_with_1_and_writes_nothing(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
@@ -112,7 +112,7 @@ def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
 
 
 @pytest.mark.slow
-def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(folder: Path) -> None:
+def test_calibrate_reports_estimates_and_writes_a_calibration_file(folder: Path) -> None:
     recorded().save(folder / "run.csv")
     command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml", "--verbose")
     done = quick(*command, cwd=folder)

@@ -89,7 +89,7 @@ def missed(one: DriveLayout, shared: Shared, wrench: FloatArray) -> float:
     return float(np.abs(shared.force @ one.unit_wrench - wrench).max())
 
 
-def test_what_is_said_to_be_made_is_made_by_the_forces_of_double_precision() -> None:
+def test_the_reported_wrench_agrees_with_double_precision() -> None:
     rng, agreed, worst, off = np.random.default_rng(3), 0, 0.0, 0.0
     for one in bodies(200, 11):
         wrench = rng.uniform(0.0, 60.0, (12, len(one.unit_wrench))) @ one.unit_wrench
@@ -108,7 +108,7 @@ def test_what_is_said_to_be_made_is_made_by_the_forces_of_double_precision() -> 
     assert agreed > 0.998 * 2400
 
 
-def test_without_lost_drives_as_much_is_made_as_in_double_precision() -> None:
+def test_fixed_point_with_lost_drives_makes_the_wrench_of_double_precision() -> None:
     rng, differ, count = np.random.default_rng(4), [], 0
     for one in bodies(150, 12):
         lost = rng.choice(len(one.unit_wrench), int(rng.integers(1, 3)), replace=False).tolist()
@@ -239,7 +239,7 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
     assert 0.0 < worst < 2.0**-20
 
 
-def test_what_the_heads_cannot_say_is_flagged_and_full_scale_saturates() -> None:
+def test_unusable_sensor_heads_are_flagged_and_full_scale_saturates() -> None:
     made = body(bodies(1, 14)[0], np.random.default_rng(6))
     fixed, own, _ = controllers(made)
     count, axes, heads = (len(made.drives.unit_wrench), len(made.drives.yield_weights), len(made.rows["at"]))
@@ -271,7 +271,7 @@ def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
 
 
 @pytest.mark.parametrize(("crossover", "code"), [(1e-3, "small"), (2e4, "large")])
-def test_gains_that_32_bits_do_not_hold_are_refused(crossover: float, code: str) -> None:
+def test_gains_beyond_32_bits_are_refused(crossover: float, code: str) -> None:
     made = body(bodies(1, 16)[0], np.random.default_rng(8))
     rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.yield_weights))}
     if code == "large":

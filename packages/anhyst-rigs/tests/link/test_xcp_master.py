@@ -69,7 +69,7 @@ def on_line(packet: bytes) -> bytes:
     return frame_packet(packet, 5, serial=True)
 
 
-def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Terminal) -> None:
+def test_damaged_messages_are_skipped_and_later_ones_accepted(terminal: Terminal) -> None:
     with closing(XcpLine(terminal.url, 2.0)) as line:
         good = [on_line(bytes((0, 0, n, 7))) for n in range(4)]
         broken = bytearray(good[1])
@@ -82,7 +82,7 @@ def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Termi
         assert line.skipped_bytes == 3 + len(broken)
 
 
-def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Terminal) -> None:
+def test_a_lost_answer_is_reported_and_not_confused_with_the_next(terminal: Terminal) -> None:
     def answer() -> None:
         """Lose the first answer, send it late, then be in step."""
         os.read(terminal.ours, 64)

@@ -25,7 +25,7 @@ def setups(rig: BodyRig) -> list[StageSetup]:
     return [make_stage(rig, bearings.knowledge(), name) for name in ("single-valued", "full")]
 
 
-def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve, show: Show) -> None:
+def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serve, show: Show) -> None:
     page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
@@ -73,9 +73,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve
     assert "pull_10_N" in heads
 
 
-def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
-    serve: Serve, show: Show
-) -> None:
+def test_buttons_land_and_lift_a_body_and_cycles_pause_meanwhile(serve: Serve, show: Show) -> None:
     page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
@@ -98,7 +96,7 @@ def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
     state_is(page, "idle")
 
 
-def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
+def test_another_layout_is_drawn_from_its_file_and_pushed_along_a_coordinate(
     serve: Serve, show: Show, tmp_path: Path
 ) -> None:
     served = serve(bench=StageBench(setups(read_stage(three_magnets(tmp_path)))))

@@ -132,7 +132,7 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
 
 
 @pytest.mark.slow
-def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
+def test_a_job_reports_progress_and_ends_when_cancelled() -> None:
     ended: list[object] = []
     job = ProcessJob(forever, ended=ended.append)
     wait_for(lambda: job.share == 0.25)
@@ -142,7 +142,7 @@ def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
 
 
 @pytest.mark.slow
-def test_a_job_that_dies_says_so() -> None:
+def test_a_crashed_job_is_reported() -> None:
     ended: list[object] = []
     ProcessJob(dies, ended=ended.append)
     wait_for(lambda: ended)
@@ -157,7 +157,7 @@ def test_one_job_at_a_time(session: LiveSession) -> None:
     assert session.status()["improve"]["trouble"] == "measure: cancelled"
 
 
-def test_what_is_compiled_for_a_bearing_that_flies_is_what_it_flies_with(firmware: Path) -> None:
+def test_a_levitating_bearing_uses_the_newly_compiled_block(firmware: Path) -> None:
     flying = bearings.single()
     prepared = PreparedBearing(flying, bearings.knowledge().model, firmware)
     running = flying.compensator.parameters

@@ -79,7 +79,7 @@ def test_the_armature_is_lifted_and_stopped_by_one_key(serve: Serve, show: Show)
 
 
 @pytest.mark.slow
-def test_a_refused_order_says_why(serve: Serve, show: Show) -> None:
+def test_a_refused_order_gives_its_reason(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)
     page.locator("#target").fill("9999")
@@ -89,7 +89,7 @@ def test_a_refused_order_says_why(serve: Serve, show: Show) -> None:
 
 
 @pytest.mark.slow
-def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) -> None:
+def test_an_observer_may_stop_and_take_control(serve: Serve, show: Show) -> None:
     served = serve()
     first = show(served)
     ready(first)
@@ -190,7 +190,7 @@ def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> N
 
 
 @pytest.mark.slow
-def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
+def test_step_metrics_agree_with_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)
     page = show(served)
@@ -256,7 +256,7 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
 
 
 @pytest.mark.slow
-def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
+def test_drawn_values_equal_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)
     page = show(served)
@@ -317,7 +317,7 @@ def test_keys_choose_views_and_turn_the_light_off(serve: Serve, show: Show) -> N
 
 
 @pytest.mark.slow
-def test_the_token_is_asked_for_and_stands_in_no_address(serve: Serve, show: Show) -> None:
+def test_the_token_is_requested_and_never_in_an_address(serve: Serve, show: Show) -> None:
     page = show(serve(token="a-token"))
     page.locator("#token input").fill("a-token")
     press(page, "Connect")

@@ -34,7 +34,7 @@ from tests.study import piezos
 RIG = piezos.EXAMPLE / "rig.toml"
 
 
-def test_a_generator_moves_it_beside_its_triangle_and_is_refused_beyond_the_stack() -> None:
+def test_a_generator_adds_to_the_triangle_and_is_refused_beyond_the_stack() -> None:
     session = LiveSession(open_prepared(piezos.prepared())[0])
     rows: list[FloatArray] = []
     session.subscribe(rows.append)
@@ -117,7 +117,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
 
 
 @pytest.mark.slow
-def test_it_is_prepared_once_and_anew_where_its_file_changed(
+def test_a_rig_is_prepared_once_and_again_after_a_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -147,7 +147,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
 
 
 @pytest.mark.slow
-def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect_reads(
+def test_the_command_records_the_bench_and_inspect_reads_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "run.csv"

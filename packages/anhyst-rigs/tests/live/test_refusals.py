@@ -60,7 +60,7 @@ def is_refused(bench: Bench, command: Command) -> bool:
 
 @pytest.mark.first(8)
 @pytest.mark.parametrize("way", WAYS)
-def test_what_is_greyed_is_what_the_controller_refuses(opening: Open, way: str) -> None:
+def test_disabled_buttons_are_the_refused_commands(opening: Open, way: str) -> None:
     bench = opening()
     now = controller_status(led(bench, WAYS[way]))
     greyed = {command for command in bench.commands if refusal_reason(command, now)}

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.needs("chromium")
 
 
 @pytest.mark.slow
-def test_loop_and_levitation_show_what_the_recording_holds(serve: Serve, show: Show, tmp_path: Path) -> None:
+def test_loop_and_levitation_views_agree_with_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     known = bearings.knowledge()
     served = serve(record=record, curves=make_drawn_loops(known.loops, known.model))

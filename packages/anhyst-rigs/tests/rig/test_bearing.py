@@ -126,7 +126,7 @@ def test_a_late_amplifier_is_a_late_output() -> None:
     assert np.array_equal(records[0].table, records[1].table, equal_nan=True)
 
 
-def test_disturbances_push_as_they_say() -> None:
+def test_disturbances_have_their_stated_force() -> None:
     begin = 0.5
 
     def pushed(kind: str, force: float, frequency: float | None = None) -> Recording:
@@ -204,13 +204,13 @@ def test_an_identified_law_makes_the_force(law: BodyRig, change: Callable[[BodyR
     assert recording["flux_Wb"].max() > 0.01
 
 
-def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BodyRig) -> None:
+def test_a_measured_flux_table_gives_the_plant_it_was_made_from(law: BodyRig) -> None:
     made, measured = levitate(law)[0], levitate(with_table(law))[0]
     assert np.abs(made["gap_m"] - measured["gap_m"]).max() < 1e-6
     assert np.abs(made["flux_Wb"] - measured["flux_Wb"]).max() < 1e-4
 
 
-def test_a_scenario_in_parts_leads_to_where_the_whole_one_does() -> None:
+def test_a_scenario_in_parts_agrees_with_the_whole() -> None:
     """What it leaves out is nothing at every tick; a frame has a row more than each part has ticks."""
     setup, rng = bearings.single(), np.random.default_rng(1)
     target = np.full(400, GAP)

@@ -83,7 +83,7 @@ def test_twice_the_sub_steps_change_little_once_the_body_is_lifted() -> None:
         assert np.abs(coarse[name] - fine[name])[lifted:].max() < limit
 
 
-def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> None:
+def test_single_precision_agrees_with_double_within_a_nanometre() -> None:
     rig, scan = planar(), planar().settings.scan
     motion = scan_motion(scan, scan.test_m_per_s2[:1])
     wide, narrow = (

@@ -92,7 +92,7 @@ def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) 
 
 
 @pytest.mark.slow
-def test_the_strongest_baseline_is_the_one_with_the_least_of_that_figure(found: Benefit) -> None:
+def test_the_strongest_baseline_has_the_least_value_of_the_metric(found: Benefit) -> None:
     for one in found.cells:
         for measure, against in one.strongest.items():
             means = {name: one.figures[name][measure].mean for name in BASELINES}
@@ -103,7 +103,7 @@ def test_the_strongest_baseline_is_the_one_with_the_least_of_that_figure(found: 
 
 
 @pytest.mark.slow
-def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
+def test_flux_is_compared_with_methods_without_memory(found: Benefit) -> None:
     for one in found.cells:
         for measure, against in one.flux.items():
             assert against.baseline == "flux"
@@ -114,7 +114,7 @@ def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
 
 
 @pytest.mark.slow
-def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFile) -> None:
+def test_without_a_probe_flux_is_not_compared(rig: BodyRig, controller: ControllerFile) -> None:
     bare = bearings.without_probe(change_rig(rig, {"measurement.sample_s": 0.05}))
     (one,) = map_bearing_benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
@@ -122,7 +122,7 @@ def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFi
 
 
 @pytest.mark.slow
-def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
+def test_the_overshoot_threshold_is_reported_in_metres(found: Benefit) -> None:
     """The limit in metres is equal at all heights: a multiple of the rms motion at standstill."""
     for one in found.cells:
         for against in (one.ratio, one.strongest, one.flux):
@@ -138,7 +138,7 @@ def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
 
 
 @pytest.mark.slow
-def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
+def test_the_map_marks_cells_without_gain(found: Benefit) -> None:
     """Without overshoot there is no gain; with wide, pathological loops there is a gain."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
     assert nothing.outcome == "nothing to gain"
@@ -181,7 +181,7 @@ def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> N
         map_bearing_benefit(law, controller)
 
 
-def test_what_is_lost_does_not_count_as_a_baseline() -> None:
+def test_a_lost_method_is_not_a_baseline() -> None:
     lost = MethodComparison(None, None, None)
     assert lost.outcome == "no gain"
     certain = MethodComparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
@@ -192,7 +192,7 @@ def test_what_is_lost_does_not_count_as_a_baseline() -> None:
 @pytest.mark.parametrize(
     ("mean", "outcome"), [(1.2, "gain"), (1.0, "no gain"), (-1.0, "no gain"), (-1.2, "loss")]
 )
-def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, outcome: str) -> None:
+def test_gain_and_loss_are_reported_only_if_significant(mean: float, outcome: str) -> None:
     ratio = mean_ratio([1.0, 1.1], [2.0, 2.2])
     assert MethodComparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
     assert MethodComparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
@@ -200,7 +200,7 @@ def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, out
     )
 
 
-def test_the_interval_of_a_ratio_holds_one_where_the_difference_may_be_zero() -> None:
+def test_the_interval_of_a_ratio_contains_one_if_the_difference_may_be_zero() -> None:
     rng = np.random.default_rng(3)
     apart = 0
     for shift in np.linspace(-0.5, 0.5, 41):
@@ -224,7 +224,7 @@ def test_the_interval_of_a_ratio_covers_it() -> None:
     assert 0.92 < inside / 400 < 0.98
 
 
-def test_a_ratio_over_what_may_be_zero_is_open() -> None:
+def test_a_ratio_to_a_possible_zero_is_unbounded() -> None:
     found = mean_ratio([1.0, 1.1, 0.9], [1.0, -1.0, 0.1])
     assert (found.low, found.high) == (0.0, math.inf)
     assert mean_ratio([1.0, 1.0], [0.0, 0.0]).value == math.inf
@@ -257,7 +257,7 @@ PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"
 
 
 @pytest.mark.slow
-def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
+def test_a_wider_piezo_loop_gives_a_larger_gain() -> None:
     """A curve's error grows with the loop; that of play cells stays below a narrow loop's error."""
     stage = read_piezo_rig(PIEZO)
     narrow, wide = map_plant_benefit(stage, (0.5, 1.0), seeds=2, jobs=1).cells
@@ -311,7 +311,7 @@ def outcome(iron: IronFigures, values: Mapping[MethodName, Mapping[str, FloatArr
     return cell.strongest["settling_s"].outcome
 
 
-def test_what_every_method_lost_is_compared_with_nothing() -> None:
+def test_a_cell_that_every_method_lost_has_no_comparison() -> None:
     assert outcome(IronFigures(1.0, None, 0.05, None, None, ""), {}) == "no gain"
 
 

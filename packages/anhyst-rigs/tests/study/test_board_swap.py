@@ -107,7 +107,7 @@ def hovering(built: Built, other: Block | None) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
+def test_a_swap_while_levitating_steps_the_current_by_the_model_difference(
     built: Built, usual: FloatArray, name: str
 ) -> None:
     swapped = hovering(built, built.block(OTHERS[name]))
@@ -122,7 +122,7 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
     assert np.abs(swapped[-200:, 0] - GAP).max() < 0.3e-6
 
 
-def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) -> None:
+def test_a_swap_during_conditioning_restarts_it_along_the_ramp(built: Built) -> None:
     other = built.block(OTHERS["less pinning, a tenth more current"])
     with closing(BearingBench(built.setup, built.program)) as running:
         running.advance(200)

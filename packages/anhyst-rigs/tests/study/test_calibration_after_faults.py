@@ -107,7 +107,7 @@ def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...
         for one in fault_injections()
     ],
 )
-def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
+def test_no_listed_fault_changes_an_estimate(
     tmp_path_factory: pytest.TempPathFactory, fault: FaultInjection
 ) -> None:
     firmware = bearings.firmware(tmp_path_factory)

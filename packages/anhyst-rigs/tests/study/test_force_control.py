@@ -93,7 +93,7 @@ def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
 
 
 @pytest.mark.slow
-def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) -> None:
+def test_the_firmware_agrees_with_the_simulated_program_in_every_tick(run: ForceControl) -> None:
     assert run.figures["ticks_that_differ"] == 0
     assert run.figures["firmware_ticks"] > 5_000
     for outcome in run.outcomes:
@@ -126,7 +126,7 @@ def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceContro
 
 
 @pytest.mark.slow
-def test_figures_tell_truth_and_noise_apart(run: ForceControl) -> None:
+def test_metrics_separate_true_error_and_noise(run: ForceControl) -> None:
     written = json.loads((run.out / "figures.json").read_text())
     assert written == json.loads(json.dumps(run.figures))
     for trial, outcome in zip(written["trials"], run.outcomes, strict=True):

@@ -98,7 +98,7 @@ def test_noise_is_averaged_out_and_reported(clean: Sensitivity) -> None:
 
 
 @pytest.mark.slow
-def test_a_dead_zone_makes_the_answer_depend_on_the_amplitude(clean: Sensitivity) -> None:
+def test_a_dead_zone_makes_the_response_depend_on_the_amplitude(clean: Sensitivity) -> None:
     small = measure_sensitivity(bearing(stick=1.0), FREQUENCIES[:5], 1e-6, RATE)
     large = measure_sensitivity(bearing(stick=1.0), FREQUENCIES[:5], 100e-6, RATE)
     off = [float(np.max(np.abs(x.ratio - clean.ratio[:5]))) for x in (small, large)]

@@ -74,7 +74,7 @@ def test_the_linear_loop_has_the_sensitivity_of_the_simulated_one(
 
 
 @pytest.mark.parametrize("part", [0.9, 1.1])
-def test_a_loop_is_unstable_where_the_simulated_one_is_lost(part: float, tmp_path: Path) -> None:
+def test_the_linear_loop_is_unstable_if_the_simulated_one_is_lost(part: float, tmp_path: Path) -> None:
     rig = straight_rig(tmp_path, noise_m=1e-9)
     loop = loop_of(rig)
 
@@ -115,7 +115,7 @@ def test_gains_are_found_that_serve_plants_which_were_not_searched_on(tmp_path: 
     assert any(one.what == "peak_sensitivity" for one in limits)
 
 
-def test_a_notch_where_none_is_stated_is_the_one_at_the_resonance(tmp_path: Path) -> None:
+def test_the_default_notch_is_at_the_resonance(tmp_path: Path) -> None:
     rig = read_piezo_rig(piezo_file(tmp_path))
     stated = rig.settings.with_changes(
         {"control.notch_Hz": 480.0, "control.notch_damping": 0.03, "control.notch_width": 0.7}
@@ -125,7 +125,7 @@ def test_a_notch_where_none_is_stated_is_the_one_at_the_resonance(tmp_path: Path
         make_notch(rig.settings.with_changes({"timing.rate_Hz": 800.0}))
 
 
-def test_what_is_not_for_a_piezo_stage_is_refused(tmp_path: Path) -> None:
+def test_options_not_for_a_piezo_stage_are_refused(tmp_path: Path) -> None:
     rig = piezo_file(tmp_path)
     for option in ("controller", "overshoot", "average", "crossover", "settling", "standstill"):
         with refused(f"option-not-for-this --{option}"):

@@ -56,7 +56,7 @@ def test_a_minimum_in_a_corner_is_approached_from_inside() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_the_same_seed_gives_the_same_points(seed: int) -> None:
+def test_equal_seeds_give_equal_points(seed: int) -> None:
     first = search(valley, 5, seed)
     second = search(valley, 5, seed)
     other = search(valley, 5, seed + 1)
