@@ -55,20 +55,20 @@ def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> 
     assert all(one.help for one in command.params)
 
 
-def test_the_verbs_of_the_other_parts_are_those_that_are_named_where_they_are_missing() -> None:
+def test_verbs_of_missing_packages_are_listed_completely() -> None:
     for part, names in PROJECT_PACKAGES.items():
         folder = import_module(f"{part.replace('-', '_')}.verbs")
         assert sorted(names) == [verb.name for verb in iter_modules(folder.__path__)]
 
 
-def test_options_of_reading_are_those_of_read_loops() -> None:
+def test_reading_options_are_the_parameters_of_read_loops() -> None:
     takes = inspect.signature(anhyst.read_loops).parameters
     names = inspect.signature(read_options).parameters.keys() - {"clean"}
     assert {takes[name].default for name in names} == {None}
     assert read_docstring(read_options).parameters.keys() - {"clean"} == names
 
 
-def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
+def test_literals_of_a_signature_are_those_of_the_package() -> None:
     for verb, name, words in (
         ("compile", "SignalFormat", SignalFormat),
         ("compile", "CompensatorKind", StageKind),

@@ -52,7 +52,7 @@ def section(link: str) -> str:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0][1:20])
-def test_a_figure_of_the_readme_stands_on_the_page_that_it_links_to(row: list[str]) -> None:
+def test_every_number_of_the_readme_is_on_its_linked_page(row: list[str]) -> None:
     about, *figures = row
     measured = re.findall(r"\d+(?:\.\d+)?", section(re.findall(r"\((docs/[^)]+)\)", about)[0]))
     for figure in filter(None, figures):

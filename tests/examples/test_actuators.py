@@ -24,7 +24,7 @@ PIEZO = EXAMPLES / "piezo"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["piezo", "magnetostrictive"])
-def test_the_files_are_made_again_byte_by_byte(name: str, tmp_path: Path) -> None:
+def test_the_files_are_reproduced_byte_for_byte(name: str, tmp_path: Path) -> None:
     script = EXAMPLES / name / "make_loops.py"
     subprocess.run([sys.executable, script, "--out", tmp_path], check=True)
     made = sorted(tmp_path.iterdir())
@@ -47,7 +47,7 @@ def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
     assert found[1500] - found[500] == pytest.approx(5.2e-6, rel=0.15)
 
 
-def test_a_voltage_that_is_not_changed_leaves_the_stage_at_rest() -> None:
+def test_a_constant_voltage_leaves_the_stage_at_rest() -> None:
     stage = read_piezo_rig(PIEZO / "rig.toml").make_motion(1e-4)
     assert np.all(stage.run(np.zeros(10)) == 0.0)
 
@@ -66,7 +66,7 @@ def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> No
 
 
 @pytest.mark.slow
-def test_where_rates_differ_the_model_says_how_far_it_goes(tmp_path: Path) -> None:
+def test_the_model_reports_its_fastest_fitted_rate(tmp_path: Path) -> None:
     done = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
     assert "the loops run at up to 1.5 Hz; faster runs were not measured" in unwrapped(done.stdout)
     options = ("--history", "conditioned:0", "--out", "rates.csv")

@@ -46,7 +46,7 @@ def rows(pattern: str) -> list[list[str]]:
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in found]
 
 
-def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
+def test_the_loops_are_reproduced_by_their_script(example: ModuleType) -> None:
     for name, text in example.files().items():
         assert (FOLDER / name).read_text() == text, f"{name}: run make_loops.py again"
 

@@ -56,7 +56,7 @@ def listed(group: str) -> dict[str, int]:
     "packages/anhyst/src/anhyst/compilation/toolchain.py",
 )
 @pytest.mark.parametrize("group", GROUPS)
-def test_deviations_are_those_listed(group: str, tmp_path: Path) -> None:
+def test_misra_deviations_are_those_listed(group: str, tmp_path: Path) -> None:
     sources, includes = GROUPS[group]
     cppcheck = Path(sys.executable).parent / "cppcheck"
     command = [str(cppcheck), "--addon=misra", "--enable=style", "--quiet", "--std=c99", "-j2"]

@@ -53,7 +53,7 @@ FILES = {"skipped": SKIPPED, "needs": NEEDS, "module": MODULE_SKIPPED, "measurem
         ("1", 2, "1 failed, 1 skipped, 2 errors in"),
     ],
 )
-def test_skips_fail_where_they_are_forbidden(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
+def test_forbidden_skips_fail(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
     """Only tests that lack measurements may be skipped."""
     shutil.copy(ROOT / "conftest.py", tmp_path / "conftest.py")
     (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")

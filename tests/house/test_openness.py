@@ -117,7 +117,7 @@ def test_the_papers_search_is_for_laws_of_the_core(measured: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_law_is_found_again(found: Path) -> None:
+def test_the_law_is_identified_from_its_loops(found: Path) -> None:
     model = read_model(found)
     assert model.law == "play"
     assert model.fit is not None

@@ -50,7 +50,7 @@ def arguments(function: Any) -> int:
 
 
 @pytest.mark.parametrize("word", RIGS.values())
-def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) -> None:
+def test_a_rig_kind_implements_exactly_the_protocols_of_its_verbs(word: str) -> None:
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
     assert ("export" in kind.verbs) == (word in RIG_PART_FACTORIES)
@@ -187,7 +187,7 @@ def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
     assert (refused.returncode, "an oven has no --board; leave it out" in refused.stderr) == (2, True)
 
 
-def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> None:
+def test_a_rig_kind_without_a_needed_method_is_named(oven: Path) -> None:
     refused = run(oven, "export", "rig.toml", "--as", "simulink", "--out", "block")
     assert refused.returncode == 2
     assert "rig.toml: control.kind: 'oven' has no part for export; ask the author" in refused.stderr
@@ -211,7 +211,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
         ("oven = anhyst_rigs.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
     ],
 )
-def test_a_package_that_cannot_be_used_disturbs_its_own_files_alone(
+def test_an_unusable_package_affects_only_its_own_files(
     entry: str, text: str, why: str, tmp_path: Path
 ) -> None:
     install(tmp_path, "other", entry, text)

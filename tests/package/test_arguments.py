@@ -82,12 +82,12 @@ def test_wrong_type_is_refused_with_the_name_of_the_argument(
 
 
 @pytest.mark.parametrize("argument", [*MODEL_VERBS, *PATH_VERBS])
-def test_loops_are_refused_where_a_model_or_a_rig_is_needed(argument: str) -> None:
+def test_loops_are_refused_by_verbs_of_models_and_rigs(argument: str) -> None:
     assert refusal((MODEL_VERBS | PATH_VERBS)[argument], LOOPS).endswith(", not Loops")
 
 
 @pytest.mark.parametrize("argument", LOOP_VERBS)
-def test_a_model_is_refused_where_loops_are_needed(argument: str) -> None:
+def test_a_model_is_refused_by_verbs_of_loops(argument: str) -> None:
     assert refusal(LOOP_VERBS[argument], MODEL).endswith(", not Model")
 
 

@@ -15,7 +15,7 @@ import anhyst_rigs
 from tests.repository import ROOT
 
 
-def test_every_name_is_there_and_described() -> None:
+def test_every_exported_name_exists_and_is_documented() -> None:
     for name in anhyst.__all__:
         found = getattr(anhyst, name)
         assert name == "__version__" or (found.__doc__ and "\n" in found.__doc__.strip()), name

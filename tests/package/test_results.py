@@ -74,7 +74,7 @@ def test_every_result_has_a_table(results: dict[str, Result]) -> None:
         assert len(frame) > 0 or name == "verification", name
 
 
-def test_every_result_is_drawn_where_one_wants(results: dict[str, Result]) -> None:
+def test_every_result_can_be_plotted_on_given_axes(results: dict[str, Result]) -> None:
     for name, one in results.items():
         figure, mine = plt.subplots()
         assert one.plot(mine) is mine, name
@@ -86,7 +86,7 @@ def test_every_result_is_drawn_where_one_wants(results: dict[str, Result]) -> No
     assert len(ax.lines) == 4
 
 
-def test_every_result_says_in_short_what_it_holds(results: dict[str, Result]) -> None:
+def test_every_result_has_a_short_representation(results: dict[str, Result]) -> None:
     for one in results.values():
         text = repr(one)
         assert text.startswith(f"<{type(one).__name__} ")
@@ -97,7 +97,7 @@ def test_every_result_says_in_short_what_it_holds(results: dict[str, Result]) ->
     assert "gap 0.3 mm" in repr(results["loops"])
 
 
-def test_what_a_result_says_is_escaped(found: anhyst.IdentifyResult) -> None:
+def test_text_of_a_result_is_escaped(found: anhyst.IdentifyResult) -> None:
     from dataclasses import replace
 
     odd = replace(found.model, name="<script>x</script>")
@@ -129,7 +129,7 @@ def test_a_model_is_a_function_and_has_an_inverse(found: anhyst.IdentifyResult) 
     assert np.abs(again - current).max() < 1e-6
 
 
-def test_the_fit_in_the_table_is_the_fit_in_the_figures(found: anhyst.IdentifyResult) -> None:
+def test_the_table_agrees_with_the_fit_metrics(found: anhyst.IdentifyResult) -> None:
     frame = found.to_dataframe()
     fit = found.model.fit
     assert fit is not None
@@ -170,7 +170,7 @@ def test_a_model_in_memory_compiles_as_its_file_does(
         anhyst.compile(path, tmp_path / "controller")
 
 
-def test_two_models_are_told_apart(results: dict[str, Result]) -> None:
+def test_two_models_are_distinguished(results: dict[str, Result]) -> None:
     apart = results["diff"]
     assert isinstance(apart, ModelDiff)
     assert not apart.same

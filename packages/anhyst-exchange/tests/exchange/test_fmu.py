@@ -80,7 +80,7 @@ def expected(model: anhyst.Model, demand: FloatArray) -> list[float]:
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_it_is_valid_and_says_what_it_is(files: Versions, version: FmiVersion) -> None:
+def test_the_fmu_is_valid_and_describes_itself(files: Versions, version: FmiVersion) -> None:
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(files[version])) == []
@@ -93,7 +93,7 @@ def test_it_is_valid_and_says_what_it_is(files: Versions, version: FmiVersion) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_it_gives_the_currents_of_the_compiled_c_bit_for_bit(
+def test_the_fmu_gives_the_currents_of_the_compiled_c_bit_for_bit(
     files: Versions, version: FmiVersion, model: anhyst.Model, tmp_path: Path
 ) -> None:
     demand = demands(400)
@@ -104,7 +104,7 @@ def test_it_gives_the_currents_of_the_compiled_c_bit_for_bit(
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_state_goes_back_in_time_and_over_to_another_instance(
+def test_a_state_is_restored_and_transferred_to_another_instance(
     files: Versions, version: FmiVersion, tmp_path: Path
 ) -> None:
     demand = demands(300)
@@ -126,7 +126,7 @@ def test_a_state_goes_back_in_time_and_over_to_another_instance(
         assert run_through(other, demand[200:], 1.0 / RATE, 200.0 / RATE) == there
 
 
-def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: Path) -> None:
+def test_the_fmu_keeps_its_own_rate_at_any_step(files: Versions, tmp_path: Path) -> None:
     demand = np.repeat(demands(60), 2)
     with instance(files["2.0"], tmp_path / "a") as made:
         halves = run_through(made, demand, 0.5 / RATE)

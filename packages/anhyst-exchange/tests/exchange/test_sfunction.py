@@ -79,7 +79,7 @@ def model() -> anhyst.Model:
 
 
 @pytest.mark.slow
-def test_a_compensator_gives_the_currents_of_the_controller_a_sample_later(
+def test_a_compensator_gives_the_currents_of_the_controller_one_sample_later(
     identified: anhyst.Model, tmp_path: Path
 ) -> None:
     program = built(export_sfunction(identified, tmp_path / "s", rate=RATE))
@@ -106,7 +106,7 @@ def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path:
 @pytest.mark.slow
 @needs_binary
 @pytest.mark.parametrize("kind", ["bearing", "stage", "planar"])
-def test_a_rig_moves_as_its_fmu_does(
+def test_a_rig_agrees_with_its_fmu(
     kind: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     away = np.linspace(0.0, 1e-6, 400)
@@ -142,7 +142,7 @@ def test_a_rig_moves_as_its_fmu_does(
 
 
 @pytest.mark.slow
-def test_what_a_block_is_given_wrongly_is_said(model: anhyst.Model, tmp_path: Path) -> None:
+def test_wrong_inputs_of_a_block_are_reported(model: anhyst.Model, tmp_path: Path) -> None:
     program = built(export_sfunction(model, tmp_path / "s", of="actuator"))
     assert "not a finite number" in complaint(program, "nan 4e-4\n", "1e-4")
     assert "sample time" in complaint(program, "", "0")

@@ -52,7 +52,9 @@ def test_the_library_for_windows_gives_the_same_bits(
 
 
 @pytest.mark.slow
-def test_so_does_that_of_a_piezo_stage(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_windows_library_of_a_piezo_stage_gives_the_same_bits(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     path = made_once(tmp_path_factory, "fmu-piezo", test_piezo.made) / "2.fmu"
     wanted = test_piezo.part(0, 300)["reference_m"]
     inputs = {"reference_m": wanted, "load_m": np.linspace(0.0, 1e-6, wanted.size)}
