@@ -137,7 +137,7 @@ def refusal(
 CELLS = [(verb, kind) for verb in WORKS for kind in CALLED]
 
 
-@pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] not in WORKS[one[0]]])
+@pytest.mark.parametrize(("verb", "kind"), [cell for cell in CELLS if cell[1] not in WORKS[cell[0]]])
 def test_a_good_file_of_another_kind_is_refused_by_its_name(
     verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -151,7 +151,7 @@ def test_a_good_file_of_another_kind_is_refused_by_its_name(
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] in WORKS[one[0]]])
+@pytest.mark.parametrize(("verb", "kind"), [cell for cell in CELLS if cell[1] in WORKS[cell[0]]])
 def test_every_accepted_kind_reaches_its_reader(
     verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

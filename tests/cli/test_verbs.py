@@ -43,16 +43,16 @@ def test_docstring_describes_every_parameter(verb: Verb) -> None:
 @pytest.mark.parametrize("verb", VERBS.values(), ids=VERBS)
 def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> None:
     command = typer.main.get_command(cli.app).commands[verb.command]  # type: ignore[attr-defined]
-    defaults = {one.name: one.default for one in command.params if not one.required}
+    defaults = {param.name: param.default for param in command.params if not param.required}
     own = {} if verb.is_endless else {"as_json": False, "_verbose": False}
-    in_python = {name: one.default for name, one in verb.parameters.items()}
+    in_python = {name: parameter.default for name, parameter in verb.parameters.items()}
     assert defaults == {
         name: Path(value) if (verb.name, name) == ("report", "out") else value
         for name, value in (in_python | own).items()
         if name in defaults
     }
-    assert {one.name for one in command.params} == in_python.keys() | own.keys()
-    assert all(one.help for one in command.params)
+    assert {param.name for param in command.params} == in_python.keys() | own.keys()
+    assert all(param.help for param in command.params)
 
 
 def test_verbs_of_missing_packages_are_listed_completely() -> None:

@@ -26,7 +26,7 @@ ROWS = [
 def test_python_of_the_readme_gives_forces_and_currents(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (code,) = [one.code for one in blocks(TEXT) if one.language == "python"]
+    (code,) = [block.code for block in blocks(TEXT) if block.language == "python"]
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     exec(compile(code.replace('"examples/', f'"{ROOT}/examples/'), "README.md", "exec"), names)

@@ -61,10 +61,10 @@ def test_functions_of_the_core_are_documented_by_their_comments() -> None:
 
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning() -> None:
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "tools/docs"], cwd=ROOT, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr[-3000:]
+    assert completed.returncode == 0, completed.stderr[-3000:]
     site = ROOT / "build" / "site"
     pictures = list((site / "_images").glob("sphx_glr_plot_*_001.png"))
     assert len(pictures) == len(SCRIPTS)

@@ -58,28 +58,28 @@ def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> No
     model = identify(loops).model
     unseen = read_loops(PIEZO / "unseen.csv").loops[0]
     made = model.predict(unseen.input, time=unseen.time, history="conditioned:0").output
-    off = float(np.sqrt(np.mean((made - unseen.output) ** 2)))
+    error = float(np.sqrt(np.mean((made - unseen.output) ** 2)))
     curve = np.polynomial.Polynomial.fit(loops.loops[0].input, loops.loops[0].output, 5)
     plain = float(np.sqrt(np.mean((curve(unseen.input) - unseen.output) ** 2)))
-    assert off < 0.013 * np.ptp(unseen.output)
-    assert off < plain / 3.0
+    assert error < 0.013 * np.ptp(unseen.output)
+    assert error < plain / 3.0
 
 
 @pytest.mark.slow
 def test_the_model_reports_its_fastest_fitted_rate(tmp_path: Path) -> None:
-    done = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
-    assert "the loops run at up to 1.5 Hz; faster runs were not measured" in unwrapped(done.stdout)
+    completed = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
+    assert "the loops run at up to 1.5 Hz; faster runs were not measured" in unwrapped(completed.stdout)
     options = ("--history", "conditioned:0", "--out", "rates.csv")
-    done = quick("predict", "slow.toml", PIEZO / "rates.csv", *options, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "the model was validated only up to 1.5 Hz" in done.stderr
+    completed = quick("predict", "slow.toml", PIEZO / "rates.csv", *options, cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
+    assert "the model was validated only up to 1.5 Hz" in completed.stderr
 
 
 @pytest.mark.slow
 def test_a_triangle_is_followed_with_a_fifth_of_the_error(tmp_path: Path) -> None:
-    done = quick("simulate", PIEZO / "rig.toml", "--out", "run.csv", "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    completed = quick("simulate", PIEZO / "rig.toml", "--out", "run.csv", "--json", cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
+    said = json.loads(completed.stdout)
     assert said["rms_with_over_without"] <= 0.2
     assert said["worst_with_over_without"] <= 0.2
     assert (tmp_path / "run.svg").read_text(encoding="utf-8").startswith("<?xml")
@@ -92,8 +92,8 @@ def test_the_bias_of_a_rod_is_found_and_a_prestress_between_predicted(noise: flo
     rng = np.random.default_rng(1)
     loops = noisy(read_loops(here / "loops.csv"), noise, seed=0)
     restless = [
-        replace(one, input=one.input + 7.0 * (noise > 0.0) * rng.standard_normal(one.n))
-        for one in loops.loops
+        replace(loop, input=loop.input + 7.0 * (noise > 0.0) * rng.standard_normal(loop.n))
+        for loop in loops.loops
     ]
     model = identify(loops.with_loops(restless)).model
     assert model.output.name == "magnetostriction"

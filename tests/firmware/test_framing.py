@@ -101,10 +101,10 @@ def test_frames_of_the_definition_are_received(library: ctypes.CDLL) -> None:
 
 def test_files_generated_from_the_contract_are_up_to_date() -> None:
     script = ROOT / "tools" / "contract"
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
 MESSAGES = [

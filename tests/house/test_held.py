@@ -54,7 +54,7 @@ def test_unrelated_files_do_not_change_the_hash(root: Path) -> None:
 def ran(record: Path, held: str) -> str:
     """Run one quick marked test; return its summary."""
     case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
         cwd=ROOT,
         env=os.environ | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
@@ -62,8 +62,8 @@ def ran(record: Path, held: str) -> str:
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stdout
-    return done.stdout.splitlines()[-1].partition(" in ")[0]
+    assert completed.returncode == 0, completed.stdout
+    return completed.stdout.splitlines()[-1].partition(" in ")[0]
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ def test_the_architecture_prints_the_layers_that_are_enforced() -> None:
     project = tomllib.loads((house.ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     contracts = project["tool"]["importlinter"]["contracts"]
     page = house.PAGE.read_text(encoding="utf-8")
-    for layers in (one["layers"] for one in contracts if "containers" in one):
+    for layers in (contract["layers"] for contract in contracts if "containers" in contract):
         assert f"\n    {', '.join(layers)}\n" in page
 
 

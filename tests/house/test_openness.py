@@ -89,7 +89,7 @@ def measured(lab: Path) -> Path:
 
 def run(*arguments: object) -> str:
     printer.used_lines, printer.is_verbose = 0, True  # `main` starts with a new line count
-    result = CliRunner().invoke(app, [str(one) for one in arguments])
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert result.exit_code == 0, result.output
     return result.output
 

@@ -210,8 +210,8 @@ def test_a_faulty_verb_is_omitted_and_others_remain(tmp_path: Path) -> None:
     assert run(site, tmp_path, "-c", program).stdout == "True\n"
     assert anhyst(site, tmp_path, "inspect", str(LOOPS)).returncode == 0
     for first in ("more.verbs, anhyst", "anhyst, more.verbs"):
-        done = run(site, tmp_path, "-c", f"import {first}; print(anhyst.hello('me'))")
-        assert done.stdout.endswith("{'hello': 'me'}\n"), done.stderr
+        completed = run(site, tmp_path, "-c", f"import {first}; print(anhyst.hello('me'))")
+        assert completed.stdout.endswith("{'hello': 'me'}\n"), completed.stderr
 
 
 def test_an_error_in_a_package_names_the_package(tmp_path: Path) -> None:

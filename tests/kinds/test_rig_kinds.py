@@ -41,12 +41,12 @@ RIGS = {"bearing": "levitation", "stage": "tracking", "solenoid": "force", "piez
 
 
 def methods_of(protocol: type) -> dict[str, Any]:
-    return {name: one for name, one in vars(protocol).items() if not name.startswith("_")}
+    return {name: var for name, var in vars(protocol).items() if not name.startswith("_")}
 
 
 def arguments(function: Any) -> int:
     parameters = inspect.signature(function).parameters.values()
-    return sum(one.default is one.empty and one.name != "self" for one in parameters)
+    return sum(parameter.default is parameter.empty and parameter.name != "self" for parameter in parameters)
 
 
 @pytest.mark.parametrize("word", RIGS.values())
@@ -54,14 +54,14 @@ def test_a_rig_kind_implements_exactly_the_protocols_of_its_verbs(word: str) -> 
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
     assert ("export" in kind.verbs) == (word in RIG_PART_FACTORIES)
-    asked = [one for verb in kind.verbs for one in PROTOCOLS[verb]]
+    asked = [protocol for verb in kind.verbs for protocol in PROTOCOLS[verb]]
     if kind.has_option("simulate", "--board"):
         asked.append(HasBoard)
     if "with_iron" in kind.places:
         asked.append(HasIrons)
-    wanted = {name: one for protocol in asked for name, one in methods_of(protocol).items()}
-    assert kind.places.keys() == wanted.keys()
-    for name, method in wanted.items():
+    expected = {name: one for protocol in asked for name, one in methods_of(protocol).items()}
+    assert kind.places.keys() == expected.keys()
+    for name, method in expected.items():
         own = arguments(getattr(kind, name))
         # callers may omit an argument that has a default
         assert own <= arguments(method), name
@@ -174,10 +174,10 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
-    done = run(oven, "simulate", "rig.toml", "--out", "run.csv")
-    assert done.returncode == 0, done.stderr
-    assert "it is warm" in done.stdout
-    assert "300 K" in done.stdout
+    completed = run(oven, "simulate", "rig.toml", "--out", "run.csv")
+    assert completed.returncode == 0, completed.stderr
+    assert "it is warm" in completed.stdout
+    assert "300 K" in completed.stdout
     assert (oven / "run.csv").is_file()
     refused = run(oven, "tune", "rig.toml", "--out", "tuned")
     assert refused.returncode == 2

@@ -67,18 +67,18 @@ def results(
 
 
 def test_every_result_has_a_table(results: dict[str, Result]) -> None:
-    for name, one in results.items():
-        frame = one.to_dataframe()
+    for name, result in results.items():
+        frame = result.to_dataframe()
         assert isinstance(frame, pd.DataFrame)
         # No time is measured on the host; all other results have rows.
         assert len(frame) > 0 or name == "verification", name
 
 
 def test_every_result_can_be_plotted_on_given_axes(results: dict[str, Result]) -> None:
-    for name, one in results.items():
+    for name, result in results.items():
         figure, mine = plt.subplots()
-        assert one.plot(mine) is mine, name
-        assert one.plot().figure is not figure, name
+        assert result.plot(mine) is mine, name
+        assert result.plot().figure is not figure, name
         plt.close("all")
     ax = results["model"].plot()
     assert ax.get_xlabel() == "current I [A]"
@@ -106,12 +106,12 @@ def test_text_of_a_result_is_escaped(found: anhyst.IdentifyResult) -> None:
 
 def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path) -> None:
     endings = {"loops": ".csv", "identified": ".toml", "model": ".toml", "piezo": ".csv"}
-    for name, one in results.items():
+    for name, result in results.items():
         path = tmp_path / f"{name}{endings.get(name, '.json')}"
-        assert one.save(path) == path
+        assert result.save(path) == path
         assert path.stat().st_size > 100
         with refused("cannot-be-written: nowhere"):
-            one.save(tmp_path / "nowhere" / path.name)
+            result.save(tmp_path / "nowhere" / path.name)
     back = anhyst.read_loops(tmp_path / "loops.csv")
     assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
     assert anhyst.read_model(tmp_path / "model.toml") == results["model"]

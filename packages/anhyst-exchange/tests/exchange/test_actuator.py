@@ -233,15 +233,15 @@ def test_models_that_give_no_actuator_are_refused(model: anhyst.Model, tmp_path:
 @pytest.mark.slow
 def test_the_command_writes_it(model: anhyst.Model, tmp_path: Path) -> None:
     model.save(tmp_path / "model.toml")
-    done = run(
+    completed = run(
         *("export", "model.toml", "--of", "actuator", "--fmi", "3.0", "--out", "a.fmu"),
         *("--platforms", HERE),
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     names = [one.name for one in fmpy.read_model_description(tmp_path / "a.fmu").modelVariables]
     assert names[:4] == ["time", "current", "gap", "force"]
-    done = run("export", "model.toml", "--of", "actuator", "--rate", "1e4", "-o", "b.fmu",
+    completed = run("export", "model.toml", "--of", "actuator", "--rate", "1e4", "-o", "b.fmu",
                   cwd=tmp_path)  # fmt: skip
-    assert done.returncode == 2
-    assert says(done.stderr, "option-not-for-this: --rate")
+    assert completed.returncode == 2
+    assert says(completed.stderr, "option-not-for-this: --rate")

@@ -171,9 +171,9 @@ def test_rigs_without_an_fmu_form_are_refused(tmp_path: Path) -> None:
     truth("bearing").save(tmp_path / "model.toml")
     with refused("law-not-exported magnet.kind"):
         export_fmu(copied(tmp_path, rig=law, controller=KNOWN), tmp_path / "b.fmu")
-    done = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
-    assert done.returncode == 2
-    assert says(done.stderr, "option-not-for-this: --rate")
+    completed = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
+    assert completed.returncode == 2
+    assert says(completed.stderr, "option-not-for-this: --rate")
     assert not (tmp_path / "b.fmu").exists()
 
 
@@ -332,11 +332,11 @@ def test_a_state_continues_in_another_process(kind: str, flight: Flight, scan: S
         made.raw.doStep(400 * TICK, 100 * TICK)
         here = made.read("gap_m", "current_A")
     given = [sys.executable, "-c", GOES_ON, path, tmp_path / "two", tmp_path / "kept"]
-    done = subprocess.run(
+    completed = subprocess.run(
         list(map(str, given)), cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(here)
+    assert completed.returncode == 0, completed.stderr
+    assert completed.stdout.strip() == str(here)
 
 
 def test_a_stage_at_rest_without_inputs_stays_at_rest(scan: Scan, tmp_path: Path) -> None:
@@ -482,13 +482,13 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
     for name in after_it:
         assert np.array_equal(found[name][:-1], run[name][1:]), name
     for name, error, axis in zip(poses, error_columns(free), free, strict=True):
-        wanted = planar.inputs[f"reference_{axis}_{axis_unit(axis)}"]
-        assert np.array_equal((wanted[1:] - found[name][:-1]), run[error][1:]), name
+        expected = planar.inputs[f"reference_{axis}_{axis_unit(axis)}"]
+        assert np.array_equal((expected[1:] - found[name][:-1]), run[error][1:]), name
     for name in pose_columns(free):
         assert found[name] == pytest.approx(run[name], rel=0.0, abs=1e-15)
     assert np.abs(found["demand_x_N"]).max() > 100.0
-    away = pushed[:, names.index("pose_x_m")] - rows[:300, names.index("pose_x_m")]
-    assert away.max() > 1e-7  # effect of the load, which the simulation does not have
+    deviation = pushed[:, names.index("pose_x_m")] - rows[:300, names.index("pose_x_m")]
+    assert deviation.max() > 1e-7  # effect of the load, which the simulation does not have
 
 
 def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_bit(

@@ -40,7 +40,7 @@ def model(identified: anhyst.Model) -> anhyst.Model:
 @pytest.fixture(scope="module")
 def files(model: anhyst.Model, fmu: Fmu) -> Versions:
     versions: tuple[FmiVersion, ...] = ("2.0", "3.0")
-    return {one: fmu(model, "compensator", one) for one in versions}
+    return {version: fmu(model, "compensator", version) for version in versions}
 
 
 @contextmanager
@@ -155,9 +155,9 @@ def test_its_sources_compile_without_a_warning(
         sources = [str(one) for one in sorted((folder / "sources").rglob("*.c"))]
         strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsyntax-only"]
         places = [f"-I{folder / 'sources'}", f"-I{folder / 'sources' / 'include'}"]
-        done = subprocess.run([tool("cc"), *strict, *places, *sources], capture_output=True,
+        completed = subprocess.run([tool("cc"), *strict, *places, *sources], capture_output=True,
                               text=True, check=False)  # fmt: skip
-        assert done.returncode == 0, done.stderr
+        assert completed.returncode == 0, completed.stderr
 
 
 @pytest.mark.slow
@@ -182,12 +182,12 @@ def test_the_command_writes_either_and_the_same_file_for_the_same_model(
     files: Versions, model: anhyst.Model, tmp_path: Path
 ) -> None:
     model.save(tmp_path / "model.toml")
-    done = run(
+    completed = run(
         *("export", "model.toml", "--as", "fmu", "--rate", "20000", "--out", "m.fmu"),
         *("--platforms", HERE),
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     assert fmpy.read_model_description(tmp_path / "m.fmu").modelName == "loops"
     with zipfile.ZipFile(tmp_path / "m.fmu") as one, zipfile.ZipFile(files["2.0"]) as other:
         assert one.namelist() == other.namelist()
@@ -203,9 +203,9 @@ def test_the_command_writes_either_and_the_same_file_for_the_same_model(
             "unknown-platform: 'amiga'",
         ),
     ):
-        done = run("export", "model.toml", *arguments, cwd=tmp_path)
-        assert done.returncode == 2
-        assert says(done.stderr, said)
+        completed = run("export", "model.toml", *arguments, cwd=tmp_path)
+        assert completed.returncode == 2
+        assert says(completed.stderr, said)
     assert not (tmp_path / "n.fmu").exists()
 
 

@@ -77,8 +77,8 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
             assert np.array_equal(made.read(*shown), again[:, -1])
     block = simulated(built(export_sfunction(rig.path, tmp_path / "block")), beside(*columns))[1]
     assert np.array_equal(block[1:], found.T[:-1])
-    off = recording["force_N"] - demand.force
-    assert np.abs(off[demand.lead_in :]).max() < 0.15 * rig.settings.force.force_max_N
+    error = recording["force_N"] - demand.force
+    assert np.abs(error[demand.lead_in :]).max() < 0.15 * rig.settings.force.force_max_N
     assert np.ptp(recording["force_N"]) > 30.0
 
 

@@ -121,11 +121,11 @@ def test_a_state_continues_in_another_process(folder: Path, tmp_path: Path) -> N
         one.raw.doStep(0.04, 0.02)
         here = one.read("position_m", "voltage_V")
     given = [sys.executable, "-c", GOES_ON, path, tmp_path / "two", tmp_path / "kept"]
-    done = subprocess.run(
+    completed = subprocess.run(
         list(map(str, given)), cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(here)
+    assert completed.returncode == 0, completed.stderr
+    assert completed.stdout.strip() == str(here)
 
 
 @pytest.mark.slow

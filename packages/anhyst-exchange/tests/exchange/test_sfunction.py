@@ -53,24 +53,26 @@ def built(folder: Path) -> Path:
 
 def simulated(program: Path, rows: FloatArray, *parameters: float) -> tuple[str, FloatArray]:
     """Return the first line and the rows of the outputs."""
-    said = subprocess.run(
+    message = subprocess.run(
         [program, *map(repr, parameters)],
         input="\n".join(" ".join(map(repr, row)) for row in rows.tolist()),
         capture_output=True,
         text=True,
         check=True,
     ).stdout.splitlines()
-    return said[0], np.array([[float(one) for one in line.split()] for line in said[1:]])
+    return message[0], np.array([[float(one) for one in line.split()] for line in message[1:]])
 
 
 def complaint(program: Path, text: str, *parameters: str) -> str:
-    done = subprocess.run([program, *parameters], input=text, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    return done.stdout.splitlines()[-1]
+    completed = subprocess.run(
+        [program, *parameters], input=text, capture_output=True, text=True, check=False
+    )
+    assert completed.returncode == 2
+    return completed.stdout.splitlines()[-1]
 
 
 def beside(*columns: Sequence[float] | FloatArray) -> FloatArray:
-    return np.stack([np.asarray(one, dtype=np.float64) for one in columns], axis=1)
+    return np.stack([np.asarray(column, dtype=np.float64) for column in columns], axis=1)
 
 
 @pytest.fixture(scope="module")

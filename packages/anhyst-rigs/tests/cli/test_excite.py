@@ -56,9 +56,9 @@ def test_loops_of_a_piezo_stage_give_a_model_of_unmeasured_loops(tmp_path: Path)
     assert quick("identify", "new.csv", "--out", "m.toml", cwd=tmp_path).returncode == 0
     unseen = read_loops(EXAMPLES / "piezo" / "unseen.csv").loops[0]
     model = read_model(tmp_path / "m.toml")
-    off = model.predict(unseen.input, None, unseen.time, unseen.history).output - unseen.output
+    error = model.predict(unseen.input, None, unseen.time, unseen.history).output - unseen.output
     # The best curve without memory has an error of 2.8 %.
-    assert np.mean(np.abs(off)) < 0.01 * np.ptp(unseen.output)
+    assert np.mean(np.abs(error)) < 0.01 * np.ptp(unseen.output)
 
 
 def test_a_piezo_stage_is_not_measured_through_a_controller_of_force(tmp_path: Path) -> None:

@@ -82,9 +82,9 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     change(rig, "noise_seeds = 10", "noise_seeds = 2")
     change(rig, "[loops]", '[loops]\nlaw = "effective-field"')
     (folder / "out").mkdir()
-    done = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert "against 'single-valued': Worth it" in unwrapped(done.stdout)
+    completed = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
+    assert completed.returncode == 0, completed.stderr
+    assert "against 'single-valued': Worth it" in unwrapped(completed.stdout)
     head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
     assert {"t_s", "reference_m", "position_m", "error_m", "force_N"} <= set(head)
     figures = json.loads((folder / "out" / "figures.json").read_text())
@@ -115,10 +115,10 @@ def test_calibrate_without_estimates_exits_with_1_and_writes_nothing(
 def test_calibrate_reports_estimates_and_writes_a_calibration_file(folder: Path) -> None:
     recorded().save(folder / "run.csv")
     command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml", "--verbose")
-    done = quick(*command, cwd=folder)
-    assert done.returncode == 0, done.stderr
+    completed = quick(*command, cwd=folder)
+    assert completed.returncode == 0, completed.stderr
     for text in ("full", "scale_1", "trusted: mass of 10 kg", "fixed", "calibration.toml"):
-        assert text in done.stdout
+        assert text in completed.stdout
     change(folder / "rig.toml", "force_max_N = 240.0", 'force_max_N = 240.0\ncalibration = "run.csv"')
     assert "run.csv" in refused("simulate", "rig.toml", "--out", "again.csv", cwd=folder)
     change(folder / "rig.toml", '"run.csv"', '"calibration.toml"')

@@ -55,8 +55,8 @@ def replays(folder: Path, rows: int = MAX_FLIGHT_ROWS) -> None:
     options = [*WARNINGS.split(), "-ffp-contract=off", f"-I{folder / 'include'}"]
     program = folder.parent / "example"
     command = [tool("gcc"), *options, *sources, "-lm", "-o", str(program)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     vectors = (folder / "vectors.csv").read_text()
     assert played(str(program), vectors) == f"{rows} rows, 0 differ\n"
     command = [tool("nm"), str(program)]
@@ -181,8 +181,8 @@ def test_fixed_point_is_within_two_nanometres_of_double_precision() -> None:
     expected = track(wide, motion, Feedforward())
     for law in ("f32", "fixed"):
         run = track(single(True, "full", "fixed", law), motion, Feedforward())
-        for name, most in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
-            assert 0.0 < np.abs(expected[name] - run[name]).max() < most
+        for name, largest in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
+            assert 0.0 < np.abs(expected[name] - run[name]).max() < largest
 
 
 def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None:
@@ -190,8 +190,8 @@ def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None
     stage = compiled.manifest["stage"]
     assert np.allclose(compiled.vectors["forward_z"], -stage["weight"][2])
     assert stage["mass"][0][0] == pytest.approx(20.0)
-    most = np.abs(compiled.vectors["forward_x"]).max()
-    assert most == pytest.approx(20.0 * 22.0, rel=0.01)
+    largest = np.abs(compiled.vectors["forward_x"]).max()
+    assert largest == pytest.approx(20.0 * 22.0, rel=0.01)
 
 
 def test_a_short_simulation_is_compiled_completely(tmp_path: Path) -> None:

@@ -62,16 +62,16 @@ def built(folder: Path, compiler: str, program: Path) -> str:
     sources = sources_of(folder)
     options = [*WARNINGS.split(), f"-I{folder / 'include'}"]
     command = [tool(compiler), *options, *sources, "-o", str(program)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     return str(program)
 
 
 def played(program: str, rows: str) -> str:
     """Run the example on rows of inputs; return its output."""
-    done = subprocess.run([program], input=rows, capture_output=True, text=True, check=False)
-    assert done.returncode in {0, 1}, done.stderr
-    return done.stdout
+    completed = subprocess.run([program], input=rows, capture_output=True, text=True, check=False)
+    assert completed.returncode in {0, 1}, completed.stderr
+    return completed.stdout
 
 
 def changed(place: Path, name: str, *pairs: tuple[str, str]) -> Path:
@@ -111,8 +111,8 @@ def test_generated_files_break_only_the_listed_misra_rules(compiled: Compiled) -
     options = ["--addon=misra", "--enable=style", "--quiet", "--std=c99", "-D__STDC__=1"]
     place = [f"-I{compiled.out / 'include'}", f"-I{compiled.out}", "--template={file} {id}"]
     command = [tool("cppcheck"), *options, *place, *map(str, sources)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    own = [line for line in done.stderr.splitlines() if "/bearing_" in line]
+    completed = subprocess.run(command, capture_output=True, text=True, check=True)
+    own = [line for line in completed.stderr.splitlines() if "/bearing_" in line]
     found = set(re.findall(r"misra-c2012-([\d.]+)", "\n".join(own)))
     assert found
     assert found <= {"2.5", "7.3", "8.7", "12.1", "15.5"}
@@ -134,8 +134,8 @@ def test_the_golden_run_lifts_steps_drops_a_sample_and_lands(compiled: Compiled)
     assert hovering[implausible].all()
     settled = np.flatnonzero(hovering)[-1]
     signal = compiled.manifest["controller"]["signals"]["position"]
-    off = (column["position"] - column["target"])[settled] / 2.0**31 * signal["scale"]
-    assert abs(off) < 1e-6
+    error = (column["position"] - column["target"])[settled] / 2.0**31 * signal["scale"]
+    assert abs(error) < 1e-6
 
 
 def test_currents_are_words_of_the_converter(compiled: Compiled) -> None:

@@ -31,10 +31,10 @@ STRAIGHT = [pytest.param(name, marks=MARKS.get(name, [])) for name in sorted(MAG
 
 def run(folder: Path, *arguments: object) -> Result:
     """Run a command that must succeed."""
-    done = quick(*arguments, cwd=folder, patience=1800.0)
-    assert done.returncode == 0, (arguments, done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done
+    completed = quick(*arguments, cwd=folder, patience=1800.0)
+    assert completed.returncode == 0, (arguments, completed.stdout, completed.stderr)
+    assert "Traceback" not in completed.stderr
+    return completed
 
 
 @pytest.fixture(scope="module", params=STRAIGHT)

@@ -22,7 +22,7 @@ FIRST = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.campaign] * (one not in FIRST)) for one in TRUTHS]
+    "name", [pytest.param(truth, marks=[pytest.mark.campaign] * (truth not in FIRST)) for truth in TRUTHS]
 )
 def test_identification_gives_the_saved_model(name: str) -> None:
     """Not to the last bit, which differ from processor to processor: to 0.05 % of its range."""

@@ -134,8 +134,8 @@ def test_controllers_on_one_chip_answer_on_separate_lines(chip: Path) -> None:
             first.demand(1 << 29)
             second.demand(1 << 30)
         states = first.status(), second.status()
-        assert [one.state for one in states] == [State.RUN, State.RUN]
-        assert [one.codes.demand for one in states] == [1 << 29, 1 << 30]
+        assert [state.state for state in states] == [State.RUN, State.RUN]
+        assert [state.codes.demand for state in states] == [1 << 29, 1 << 30]
         assert 0.0 < states[0].codes.drive < states[1].codes.drive
         assert first.read_setting(Setting.FOLLOW) == 0
         first.command(Command.STOP)

@@ -118,7 +118,7 @@ def test_a_port_in_use_is_reported_in_one_line(host_firmware: Path) -> None:
     with run_host(host_firmware, NoisyPlant()) as running, socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         command = [sys.executable, "-m", "anhyst.cli.app", "xcp", running.url, "--listen", port]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30.0)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"anhyst: error: port {port}: ")
-    assert len(done.stderr.splitlines()) == 1
+        completed = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30.0)
+    assert completed.returncode == 2
+    assert completed.stderr.startswith(f"anhyst: error: port {port}: ")
+    assert len(completed.stderr.splitlines()) == 1

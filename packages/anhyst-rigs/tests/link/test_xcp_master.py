@@ -36,7 +36,7 @@ def test_the_nucleo_is_measured_and_commanded_over_its_second_serial_port(chip: 
             rows = np.concatenate((rows, master.take_samples(int(rows[-1, 0]) + 1)))
         assert (np.diff(rows[:, 0]) == master.tick_interval).all()
         assert len(set(rows[:, 1 + master.signals.index("gap")])) == 2  # noise of the gap
-        assert {one.name for one in SIGNALS} > set(master.signals)
+        assert {signal.name for signal in SIGNALS} > set(master.signals)
         master.write_setting(Setting.DEMAND_SLEW, 12345)
         assert master.read_setting(Setting.DEMAND_SLEW) == 12345
         with refused("refused state", RequestRefusedError):

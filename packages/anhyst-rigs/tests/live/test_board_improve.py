@@ -72,14 +72,14 @@ def force_error(session: LiveSession) -> float:
         bench.command(Command.STOP)
         reach(State.READY)
         rows = np.concatenate(parts)
-        off = rows[:, at["force"]] - rows[:, at["demand"]]
-        return float(np.sqrt(np.mean(np.square(off))))
+        error = rows[:, at["force"]] - rows[:, at["demand"]]
+        return float(np.sqrt(np.mean(np.square(error))))
 
     return session.run_between_chunks(swing)
 
 
 def settings(session: LiveSession) -> dict[str, float]:
-    return {one.name: one.value for one in session.parameters}
+    return {parameter.name: parameter.value for parameter in session.parameters}
 
 
 # The module test_improve.py tests the virtual bench,

@@ -37,7 +37,7 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     until(page, "document.getElementById('pause').textContent === 'go on'")
     page.wait_for_timeout(300)
     errors = [last(page, f"error_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
-    assert np.ravel(seen(page, "page.body.pose()")) == pytest.approx([-one for one in errors])
+    assert np.ravel(seen(page, "page.body.pose()")) == pytest.approx([-error for error in errors])
     page.select_option("#pose", "gap")
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
     pose = np.ravel(seen(page, "page.body.pose()"))
@@ -114,6 +114,10 @@ def test_another_layout_is_drawn_from_its_file_and_pushed_along_a_coordinate(
     page.select_option("#push-axis", "push_y")
     page.locator("#push").focus()
     page.keyboard.press("End")
-    most = {one.name: one.high for one in served.session.parameters}["push_y"]
-    wait_for(lambda: {one.name: one.value for one in served.session.parameters}["push_y"] == most)
+    largest = {parameter.name: parameter.high for parameter in served.session.parameters}["push_y"]
+    wait_for(
+        lambda: (
+            {parameter.name: parameter.value for parameter in served.session.parameters}["push_y"] == largest
+        )
+    )
     until(page, "window.anhyst.body.figures.axes[1][1][2].peak > 1e-7")

@@ -100,7 +100,7 @@ def test_a_refusal_changes_nothing_and_gives_its_reason(bench: HardwareBench) ->
         bench.apply({"follow": 1.0, "compensation": 0.0})
     first = bench.apply({"compensation": 0.0, "demand_slew": 100.0})
     assert first > bench.tick
-    values = {one.name: one.value for one in bench.parameters()}
+    values = {parameter.name: parameter.value for parameter in bench.parameters()}
     assert values["compensation"] == 0.0
     assert values["demand_slew"] == pytest.approx(100.0, rel=1e-5)
     with refused("no-load-drive"):
@@ -230,11 +230,11 @@ def test_a_board_that_levitates_offers_compensation_and_gains(host_firmware: Pat
     with running(host_firmware, HeldArmature(), manifest["rate_Hz"]) as board:
         with closing(HardwareBench(lambda: XcpMaster(board.xcp), manifest)) as bench:
             bench.advance(5)
-            values = {one.name: one.value for one in bench.parameters()}
+            values = {parameter.name: parameter.value for parameter in bench.parameters()}
             assert values["compensation"] == 1.0
             assert values["gain_d"] == pytest.approx(compiled["K_d_N_s_per_m"], rel=1e-9)
-            wanted = {"compensation": 0.0, "gain_d": 1.1 * values["gain_d"]}
-            assert bench.apply(wanted) > bench.tick
+            expected = {"compensation": 0.0, "gain_d": 1.1 * values["gain_d"]}
+            assert bench.apply(expected) > bench.tick
             with refused("out-of-range compensation: 0.5"):
                 bench.apply({"compensation": 0.5})
         with closing(XcpMaster(board.xcp)) as other:  # value in the controller

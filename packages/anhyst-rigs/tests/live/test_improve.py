@@ -64,8 +64,8 @@ def force_error(session: LiveSession) -> float:
             parts.append(bench.advance(300)[150:])
         rows = np.concatenate(parts)
         assert (rows[:, 1 + names.index("state")] == State.RUN).all()
-        off = rows[:, 1 + names.index("force")] - rows[:, 1 + names.index("demand")]
-        return float(np.sqrt(np.mean(np.square(off))))
+        error = rows[:, 1 + names.index("force")] - rows[:, 1 + names.index("demand")]
+        return float(np.sqrt(np.mean(np.square(error))))
 
     return session.run_between_chunks(swing)
 
@@ -102,7 +102,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     assert answer["applied"] == session.bench.tick + 1
     after = force_error(session)
     assert after < 0.4 * before
-    assert [one.kind for one in session.curves[:2]] == ["measured", "model"]
+    assert [curve.kind for curve in session.curves[:2]] == ["measured", "model"]
     for one, other in zip(session.curves[0::2], session.curves[1::2], strict=True):
         assert np.abs(np.subtract(one.force, other.force)).max() < 0.05 * max(one.force)
     assert session.curves[0].force != known[0].force

@@ -156,12 +156,12 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     bearing.session.pacer.pause()  # keep all visible samples in the buffer
     page.keyboard.press("Space")
     until(page, "window.anhyst.scope.view.to === window.anhyst.scope.held")
-    wanted = columns(page)
+    expected = columns(page)
     with page.expect_download() as table:
         press(page, "CSV")
     rows = np.genfromtxt(table.value.path(), delimiter=",", names=True)
     assert rows.dtype.names == ("tick", "t_s", "gap_m", "reference_m", "F_N", "I_A")
-    assert np.array_equal(rows["tick"], wanted["tick"])
+    assert np.array_equal(rows["tick"], expected["tick"])
     bearing.session.run_between_chunks(lambda: bearing.session.record("last.csv", RecordingSpan(10.0, 0.0)))
     path = bearing.session.recorder.folder / "last.csv"
     wait_for(lambda: bearing.session.recorder.status() is None)

@@ -122,7 +122,7 @@ def test_a_restarted_controller_is_found_and_stays_at_rest(
         assert said(session, "lost: ")
         assert said(session, "in the state idle; it was restarted and is at its tick")
         assert said(session, "compensation changed from 0 to 1")
-        assert {one.name: one.value for one in session.parameters}["compensation"] == 1.0
+        assert {parameter.name: parameter.value for parameter in session.parameters}["compensation"] == 1.0
         assert at_rest(started)  # no command was sent
         assert session.bench.generator is None
         assert session.status()["target"] == 0.0

@@ -89,8 +89,8 @@ def test_the_last_seconds_are_kept_while_time_is_paused(fed: Fed) -> None:
     fed.feed(25_000)
     fed.recorder.start("last.csv", RecordingSpan(pretrigger_s=BUFFER_S, duration_s=0.0), fed.tick)
     wait_for(ended(fed))
-    wanted = rows(25_001 - int(BUFFER_S * RATE), int(BUFFER_S * RATE))
-    assert np.array_equal(np.delete(numbers(fed.recorder.folder / "last.csv"), 1, axis=1), wanted)
+    expected = rows(25_001 - int(BUFFER_S * RATE), int(BUFFER_S * RATE))
+    assert np.array_equal(np.delete(numbers(fed.recorder.folder / "last.csv"), 1, axis=1), expected)
 
 
 def test_a_recording_lasts_as_long_as_asked(fed: Fed) -> None:
@@ -211,10 +211,10 @@ def test_mdf_is_whole_at_every_moment_and_bit_for_bit(tmp_path: Path) -> None:
             noted.append(f"browser 1: load {step} N")
         shutil.copyfile(path, copy)  # as after a kill of the process
         with asammdf.MDF(copy) as file:
-            wanted = rows(1, count)
-            assert np.array_equal(file.get("tick").samples, wanted[:, 0])
-            assert np.array_equal(file.get("force").samples, wanted[:, 2])
-            assert np.array_equal(file.get("gap").timestamps, wanted[:, 0] / RATE)
+            expected = rows(1, count)
+            assert np.array_equal(file.get("tick").samples, expected[:, 0])
+            assert np.array_equal(file.get("force").samples, expected[:, 2])
+            assert np.array_equal(file.get("gap").timestamps, expected[:, 0] / RATE)
             assert file.get("gap").unit == "m"
             assert [event.name for event in file.events] == noted
     recorder.close()

@@ -37,7 +37,7 @@ def opening(request: pytest.FixtureRequest, firmware: Path, tmp_path_factory: py
 def values(bench: Bench, seconds: float) -> dict[str, float]:
     """Return the last values of all signals after this time."""
     rows = bench.advance(round(seconds * bench.rate))
-    names = (one.name for one in bench.signals)
+    names = (signal.name for signal in bench.signals)
     return dict(zip(names, rows[-1, 1:].tolist(), strict=True))
 
 

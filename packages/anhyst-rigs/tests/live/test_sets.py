@@ -83,7 +83,7 @@ def test_a_set_of_another_bench_is_refused(tmp_path: Path) -> None:
 
 
 def load_damping(served: Served) -> Parameter:
-    return next(one for one in served.session.parameters if one.name == "load_damping")
+    return next(parameter for parameter in served.session.parameters if parameter.name == "load_damping")
 
 
 @pytest.mark.slow

@@ -130,7 +130,7 @@ def test_queued_cycles_are_ignored_after_a_revert(beside: Beside) -> None:
     beside.learner.revert()
     for rows in waiting:
         beside.learner.process_rows(rows, lambda act: act())
-    assert [one.values for one in beside.learner.laps] == [{}, {}]
+    assert [lap.values for lap in beside.learner.laps] == [{}, {}]
 
 
 def test_cycles_before_a_revert_are_no_baseline_for_new_estimates(beside: Beside) -> None:
@@ -191,7 +191,7 @@ def test_an_incomplete_cycle_changes_no_estimate(beside: Beside) -> None:
     beside.advance(3000)
     beside.bench.advance(200)  # skip rows, as if they were lost
     beside.advance(9000)
-    assert [one.lap for one in beside.learner.laps] == [3]
+    assert [lap.lap for lap in beside.learner.laps] == [3]
 
 
 def test_an_estimate_that_increases_the_error_is_reverted_and_ends_learning(
@@ -206,7 +206,7 @@ def test_an_estimate_that_increases_the_error_is_reverted_and_ends_learning(
         ParameterEstimator, "update", lambda learner, _: learner.estimate.update(scale_1=0.01)
     )
     beside.laps(6)
-    assert max(one.average for one in beside.learner.laps) > 2.0 * good.average
+    assert max(lap.average for lap in beside.learner.laps) > 2.0 * good.average
     monkeypatch.undo()
     assert not beside.learner.is_on
     assert "grew from" in beside.learner.status()["trouble"]
@@ -232,7 +232,7 @@ def test_each_method_learns_from_its_own_cycles(beside: Beside) -> None:
     assert beside.learner.status()["before"]["full"] == beside.learner.laps[0].average
     beside.bench.apply({"compensation": 0.0})
     beside.laps(3)
-    methods = [one.method for one in beside.learner.laps]
+    methods = [lap.method for lap in beside.learner.laps]
     assert methods[:2] == ["full", "full"]
     assert methods[-1] == "single-valued"
     last = beside.learner.laps[-1]
@@ -329,7 +329,7 @@ def test_cycles_completed_meanwhile_are_skipped_and_counted(
         waiting.append(beside.bench.advance(200))
     for rows in waiting:
         beside.learner.process_rows(rows, lambda act: act())
-    assert [one.learning for one in beside.learner.laps] == [True, False, False, True]
+    assert [lap.learning for lap in beside.learner.laps] == [True, False, False, True]
     assert len(taken) == 2
     assert beside.learner.status()["left_out"] == 2
     beside.learner.revert()
@@ -366,7 +366,7 @@ def test_a_body_of_several_coordinates_learns_from_its_cycles() -> None:
     beside = Beside(several())
     start(beside)
     beside.laps(2)
-    before = min(one.average for one in beside.learner.laps)
+    before = min(lap.average for lap in beside.learner.laps)
     beside.learner.switch(True)
     beside.laps(4)
     learnt = beside.learner.laps[-1]
@@ -404,7 +404,7 @@ def test_the_page_groups_estimates_of_a_body_by_kind_and_magnet(serve: Serve, sh
     press(page, "learn from the motion")
     page.wait_for_selector("#learnt tbody tr")
     heads = page.locator("#learnt tbody th").all_inner_texts()
-    assert {one.rpartition("_")[0] for one in heads} == {"scale"}
+    assert {head.rpartition("_")[0] for head in heads} == {"scale"}
     page.select_option("#learnt-kind", label="magnet x2")
     assert page.locator("#learnt tbody th").all_inner_texts() == ["scale_2", "gap_zero_2_m"]
     page.select_option("#learnt-kind", "body")

@@ -37,7 +37,7 @@ def test_loop_and_levitation_views_agree_with_the_recording(serve: Serve, show: 
     assert "hover, run" in page.locator("#levitation").inner_text()
     served.end()
     rows = numbers(record)
-    names = [one.name for one in served.session.bench.signals]
+    names = [signal.name for signal in served.session.bench.signals]
     column = {name: rows[:, 2 + names.index(name)] for name in names}
     at = np.array(drawn["ticks"], dtype=int) - 1
     for name, key in (("current", "currents"), ("force", "forces")):

@@ -145,7 +145,7 @@ def test_a_larger_loop_wipes_a_smaller_one_out(steel: AnySteel) -> None:
         ([2.0, 7.0], [2.0, 1.0, 1.5, 7.0]),
         ([2.0, -7.0], [2.0, -1.0, 1.0, -7.0]),
     ):
-        plain, nested = (run(steel, [unit * one for one in ends])[-1] for ends in (shorter, longer))
+        plain, nested = (run(steel, [unit * end for end in ends])[-1] for ends in (shorter, longer))
         assert nested == pytest.approx(plain, abs=1e-12)
 
 
@@ -211,9 +211,9 @@ def test_the_slope_is_that_of_the_way_ahead(steel: AnySteel) -> None:
 def test_more_turns_than_a_preisach_iron_can_keep_cost_nothing_and_move_nothing() -> None:
     steel = PREISACH["preisach-usual"]
     swing = 300.0 * 0.998 ** np.arange(700) * (-1.0) ** np.arange(700)
-    piece, most = Piece(steel.make_steel()), 512
-    kept = piece.run(np.ascontiguousarray(swing[: most + 1]))
-    inside = fields([float(swing[most]), *swing[most + 1 :].tolist(), float(swing[most])], 50)
+    piece, largest = Piece(steel.make_steel()), 512
+    kept = piece.run(np.ascontiguousarray(swing[: largest + 1]))
+    inside = fields([float(swing[largest]), *swing[largest + 1 :].tolist(), float(swing[largest])], 50)
     density = piece.run(inside)[:, 1]
     assert np.max(np.abs(np.diff(density))) < 0.1  # no jump
     assert work(inside, density) > -1e-5 * np.ptp(density) * np.ptp(inside)

@@ -108,7 +108,7 @@ def rigid(body: Body, pulls: FloatArray, time: FloatArray) -> tuple[FloatArray, 
     """Return pose and gaps of a rigid body under given pulls, for any angle and with gyroscopic
     moments."""
     pull = CubicSpline(time, pulls)
-    places, normals = np.array([one[0] for one in LINES]), np.array([one[1] for one in LINES])
+    places, normals = np.array([line[0] for line in LINES]), np.array([line[1] for line in LINES])
     centre = np.array(body.centre)
 
     def rate(t: float, state: FloatArray) -> FloatArray:

@@ -199,7 +199,7 @@ def test_amplifier_and_sensors_of_a_held_actuator_agree_with_independent_code_bi
     for n, (name, values) in enumerate(quantities.items()):
         sensor = OracleSensor(rig.sensor_parameters(rig.dt)[name])
         pairs = zip(values.tolist(), noise[:, n].tolist(), strict=True)
-        assert found[:, 2 + n].tolist() == [sensor.read(*one) for one in pairs], name
+        assert found[:, 2 + n].tolist() == [sensor.read(*pair) for pair in pairs], name
     assert found[:, 0].max() < 1.2  # the zero of its shunt is an error of the current
     assert (found[:, 0] == 0.0).any()  # the current is never negative
 

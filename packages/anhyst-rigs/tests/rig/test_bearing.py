@@ -157,8 +157,8 @@ def test_a_rendered_load_pushes_back() -> None:
     changes = {"load.stiffness_N_per_m": 5e4}
     recording, _ = levitate(change_rig(bearings.example(), changes))
     up = recording.slice_ticks(len(recording) - 10000 - 2000, len(recording) - 10000)
-    away = up["gap_m"].mean() - bearings.example().settings.gap_m
-    assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * away, abs=0.05)
+    deviation = up["gap_m"].mean() - bearings.example().settings.gap_m
+    assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * deviation, abs=0.05)
     assert up["force_N"].mean() == pytest.approx(150.5, abs=0.1)
 
 
@@ -216,10 +216,10 @@ def test_a_scenario_in_parts_agrees_with_the_whole() -> None:
     target = np.full(400, GAP)
     load, frame = rng.normal(size=400), 1e-6 * np.cumsum(rng.normal(size=401))
     whole = Scenario(target, load, frame=frame)
-    wanted = SimulatedLoop(setup).run(whole)
+    expected = SimulatedLoop(setup).run(whole)
     silent = replace(whole, feed=np.zeros(400), command=np.zeros(400, dtype=np.uint32))
-    assert np.array_equal(SimulatedLoop(setup).run(silent).table, wanted.table)
+    assert np.array_equal(SimulatedLoop(setup).run(silent).table, expected.table)
     loop = SimulatedLoop(setup)
     parts = [loop.run(whole.slice_ticks(begin, begin + 100)) for begin in range(0, 400, 100)]
-    assert np.array_equal(Recording.concatenate(parts).table, wanted.table)
-    assert np.ptp(wanted["gap_m"]) > 0.0
+    assert np.array_equal(Recording.concatenate(parts).table, expected.table)
+    assert np.ptp(expected["gap_m"]) > 0.0

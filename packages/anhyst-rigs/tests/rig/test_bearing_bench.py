@@ -107,14 +107,14 @@ def check_same_bits(setup: BearingSetup, firmware: Path) -> None:
     script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
     scenario = script.hold(0.02).step(GAP, 0.02).command(Command.LAND).hold(0.024).build()
     assert scenario.ticks >= TICKS
-    wanted = stepped(setup, firmware, scenario)
+    expected = stepped(setup, firmware, scenario)
     bench = BearingBench(setup, firmware)
     rows = follow(bench, scenario, np.random.default_rng(1))
     bench.close()
     assert (rows[:, 0] == np.arange(1, scenario.ticks + 1)).all()
     names = ("gap", "velocity", "command", "command_2", "state", "fault")
     found = np.column_stack([column(bench, rows, name) for name in names])
-    assert (found == wanted).all()
+    assert (found == expected).all()
     assert State.RUN in found[:, 4]
     with closing(BearingBench(setup, firmware, board="library")) as tapped:
         run = tapped.run(scenario)
@@ -159,7 +159,7 @@ def test_benches_of_one_firmware_behave_as_if_alone(firmware: Path) -> None:
         order = np.random.default_rng(1).permutation([0] * 41 + [1] * 41)
         for number in order:
             rows[number].append(next(flights[number]))
-        together = [np.concatenate(one) for one in rows]
+        together = [np.concatenate(row) for row in rows]
     for one, other in zip(alone, together, strict=True):
         assert np.array_equal(one, other)
 
@@ -190,7 +190,7 @@ def test_a_load_and_parameters_act_from_one_tick_on(bench: BearingBench) -> None
     assert load[0] == pytest.approx(150.0, abs=1.0)  # at the start of the first tick
     assert abs(load[1] - load[0]) > 10.0 * abs(load[0] - 150.0)
     assert np.ptp(load[1000:]) > 15.0
-    assert {one.name: one.value for one in bench.parameters()}["disturbance_force"] == 10.0
+    assert {parameter.name: parameter.value for parameter in bench.parameters()}["disturbance_force"] == 10.0
 
 
 def test_the_load_drive_renders_the_stiffness_that_was_applied(bench: BearingBench) -> None:
@@ -268,7 +268,11 @@ def test_the_memory_follows_while_nothing_is_compensated(bench: BearingBench) ->
 
 def test_gains_are_in_force_together_from_the_tick_that_is_named(bench: BearingBench, firmware: Path) -> None:
     lift(bench)
-    compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
+    compiled = {
+        parameter.name: parameter.value
+        for parameter in bench.parameters()
+        if parameter.name.startswith("gain_")
+    }
     assert compiled == {
         name: pytest.approx(gain, rel=1e-9)
         for name, gain in zip(
@@ -292,7 +296,11 @@ def test_gains_are_in_force_together_from_the_tick_that_is_named(bench: BearingB
 def test_other_gains_do_not_move_an_armature_at_rest(bench: BearingBench) -> None:
     lift(bench)
     quiet = column(bench, bench.advance(1000), "demand")
-    compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
+    compiled = {
+        parameter.name: parameter.value
+        for parameter in bench.parameters()
+        if parameter.name.startswith("gain_")
+    }
     for share in (1.4, 0.6, 1.0):
         bench.apply({name: share * gain for name, gain in compiled.items()})
         rows = bench.advance(1000)
@@ -300,7 +308,9 @@ def test_other_gains_do_not_move_an_armature_at_rest(bench: BearingBench) -> Non
         assert first < 2.0 * np.abs(np.diff(quiet)).max()
         assert np.abs(column(bench, rows, "gap") - GAP).max() < 0.3e-6
         quiet = column(bench, rows, "demand")
-    assert {one.name: one.value for one in bench.parameters() if one.name in compiled} == compiled
+    assert {
+        parameter.name: parameter.value for parameter in bench.parameters() if parameter.name in compiled
+    } == compiled
 
 
 def test_a_gain_out_of_range_changes_nothing(bench: BearingBench) -> None:

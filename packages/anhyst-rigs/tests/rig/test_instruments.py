@@ -100,7 +100,7 @@ def test_a_ratio_is_the_best_straight_line_through_zero() -> None:
     loops = loopset((1e-3, 0.1), (2e-3, 0.1))
     ratio = fit_ratio(loops, 30.0)
     for gap, found in zip((1e-3, 2e-3), ratio.ratio.tolist(), strict=True):
-        loop = next(one for one in loops.loops if one.schedule_value == gap)
+        loop = next(loop for loop in loops.loops if loop.schedule_value == gap)
         used = loop.output <= 30.0
 
         def cost(k: float, loop: Loop = loop, used: np.ndarray = used) -> float:

@@ -46,11 +46,11 @@ def still(load: float, ticks: int = 4000) -> FloatArray:
 
 
 def test_a_load_displaces_the_stage_until_the_integrator_corrects_it() -> None:
-    away = still(1e-6) - still(0.0)
-    overshoot = away.max() / 1e-6
-    assert away[0] == 0.0
+    deviation = still(1e-6) - still(0.0)
+    overshoot = deviation.max() / 1e-6
+    assert deviation[0] == 0.0
     assert 1.5 < overshoot < 1.95  # a step on a weakly damped resonance
-    assert abs(away[-100:].mean()) < 3e-9
+    assert abs(deviation[-100:].mean()) < 3e-9
 
 
 def test_a_loop_without_a_controller_does_not_run() -> None:

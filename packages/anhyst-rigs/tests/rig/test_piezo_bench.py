@@ -91,7 +91,7 @@ def test_compensation_is_switched_at_a_period_start_without_a_bump(to: float) ->
     assert rows[differs[0], 0] == due
     steps = np.abs(np.diff(column(rows, "voltage")))
     assert steps[differs[0] - 1] < 1.2 * np.abs(np.diff(column(same, "voltage"))).max()
-    named = {one.name: one.value for one in benches[0].parameters()}
+    named = {parameter.name: parameter.value for parameter in benches[0].parameters()}
     assert named["compensation"] == to
 
 
@@ -101,16 +101,16 @@ def test_the_compensator_has_less_than_a_fifth_of_the_error_of_the_curve() -> No
     on = column(bench.advance(2 * PERIOD), "error")
     bench.apply({"compensation": 0.0})
     bench.advance(3 * PERIOD)
-    off = column(bench.advance(2 * PERIOD), "error")
-    assert rms(on) < 0.2 * rms(off)
+    error = column(bench.advance(2 * PERIOD), "error")
+    assert rms(on) < 0.2 * rms(error)
 
 
 def test_a_bandwidth_change_causes_no_bump() -> None:
     benches = running(), running()
     benches[0].apply({"bandwidth": 80.0})
     rows, same = (bench.advance(PERIOD) for bench in benches)
-    away = column(rows, "error") - column(same, "error")
-    assert 1e-9 < np.abs(away).max() < 3e-8
+    deviation = column(rows, "error") - column(same, "error")
+    assert 1e-9 < np.abs(deviation).max() < 3e-8
 
 
 def test_a_stop_holds_the_position_and_a_run_continues_from_it() -> None:

@@ -96,7 +96,7 @@ def test_applied_values_act_from_the_reported_tick(bench: StageBench) -> None:
     rows, same = bench.advance(ticks), other.advance(ticks)
     differs = np.flatnonzero(np.any(rows[:, 1:] != same[:, 1:], axis=1))
     assert rows[differs[0], 0] == applied
-    named = {one.name: one.value for one in bench.parameters()}
+    named = {parameter.name: parameter.value for parameter in bench.parameters()}
     assert (named["compensation"], named["gain_acceleration"]) == (0.0, 1.02)
     at_rest = StageBench(setups())
     assert at_rest.apply({"compensation": 0.0}) == 1
@@ -114,7 +114,7 @@ def test_a_controller_change_causes_no_bump_and_keeps_the_currents(bench: StageB
 
 def test_a_stop_brakes_at_once_with_no_more_force_than_a_turnaround(bench: StageBench) -> None:
     rows = going(bench)
-    most = np.abs(column(bench, rows, "demand")).max()
+    largest = np.abs(column(bench, rows, "demand")).max()
     for part, share in ((0.3, 1.0), (0.5, 1.0), (0.7, 1.0), (0.3, 0.1)):
         bench.command(Command.STOP)
         bench.advance(round(0.2 * bench.rate))
@@ -126,7 +126,7 @@ def test_a_stop_brakes_at_once_with_no_more_force_than_a_turnaround(bench: Stage
         rows = bench.advance(round(0.2 * bench.rate))
         place = column(bench, rows, "reference")
         assert np.all(place[round(0.1 * bench.rate) :] == place[-1])
-        assert np.abs(column(bench, rows, "demand")).max() < 1.1 * most
+        assert np.abs(column(bench, rows, "demand")).max() < 1.1 * largest
         assert np.abs(column(bench, rows, "error")[-100:]).max() < 2e-8
         assert set(column(bench, rows, "state")) == {float(State.READY)}
 
@@ -200,7 +200,7 @@ def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: 
     axes.advance(400)
     axes.command(Command.RUN)
     rows = axes.advance(3000)
-    read = {one.name: rows[:, 1 + place] for place, one in enumerate(axes.signals)}
+    read = {signal.name: rows[:, 1 + place] for place, signal in enumerate(axes.signals)}
 
     def all_of(name: str) -> FloatArray:
         return np.column_stack([read[name], *(read[f"{name}_{n}"] for n in range(2, 11))])
@@ -247,17 +247,17 @@ def test_a_law_change_keeps_supporting_the_weight(axes: StageBench) -> None:
     rows = axes.advance(1000)
     assert due == rows[0, 0]
     assert axes.cycles[-1].method == "full"
-    away = np.abs(column(axes, rows, "error_z"))
-    assert away.max() < 1e-5
-    assert away[-1] < 1e-7
+    deviation = np.abs(column(axes, rows, "error_z"))
+    assert deviation.max() < 1e-5
+    assert deviation[-1] < 1e-7
     assert set(column(axes, rows, "state")) == {float(State.READY)}
 
 
 @pytest.mark.slow
 def test_a_body_stays_at_rest_and_is_braked_from_any_speed(axes: StageBench) -> None:
-    away = np.abs(column(axes, axes.advance(3000), "error_z"))
-    assert away.max() < 3e-6  # until the currents carry the weight
-    assert away[2000:].max() < 1e-9
+    deviation = np.abs(column(axes, axes.advance(3000), "error_z"))
+    assert deviation.max() < 3e-6  # until the currents carry the weight
+    assert deviation[2000:].max() < 1e-9
     axes.command(Command.RUN)
     axes.advance(1500)
     axes.command(Command.STOP)
@@ -277,7 +277,7 @@ def test_a_lost_body_has_no_current_until_cleared(axes: StageBench, monkeypatch:
     assert np.all(column(axes, rows, "current_7") == 0.0)
     # Its weight pulls it away from the magnets above it; the gaps of the lateral magnets are
     # unchanged.
-    read = {one.name: rows[-1, 1 + place] for place, one in enumerate(axes.signals)}
+    read = {signal.name: rows[-1, 1 + place] for place, signal in enumerate(axes.signals)}
     gaps = [read["gap"], *(read[f"gap_{number}"] for number in range(2, 11))]
     assert gaps == pytest.approx([0.45e-3] * 6 + [0.55e-3] * 4)
     assert [read["error_z"], read["error"], read["error_rx"]] == pytest.approx([0.1e-3, 0.0, 0.0])
@@ -299,19 +299,23 @@ def test_a_drawn_plant_of_several_coordinates_is_another_one(axes: StageBench) -
 
 def test_a_push_acts_on_its_coordinate_only_and_is_compensated(axes: StageBench) -> None:
     quiet = axes.advance(3000)
-    limits = {one.name: one.high for one in axes.parameters() if one.name.startswith("push_")}
+    limits = {
+        parameter.name: parameter.high
+        for parameter in axes.parameters()
+        if parameter.name.startswith("push_")
+    }
     # Two pairs along x; the four magnets of 240 N above the body carry 20 kg.
     assert limits["push_x"] == pytest.approx(0.5 * 480.0, rel=0.02)
     assert limits["push_z"] == pytest.approx(0.5 * (20.0 * 9.81 - 2.0), rel=0.02)
     assert axes.apply({"push_z": 20.0}) == axes.tick + 1
     rows = axes.advance(3000)
-    away = np.abs(column(axes, rows, "error_z"))
-    assert away.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
-    assert away[-1] < 0.1 * away.max()
-    assert np.ptp(column(axes, rows, "error_y")) < 0.01 * away.max()
+    deviation = np.abs(column(axes, rows, "error_z"))
+    assert deviation.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
+    assert deviation[-1] < 0.1 * deviation.max()
+    assert np.ptp(column(axes, rows, "error_y")) < 0.01 * deviation.max()
     # Another controller takes over the integral of the loop.
     axes.apply({"compensation": 0.0})
-    assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
+    assert np.abs(column(axes, axes.advance(500), "error_z")).max() < deviation.max()
     with refused("out-of-range"):
         axes.apply({"push_z": 1000.0})
 

@@ -65,8 +65,8 @@ def test_a_stage_that_carries_its_weight_asks_for_it_and_holds_its_place(tmp_pat
     begun = round(0.01 / run.dt)
     assert np.abs(run["error_m"][begun:]).max() < 1e-6
     moved = np.gradient(np.gradient(run["position_m"], run.dt), run.dt)
-    off = 10.0 * moved - run["force_N"] + 98.1
-    assert np.sqrt(np.mean(off[begun:-2] ** 2)) < 0.5
+    error = 10.0 * moved - run["force_N"] + 98.1
+    assert np.sqrt(np.mean(error[begun:-2] ** 2)) < 0.5
 
 
 @pytest.mark.slow

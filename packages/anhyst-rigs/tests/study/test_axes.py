@@ -102,8 +102,8 @@ def test_single_precision_agrees_with_double_within_a_nanometre() -> None:
         for law in ("f64", "f32")
     )
     assert not narrow.loss_text
-    for name, most in (("error_m", 1e-9), ("error_z_m", 1e-9), ("error_rz_rad", 5e-9)):
-        assert np.abs(wide[name] - narrow[name]).max() < most
+    for name, largest in (("error_m", 1e-9), ("error_z_m", 1e-9), ("error_rz_rad", 5e-9)):
+        assert np.abs(wide[name] - narrow[name]).max() < largest
 
 
 def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:

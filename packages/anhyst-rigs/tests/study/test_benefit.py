@@ -83,8 +83,8 @@ def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BodyRig) -> None
 
 @pytest.mark.slow
 def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) -> None:
-    for one in found.cells:
-        against = one.ratio["overshoot_percent"]
+    for cell in found.cells:
+        against = cell.ratio["overshoot_percent"]
         assert against.baseline == "ratio"
         assert against.outcome == "gain"
         assert against.quotient is not None
@@ -93,24 +93,24 @@ def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) 
 
 @pytest.mark.slow
 def test_the_strongest_baseline_has_the_least_value_of_the_metric(found: Benefit) -> None:
-    for one in found.cells:
-        for measure, against in one.strongest.items():
-            means = {name: one.figures[name][measure].mean for name in BASELINES}
+    for cell in found.cells:
+        for measure, against in cell.strongest.items():
+            means = {name: cell.figures[name][measure].mean for name in BASELINES}
             assert against.baseline == min(means, key=lambda name: means[name])
             assert against.quotient is not None
-            own = one.figures["full"][measure].mean
+            own = cell.figures["full"][measure].mean
             assert against.quotient.value == pytest.approx(own / min(means.values()))
 
 
 @pytest.mark.slow
 def test_flux_is_compared_with_methods_without_memory(found: Benefit) -> None:
-    for one in found.cells:
-        for measure, against in one.flux.items():
+    for cell in found.cells:
+        for measure, against in cell.flux.items():
             assert against.baseline == "flux"
             assert against.quotient is not None
-            figures = {name: rows[measure].mean for name, rows in one.figures.items()}
+            figures = {name: rows[measure].mean for name, rows in cell.figures.items()}
             assert against.quotient.value == pytest.approx(figures["full"] / figures["flux"])
-            assert one.strongest[measure].baseline != "flux"
+            assert cell.strongest[measure].baseline != "flux"
 
 
 @pytest.mark.slow
@@ -124,15 +124,15 @@ def test_without_a_probe_flux_is_not_compared(rig: BodyRig, controller: Controll
 @pytest.mark.slow
 def test_the_overshoot_threshold_is_reported_in_metres(found: Benefit) -> None:
     """The limit in metres is equal at all heights: a multiple of the rms motion at standstill."""
-    for one in found.cells:
-        for against in (one.ratio, one.strongest, one.flux):
+    for cell in found.cells:
+        for against in (cell.ratio, cell.strongest, cell.flux):
             overshoot = against["overshoot_percent"]
             assert overshoot.baseline is not None
             assert overshoot.floor is not None
-            still = max(one.standstill["full"], one.standstill[overshoot.baseline])
-            assert overshoot.floor == pytest.approx(300.0 * still / float(one.case))
+            still = max(cell.standstill["full"], cell.standstill[overshoot.baseline])
+            assert overshoot.floor == pytest.approx(300.0 * still / float(cell.case))
             assert 5e-9 < still < 100e-9
-            means = [one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)]
+            means = [cell.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)]
             assert (overshoot.outcome == "nothing to gain") == (max(means) < overshoot.floor)
             assert against["settling_in_noise_s"].floor is None
 
@@ -158,8 +158,8 @@ def test_a_cell_does_not_depend_on_its_neighbours(
     assert alone.cells[0].iron == kept.iron
     # The preceding step has a small effect on the iron.
     for name, rows in alone.cells[0].figures.items():
-        for measure, one in rows.items():
-            assert one.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
+        for measure, row in rows.items():
+            assert row.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
 
 
 @pytest.mark.slow
@@ -278,10 +278,10 @@ def test_iron_of_a_stage_is_varied_and_measured_again() -> None:
     narrow, wide = found.cells
     assert wide.iron.loop_width > 1.7 * narrow.iron.loop_width
     assert wide.iron.label == "pathological"
-    for one in found.cells:
-        assert one.case == "test set-point"
-        assert one.strongest["average_m"].outcome == "gain"
-        assert one.strongest["average_m"].baseline in BASELINES
+    for cell in found.cells:
+        assert cell.case == "test set-point"
+        assert cell.strongest["average_m"].outcome == "gain"
+        assert cell.strongest["average_m"].baseline in BASELINES
     assert {metric.key for metric in found.metrics} >= {"average_m", "peak_m"}
 
 

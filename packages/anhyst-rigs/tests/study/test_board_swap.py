@@ -116,8 +116,8 @@ def test_a_swap_while_levitating_steps_the_current_by_the_model_difference(
     # Both models get the same force demand in the first tick, but convert it to different currents.
     asked = abs(own[1] - own[0])
     assert 0.0 < abs(drive[1] - own[1]) <= built.step + asked
-    most = np.abs(np.diff(own)).max()
-    assert np.abs(np.diff(drive)).max() < 2.0 * most + built.step
+    largest = np.abs(np.diff(own)).max()
+    assert np.abs(np.diff(drive)).max() < 2.0 * largest + built.step
     assert np.abs(swapped[:, 0] - GAP).max() < AWAY
     assert np.abs(swapped[-200:, 0] - GAP).max() < 0.3e-6
 

@@ -85,10 +85,10 @@ def test_the_standstill_error_is_below_ten_nanometres_without_a_limit_cycle(frac
 def test_overshoot_is_distinguished_from_noise() -> None:
     """A constant ratio overshoots; the best curve without memory only shows the noise."""
     assert all(cell.has_overshoot for cell in cells("ratio", "fixed", 0.15))
-    least = cells("single-valued", "fixed", 0.15)[0]
-    assert not least.has_overshoot
-    assert least.interval("overshoot_percent").mean == pytest.approx(
-        least.interval("noise_percent").mean, rel=0.3
+    smallest = cells("single-valued", "fixed", 0.15)[0]
+    assert not smallest.has_overshoot
+    assert smallest.interval("overshoot_percent").mean == pytest.approx(
+        smallest.interval("noise_percent").mean, rel=0.3
     )
 
 

@@ -264,14 +264,14 @@ def test_the_magnets_that_choose_are_identified_once(tmp_path: Path, monkeypatch
 
 @pytest.mark.slow
 def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
-    done = quick(
+    completed = quick(
         *("fleet", magnets, "--out", found.out, "--tolerance", "0.5", "--history", "settled"),
         *("--law", "effective-field", "--gap-map", "reluctance", "--json"),
         cwd=found.out.parent,
     )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["outliers"] == ["odd"]
-    assert "warning: damaged: " in done.stderr
+    assert completed.returncode == 0, completed.stderr
+    assert json.loads(completed.stdout)["outliers"] == ["odd"]
+    assert "warning: damaged: " in completed.stderr
     page = (found.out / "report.html").read_text()
     assert "Outliers" in page
     assert "Individual models help" in page
@@ -280,7 +280,7 @@ def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
 @pytest.mark.slow
 def test_an_empty_folder_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "magnets").mkdir()
-    done = quick("fleet", "magnets", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 2
-    assert says(done.stderr, "no-files: magnets")
+    completed = quick("fleet", "magnets", "--out", "out", cwd=tmp_path)
+    assert completed.returncode == 2
+    assert says(completed.stderr, "no-files: magnets")
     assert not (tmp_path / "out").exists()

@@ -169,8 +169,8 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(m
     learnt: dict[str, CalibratedParameter] = {parameter.name: parameter for parameter in found.parameter}
     assert found.fits
     for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
-        off = abs(learnt[name].value - true)
-        assert off < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
+        error = abs(learnt[name].value - true)
+        assert error < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
     motion = stages.evaluation_set_point(rig)
     before, after = (
         measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
@@ -220,10 +220,10 @@ def test_old_motions_are_forgotten_and_estimates_stay_bounded() -> None:
         assert learner.update(run(0.0055))
         assert learner.update(run(0.005))
     fresh.update(run(0.005))
-    off = [
+    error = [
         abs(estimator.estimate["scale_1"] - fresh.estimate["scale_1"]) for estimator in (forgetful, patient)
     ]
-    assert off[0] < off[1]
+    assert error[0] < error[1]
     for learner in (forgetful, patient):
         for parameter in learner.calibration.parameter:
             assert parameter.sigma <= parameter.prior

@@ -147,9 +147,9 @@ def test_with_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
         Compensation(POINT.k_i, POINT.k_s),
     )
     slow = np.log(loop.poles[np.abs(loop.poles) > 0.9]) * rate
-    wanted = np.array([-w, *np.roots([1.0, 1.2 * w, w**2])])
-    nearest = [complex(slow[np.argmin(np.abs(slow - pole))]) for pole in wanted]
-    assert np.max(np.abs(np.array(nearest) - wanted)) < 0.03 * w
+    expected = np.array([-w, *np.roots([1.0, 1.2 * w, w**2])])
+    nearest = [complex(slow[np.argmin(np.abs(slow - pole))]) for pole in expected]
+    assert np.max(np.abs(np.array(nearest) - expected)) < 0.03 * w
 
 
 def scaled(loop: LinearLoop, factor: float) -> LinearLoop:

@@ -108,9 +108,9 @@ def by_hand(setup: BearingSetup, scenario: Scenario, seed: int) -> dict[str, lis
         command = answer[0]
         if inner["gain"] > 0.0:
             error = answer[0] - currents[0]
-            wanted = inner["resistance"] * answer[0] + inner["gain"] * error + integral
-            command = min(max(wanted, -inner["limit"]), inner["limit"])
-            integral += inner["reset"] * error * (abs(wanted) < inner["limit"])
+            expected = inner["resistance"] * answer[0] + inner["gain"] * error + integral
+            command = min(max(expected, -inner["limit"]), inner["limit"])
+            integral += inner["reset"] * error * (abs(expected) < inner["limit"])
         bearing.advance([command, answer[1]][: len(currents)], scenario.load[tick])
     return {name: values for name, values in found.items() if values}
 

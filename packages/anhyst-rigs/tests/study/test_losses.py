@@ -212,8 +212,8 @@ def test_without_a_head_the_body_lands_with_the_others_or_is_released(way: str) 
     )
     runs = [commanded(laid("10", heads=heads), commands, DOWN, gone) for heads in (6, 7)]
     assert [phases(run) for run in runs] == [[0, 2, 3, 0], [0, 2, 3, 4, 0]]
-    for run, most in zip(runs, (50e-3, 10e-3), strict=True):
-        assert 1e-3 < -run["velocity_3_m_per_s"][DOWN:].min() < most
+    for run, largest in zip(runs, (50e-3, 10e-3), strict=True):
+        assert 1e-3 < -run["velocity_3_m_per_s"][DOWN:].min() < largest
         assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
 
 

@@ -105,7 +105,7 @@ def test_a_step_without_overshoot_reports_its_noise(rms: float) -> None:
         evaluate_step(*hold(way + rms * rng.standard_normal(len(t)), 0.45e-3, 0.46e-3), SENSOR)
         for _ in range(200)
     ]
-    overshoot, noise = (mean_interval([getattr(one, key) for one in rows]) for key in
+    overshoot, noise = (mean_interval([getattr(row, key) for row in rows]) for key in
                         ("overshoot_percent", "noise_percent"))  # fmt: skip
     assert overshoot.mean == pytest.approx(noise.mean, rel=0.03)
     assert overshoot.mean > 3.0 * 100.0 * rms

@@ -111,7 +111,7 @@ def test_every_rig_kind_accepts_the_spread_keys_that_it_uses() -> None:
         path = EXAMPLES / name / "rig.toml"
         file = read_rig_file(path, file_kind(path).word)
         taken = set(SPREADS[file.control.kind].keys)
-        if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
+        if not any(isinstance(magnet, MagnetTable) and magnet.solid for magnet in file.magnets):
             taken -= {"conductivity_percent"}
         for key in SpreadTable.model_fields:
             alone = SpreadTable.model_validate(dict.fromkeys(SpreadTable.model_fields, 0.0) | {key: 0.5})

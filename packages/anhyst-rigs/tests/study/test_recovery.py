@@ -50,8 +50,8 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     # armature moves little.
     remembered = event == "wrong initial state" and variant == "full"
     assert (0.0 if remembered else MIN_EXCESS_BAND_M) < found.figures["excess_peak_m"] < RECOVERY_BAND_M
-    least, most = (0.0, 0.1) if remembered else (0.002, 0.03)
-    assert least <= found.figures["excess_s"] < most
+    smallest, largest = (0.0, 0.1) if remembered else (0.002, 0.03)
+    assert smallest <= found.figures["excess_s"] < largest
 
 
 @pytest.mark.parametrize("event", SHOWN)

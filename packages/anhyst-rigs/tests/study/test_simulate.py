@@ -312,7 +312,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     script = ScenarioBuilder(rig, bearings.GAP).lift_off(table).build()
     marks = np.flatnonzero(script.command)
     assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]
-    (selftest,) = (one.default for one in fields(PositionLimits) if one.name == "selftest")
+    (selftest,) = (field.default for field in fields(PositionLimits) if field.name == "selftest")
     assert marks[0] > selftest
     assert marks[0] / rate >= 0.005 - 1e-9
     assert script.lift_end_tick == script.ticks >= 0.45 * rate
@@ -332,8 +332,8 @@ def test_a_lost_controller_variant_is_a_negative_result(
     figures = json.loads((out / "figures.json").read_text())
     assert figures["load_steps"][0]["variants"]["single-valued"]["lost"] == 2
     assert figures["lost_in"] == ["load steps of the recording", "load step of 147 N (2 runs)"]
-    said = capsys.readouterr().err.splitlines()[-1]
-    assert says(said, "levitation-lost")
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert says(message, "levitation-lost")
 
 
 def test_a_loop_that_is_late_is_reported(folder: Path) -> None:

@@ -86,7 +86,7 @@ def test_solid_iron_needs_layers_for_a_quiet_standstill(tmp_path: Path) -> None:
     deeper = state_bytes(block) - state_bytes(thin)
     assert controller_bytes(1, block) - controller_bytes(1, thin) == deeper > 0
     assert "rate" in {
-        one["name"] for one in json.loads((tmp_path / "c" / "budget.json").read_text())["parts"]
+        load["name"] for load in json.loads((tmp_path / "c" / "budget.json").read_text())["parts"]
     }
 
 

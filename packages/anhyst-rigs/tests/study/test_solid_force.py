@@ -205,7 +205,7 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     files = []
     for name, sweep in zip(("slow", "middle", "fast"), SWEEPS, strict=True):
         files.append(tmp_path / f"{name}.csv")
-        loops.with_loops(one for one in loops.loops if one.label == f"{sweep:g}").save(files[-1])
+        loops.with_loops(loop for loop in loops.loops if loop.label == f"{sweep:g}").save(files[-1])
         files[-1].with_suffix(".toml").write_text(f'history = "{loops.loops[0].history}"\n')
     out = tmp_path / "run"
     assert main(["force-control", *map(str, files), "--out", str(out)]) == 0
@@ -231,10 +231,10 @@ def test_c_from_loops_at_three_speeds_is_verified_and_has_a_fifth_of_the_quasi_s
     request = CompileRequest("full", "q31", 20e3)
     compiled = compile_model(model.save(tmp_path / "model.toml"), tmp_path / "out", request)
     assert verify(compiled.out, host_steps=2000, target_steps=500).passed
-    for gap, most in ((0.3e-3, 0.2), (0.4e-3, 0.2), (0.5e-3, 0.25)):
+    for gap, largest in ((0.3e-3, 0.2), (0.4e-3, 0.2), (0.5e-3, 0.25)):
         reached = force_at(rig, gap)
         full, still = (worst_of_the_last_cycle(rig, one, gap, reached) for one in (model, model.at_rest))
-        assert full < most * still, gap
+        assert full < largest * still, gap
 
 
 def force_at(rig: ForceControlRig, gap: float) -> float:
@@ -262,7 +262,7 @@ def test_one_slow_loop_is_followed_to_its_noise_mostly_whatever_that_is(folder: 
         loops = measured(read_rig(rig_in(folder)), SWEEPS[:1], seed).at(GAPS[0])
         fit = identify(loops, law="play-cells").model.fit
         assert fit is not None
-        (chosen,) = (one for one in fit.candidates if one.note == CHOSEN)
+        (chosen,) = (candidate for candidate in fit.candidates if candidate.note == CHOSEN)
         followed += chosen.rms is not None and chosen.rms < 4e-4  # the noise is 3e-4
     assert followed >= 2
 

@@ -74,9 +74,9 @@ def test_unreachable_aims_give_the_best_gains_and_the_limiting_factor() -> None:
     assert "settling_time_s" in aims.missed_by(result.figures)
     assert result.check is not None
     limits = result.loop.find_limits(aims, result.check, seed=0, jobs=1)
-    missed = next(one for one in limits if one.what == "settling_time_s")
+    missed = next(limit for limit in limits if limit.what == "settling_time_s")
     assert "exceeds its limit of 1 ms at 0.45 mm and 150 N" in missed.text
-    helps = [one for one in limits if "linear loops would settle" in one.text]
+    helps = [limit for limit in limits if "linear loops would settle" in limit.text]
     assert "force" in {one.what for one in helps}
 
 
@@ -94,7 +94,7 @@ def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     result = GainSearch(loop(HERE[:1]), Aims(), BUDGET, jobs=1).run()
     assert result.interrupted
     assert result.check is None
-    tried = [one.outcome.cost for one in result.candidates]
+    tried = [candidate.outcome.cost for candidate in result.candidates]
     assert tried[0] == min(tried)
     assert np.isfinite(result.figures.peak_sensitivity)
 

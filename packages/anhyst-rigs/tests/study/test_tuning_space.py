@@ -26,9 +26,9 @@ def test_the_gains_give_the_requested_poles(place: np.ndarray) -> None:
     found = np.roots([2.0 + gains.K_dd, gains.K_d, gains.K_p, gains.K_i])
     w, z = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"]
     pair = np.roots([1.0, 2.0 * z * w, w**2])
-    wanted = np.concatenate([pair, [-at["real_pole"] * w]])
+    expected = np.concatenate([pair, [-at["real_pole"] * w]])
     # Gains have five digits. The error of a multiple pole is the root of the error of a gain.
-    for pole in wanted:
+    for pole in expected:
         assert np.min(np.abs(found - pole)) < 0.05 * abs(pole)
 
 

@@ -122,7 +122,7 @@ def test_equal_seeds_give_equal_gains_on_any_number_of_cores() -> None:
 def test_unreachable_aims_give_the_best_gains_and_advice() -> None:
     aims = Aims(None, 1.5, average_m=1e-12)
     reached = loop().check(1)
-    limits = {one.what: one.text for one in loop().find_limits(aims, reached, 0, 1)}
+    limits = {limit.what: limit.text for limit in loop().find_limits(aims, reached, 0, 1)}
     assert TEST.text in limits["average_m"]
     assert {"peak_sensitivity", "delay"} <= set(limits)
 

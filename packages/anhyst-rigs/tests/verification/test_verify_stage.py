@@ -68,14 +68,14 @@ def test_ten_magnets_need_about_as_many_instructions_in_fixed_point_as_in_f32(
     (real,) = verify(folder, "cortex-m4", target_steps=2000).results
     found = verify(fixed_folder, "cortex-m4,cortex-m33", target_steps=2000)
     assert found.passed, found.first_failure()
-    assert [one.build for one in found.results] == ["hard float, port header", "hard float"]
+    assert [result.build for result in found.results] == ["hard float, port header", "hard float"]
     before = real.cost("tick, in flight")
     assert before is not None
-    for fixed, most in zip(found.results, (1.0, 1.2), strict=True):  # f32 of the Cortex-M4
+    for fixed, largest in zip(found.results, (1.0, 1.2), strict=True):  # f32 of the Cortex-M4
         after = fixed.cost("tick, in flight")
         assert after is not None
-        assert after.mean < most * before.mean
-        assert after.most < most * before.most
+        assert after.mean < largest * before.mean
+        assert after.most < largest * before.most
         assert fixed.stack_measured is not None
         assert fixed.stack_static is not None
         assert 200 < fixed.stack_measured <= fixed.stack_static < 1_200
@@ -85,7 +85,7 @@ def test_ten_magnets_need_about_as_many_instructions_in_fixed_point_as_in_f32(
 def test_ten_magnets_are_bit_identical_and_their_cost_is_reported(folder: Path) -> None:
     found = verify(folder, "cortex-m7", target_steps=2000)
     assert found.passed, found.first_failure()
-    assert [one.build for one in found.results] == ["hard float"]
+    assert [result.build for result in found.results] == ["hard float"]
     one = found.results[0]
     assert (one.steps, one.vectors, one.warnings) == (200, 2000, 0)
     flight, tick = one.cost("tick, in flight"), one.cost("tick")

@@ -81,7 +81,7 @@ def test_a_full_disk_leaves_no_partial_file(suffix: str, tmp_path: Path) -> None
         pytest.importorskip(PACKAGES[suffix])
     rows = "".join(f"{n}e-4,{n % 977}.{n % 7919},{n % 613}.{n % 6007}\n" for n in range(20_000))
     (tmp_path / "run.csv").write_text("t_s,I_A,F_N\n" + rows)
-    done = quick("convert", "run.csv", f"full{suffix}", cwd=tmp_path, file_size=50_000)
-    assert done.returncode == 2, done.stderr
-    assert says(done.stderr, f"cannot-be-written: full{suffix}")
+    completed = quick("convert", "run.csv", f"full{suffix}", cwd=tmp_path, file_size=50_000)
+    assert completed.returncode == 2, completed.stderr
+    assert says(completed.stderr, f"cannot-be-written: full{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]

@@ -189,11 +189,11 @@ def test_more_segments_than_the_block_has_room_for_are_refused(kind: Kind, segme
 def test_a_table_with_an_entry_too_low_or_too_steep_is_refused(kind: Kind) -> None:
     block = compiled(kind, "scaling")
     full = {"GAP_FLUX_ARM": -32767} if kind == "full" else {}
-    for name, least in (GAP_TABLES | full).items():
+    for name, smallest in (GAP_TABLES | full).items():
         first, entries = block.tables[name]
         for place in (0, entries // 2, entries - 1):
-            assert not taken(kind, changed(block, first + place, least - 1)), (name, place)
-        if least < 0:
+            assert not taken(kind, changed(block, first + place, smallest - 1)), (name, place)
+        if smallest < 0:
             words = block.words.copy()
             words[first : first + 2] = -20000, 20000
             assert not taken(kind, sealed(words)), name
@@ -210,25 +210,25 @@ def test_the_full_law_accepts_a_negative_flux_coefficient_if_the_current_rises()
     reversible = np.diff(block.table("FULL_CURVE").astype(float))
     pinned = np.diff(block.table("FULL_BRANCH").astype(float))[int(segments) :]
     steepest = (share * reversible + (1.0 - share) * pinned).max() * segments / 2**15
-    most = field_arm / (4.0 * block.integer("FULL_AIR") / 2**16 + steepest)
+    largest = field_arm / (4.0 * block.integer("FULL_AIR") / 2**16 + steepest)
     first, entries = block.tables["GAP_FLUX_ARM"]
     for place in (0, entries // 2, entries - 1):
         for part, valid in ((0.97, True), (1.03, False)):
-            words = changed(block, first + place, -round(part * most[place]))
+            words = changed(block, first + place, -round(part * largest[place]))
             assert taken("full", words) == valid, (place, part)
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])
 def test_a_falling_table_is_refused(kind: Kind) -> None:
     block = compiled(kind)
-    for name, least in RISING[kind].items():
+    for name, smallest in RISING[kind].items():
         first, entries = block.tables[name]
         steepest = first + int(np.argmax(np.diff(block.table(name))))
         for place in (steepest, first + entries - 1):
             low = int(block.words[place - 1]) - 1
             assert not taken(kind, changed(block, place, low)), (name, place)
-        if least - 1 >= -32768:
-            assert not taken(kind, changed(block, first, least - 1)), name
+        if smallest - 1 >= -32768:
+            assert not taken(kind, changed(block, first, smallest - 1)), name
 
 
 @pytest.mark.parametrize("kind", KINDS)

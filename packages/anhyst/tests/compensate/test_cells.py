@@ -103,13 +103,13 @@ class DirectSums:
             name: float(self.model.interpolate_parameter(name, np.array([gap]))[0])
             for name in ("c_H", "in_0", "rho", "c_out", "out_0")
         }
-        wanted = over["c_H"] * (current - over["in_0"])
+        expected = over["c_H"] * (current - over["in_0"])
         low, high = -1e5, 1e5
         for _ in range(42):
             x = 0.5 * (low + high)
             _, m = self.at(x)
             b = x + (1.0 - self.alpha) * m
-            if x - self.alpha * m + over["rho"] * b < wanted:
+            if x - self.alpha * m + over["rho"] * b < expected:
                 low = x
             else:
                 high = x
@@ -211,8 +211,8 @@ def test_a_reversal_does_not_move_resting_cells(io: SignalFormat) -> None:
     }
     iron = PlayCells(cell_weights(cells()), alpha=0.0)
     flux_density, _, _ = iron.forward(over["c_H"] * (current - over["in_0"]), over["rho"])
-    off = (over["c_out"] * flux_density**2 + over["out_0"] - demand) / largest()
-    assert np.abs(off[1::2] - off[::2]).max() < 2e-4
+    error = (over["c_out"] * flux_density**2 + over["out_0"] - demand) / largest()
+    assert np.abs(error[1::2] - error[::2]).max() < 2e-4
 
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32"])

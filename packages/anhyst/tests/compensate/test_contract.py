@@ -192,11 +192,11 @@ def test_flags_show_which_limit_was_met() -> None:
 def test_a_demand_beyond_saturation_is_flagged_as_flux() -> None:
     """The flux is limited to that of saturated iron."""
     scales, limits = ranges("reluctance")
-    most = 0.999 * 4.0 * scales.demand
+    largest = 0.999 * 4.0 * scales.demand
     wide = Scales(4.0 * scales.demand, scales.current, *GAPS[:: len(GAPS) - 1])
-    block = build_block(magnet(), "full", wide, type(limits)((0.0, most), CURRENTS))
+    block = build_block(magnet(), "full", wide, type(limits)((0.0, largest), CURRENTS))
     twin = FixedTwin(block)
-    twin.solve(most, GAPS[0])
+    twin.solve(largest, GAPS[0])
     assert twin.flags & 4
 
 

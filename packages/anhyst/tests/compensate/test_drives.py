@@ -224,9 +224,9 @@ def test_a_current_other_than_the_solved_one_is_reported_as_force() -> None:
 def test_force_lost_to_a_current_limit_is_reported() -> None:
     drive = of_map(ForceController)
     narrow = ForceController.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
-    most = narrow.solve(190.0, WIDE, NAN)
-    assert (most, narrow.flags) == (1.0, CURRENT_LIMITED)
-    expected = narrow.commit(most, WIDE)
+    largest = narrow.solve(190.0, WIDE, NAN)
+    assert (largest, narrow.flags) == (1.0, CURRENT_LIMITED)
+    expected = narrow.commit(largest, WIDE)
     assert expected < 150.0
     assert drive.solve(expected, WIDE, NAN) == pytest.approx(1.0, rel=1e-14)
 

@@ -171,7 +171,7 @@ def test_it_does_not_wind_up_while_the_current_is_limited() -> None:
 def test_a_loop_that_is_not_valid_is_refused_and_changes_nothing() -> None:
     drive, (law, full) = plain("full")[0], plain("full")
     table, loop = np.tile([0.0, DENSITY], (2, 1)), np.array([0.1, 0.1, 0.1, 1.0])
-    for wrong, most, low, high in (
+    for wrong, largest, low, high in (
         (np.array([NAN, 0.1, 0.1, 1.0]), 1.0, 0.0, 2.0),
         (np.array([0.1, 0.1, 2.0, 1.0]), 1.0, 0.0, 2.0),
         (loop, -1.0, 0.0, 2.0),
@@ -179,5 +179,5 @@ def test_a_loop_that_is_not_valid_is_refused_and_changes_nothing() -> None:
         (loop, 1.0, NAN, 2.0),
     ):
         with pytest.raises(ValueError, match="not valid"):
-            drive.fuse(table, wrong, most, 0.0, full, *GAPS, low, high)
+            drive.fuse(table, wrong, largest, 0.0, full, *GAPS, low, high)
     assert drive.solve(0.3 * full, WIDE, 0.0) == law.solve(0.3 * full, WIDE, 0.0)

@@ -146,11 +146,11 @@ def creeping(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_compile_warns_if_a_held_force_drifts(creeping: Path, tmp_path: Path) -> None:
     arguments = ("compile", creeping, "--rate", "1e4", "--out", "c", "--json")
-    done = quick(*arguments, cwd=tmp_path)
-    assert done.returncode == 0
-    assert "drift of a held force in 60 s" in done.stderr
-    assert "no dead band (r_d = 0)" in done.stderr
-    accuracy = json.loads(done.stdout)["accuracy"]
+    completed = quick(*arguments, cwd=tmp_path)
+    assert completed.returncode == 0
+    assert "drift of a held force in 60 s" in completed.stderr
+    assert "no dead band (r_d = 0)" in completed.stderr
+    accuracy = json.loads(completed.stdout)["accuracy"]
     assert accuracy["drift_seconds"] == 60.0
     assert accuracy["drift_percent"] > 0.5
     assert accuracy["worst_percent"] < 0.1
@@ -165,7 +165,7 @@ def test_compile_warns_if_a_held_force_drifts(creeping: Path, tmp_path: Path) ->
 @pytest.mark.slow
 def test_a_requested_accuracy_is_met_by_a_held_force_or_refused(creeping: Path, tmp_path: Path) -> None:
     arguments = ("compile", creeping, "--rate", "1e4", "--accuracy", "0.1", "--out", "c")
-    done = quick(*arguments, cwd=tmp_path)
-    assert done.returncode == 1
-    assert says(done.stderr, "model-drifts accuracy")
+    completed = quick(*arguments, cwd=tmp_path)
+    assert completed.returncode == 1
+    assert says(completed.stderr, "model-drifts accuracy")
     assert not (tmp_path / "c").exists()

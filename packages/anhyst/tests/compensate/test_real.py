@@ -93,8 +93,8 @@ def test_full_with_fine_tables_gives_the_demanded_force(
     force = magnet(gap_map, play).predict(drive, gap, history="demagnetised").output
     # Where the current hardly changes with the flux, its errors have a larger effect.
     flattest = min(1.0, float(least_slope(magnet(gap_map, play), np.array(GAPS)).min()))
-    most = 2e-5 / flattest * largest_force(gap_map, play, GAPS[0])
-    assert np.abs(force - demand).max() < most
+    largest = 2e-5 / flattest * largest_force(gap_map, play, GAPS[0])
+    assert np.abs(force - demand).max() < largest
 
 
 @pytest.mark.parametrize("play", [0.0, 4.0])
@@ -410,7 +410,7 @@ def test_the_generated_c_gives_the_same_bits(kind: RealKind, level: str, tmp_pat
     rows = "\n".join(
         f"{float_literal(d)[:-1]} {float_literal(g)[:-1]}" for d, g in zip(demand, gap, strict=True)
     )
-    done = subprocess.run([str(program)], input=rows, capture_output=True, text=True, check=True)
-    found = np.array([int(line, 16) for line in done.stdout.split()], dtype=np.uint32)
+    completed = subprocess.run([str(program)], input=rows, capture_output=True, text=True, check=True)
+    found = np.array([int(line, 16) for line in completed.stdout.split()], dtype=np.uint32)
     expected = RealTwin(block).run(demand, gap).astype(np.float32).view(np.uint32)
     assert np.array_equal(found, expected)

@@ -111,9 +111,9 @@ def test_the_force_follows_the_demand_at_any_speed(layers: Layers, io: RealSigna
     demand, gap = ramps(1)
     current = RealTwin(block(magnet(layers), io)).run(demand, gap)
     assert np.all((current > 0.0) & (current < 6.0) | (demand == 0.0))
-    off = np.abs(force_of(magnet(layers), current, gap) - demand)
-    assert off.max() < 2e-3 * TOP
-    assert np.sqrt(np.mean(off**2)) < 3e-4 * TOP
+    error = np.abs(force_of(magnet(layers), current, gap) - demand)
+    assert error.max() < 2e-3 * TOP
+    assert np.sqrt(np.mean(error**2)) < 3e-4 * TOP
 
 
 def test_the_quasi_static_block_has_a_much_larger_error() -> None:

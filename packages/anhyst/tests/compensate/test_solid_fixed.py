@@ -57,9 +57,9 @@ def refuses(block: Block, word: str, value: int) -> bool:
 def test_the_force_follows_the_demand_at_any_speed(layers: Layers, io: str) -> None:
     demand, gap = ramps(1)
     current = FixedTwin(block(magnet(layers)), io).run(demand, gap)
-    off = np.abs(force_of(magnet(layers), current, gap) - demand)
-    assert off.max() < 2e-3 * TOP
-    assert np.sqrt(np.mean(off**2)) < 1.5e-4 * TOP
+    error = np.abs(force_of(magnet(layers), current, gap) - demand)
+    assert error.max() < 2e-3 * TOP
+    assert np.sqrt(np.mean(error**2)) < 1.5e-4 * TOP
 
 
 @pytest.mark.parametrize("number_format", ["q31", "f32", "f64"])
@@ -77,11 +77,11 @@ def test_a_demand_step_is_met_without_a_lasting_effect(
     demand = np.append(ramp, np.repeat(random.uniform(2.0, 110.0, 30), 100))
     gap = np.full(demand.size, 4e-4)
     current = twin.run(demand, gap)
-    off = np.abs(force_of(model, current, gap) - demand)
+    error = np.abs(force_of(model, current, gap) - demand)
     was_free = (current > 0.01) & (current < 5.99)
     ticks = np.arange(demand.size) % 100
-    assert off[was_free & (ticks > 20)].max() < 2e-3 * TOP
-    assert np.median(off[ticks == 1]) < 2e-3 * TOP
+    assert error[was_free & (ticks > 20)].max() < 2e-3 * TOP
+    assert np.median(error[ticks == 1]) < 2e-3 * TOP
 
 
 @pytest.mark.parametrize("gamma", [0.5, 50.0])
@@ -115,11 +115,11 @@ def test_irons_of_other_kinds_are_followed_as_in_double_precision(model: Model) 
     low, high = model.valid.schedule
     demand, top = part / 250.0 * limits.demand[1], limits.demand[1]
     gap = low + (high - low) * (gap - GAPS[0]) / (GAPS[1] - GAPS[0])
-    off = {
+    error = {
         name: np.abs(force_of(model, twin.run(demand, gap), gap) - demand)
         for name, twin in (("fixed", make_twin(plan.block, "q31")), ("f64", RealTwin(real)))
     }
-    assert off["fixed"].max() < max(2e-3 * top, 1.2 * off["f64"].max())
+    assert error["fixed"].max() < max(2e-3 * top, 1.2 * error["f64"].max())
 
 
 def test_a_quasi_static_block_equals_that_of_iron_without_layers() -> None:

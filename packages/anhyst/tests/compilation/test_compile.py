@@ -57,7 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(one, marks=[pytest.mark.slow] * (one not in QUICK)) for one in CASES],
+    params=[pytest.param(case, marks=[pytest.mark.slow] * (case not in QUICK)) for case in CASES],
     ids="-".join,
 )
 def compiled(folder: Path, request: pytest.FixtureRequest) -> Compiled:
@@ -79,13 +79,13 @@ def sources_of(folder: Path) -> list[str]:
 def built(place: Path, compiler: str, program: Path) -> str:
     """Compile a folder with all warnings; return the program."""
     sources = sources_of(place)
-    done = subprocess.run(
+    completed = subprocess.run(
         [compiler, *WARNINGS, f"-I{place / 'include'}", *sources, "-o", str(program)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     return str(program)
 
 
@@ -100,15 +100,15 @@ def test_the_c_compiles_without_warnings_and_gives_the_golden_currents(
 ) -> None:
     program = built(compiled.out, tool(compiler), tmp_path / "example")
     vectors = (compiled.out / "vectors.csv").read_text()
-    done = subprocess.run([program], input=vectors, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "1000 rows, 0 differ\n")
+    completed = subprocess.run([program], input=vectors, capture_output=True, text=True, check=False)
+    assert (completed.returncode, completed.stdout) == (0, "1000 rows, 0 differ\n")
     head, first, *rest = vectors.splitlines()
     *given, current = first.split(",")
     wrong = "1.25" if compiled.plan.request.io == "f32" else str(int(current) + 1)
     spoiled = "\n".join([head, ",".join([*given, wrong]), *rest])
-    done = subprocess.run([program], input=spoiled, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "1 differ" in done.stdout
+    completed = subprocess.run([program], input=spoiled, capture_output=True, text=True, check=False)
+    assert completed.returncode == 1
+    assert "1 differ" in completed.stdout
 
 
 def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) -> None:
@@ -121,8 +121,8 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
         plan.request.io == "f32" and plan.block.kind == "full"
     )
     assert compiled.manifest["memory"]["parameters_bytes"] <= 2048
-    most = 148 if plan.block.is_fixed else 172
-    assert compiled.manifest["memory"]["state_bytes"] <= most
+    largest = 148 if plan.block.is_fixed else 172
+    assert compiled.manifest["memory"]["state_bytes"] <= largest
 
 
 @pytest.mark.slow
@@ -232,10 +232,10 @@ def compiles_alone_on_16_bits(folder: Path) -> None:
         options = [*WARNINGS, "-mmcu=atmega1284p", "-fsyntax-only", "-x", "c"]
         if path.suffix == ".h":
             options.append("-Wno-pedantic")  # this flag requires a declaration in every file
-        done = subprocess.run(
+        completed = subprocess.run(
             [avr_gcc("avr-gcc"), *options, *include, str(path)], capture_output=True, text=True, check=False
         )
-        assert (done.returncode, done.stderr) == (0, ""), path
+        assert (completed.returncode, completed.stderr) == (0, ""), path
 
 
 def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
@@ -270,11 +270,11 @@ def test_generated_c_is_formatted_as_the_core_is(folder: Path) -> None:
     out = full(folder).out
     for name in ("magnet_parameters.h", "magnet_parameters.c", "main.c", "example/interrupt.c"):
         style = f"--style=file:{ROOT / '.clang-format'}"
-        done = subprocess.run(
+        completed = subprocess.run(
             [tool("clang-format"), style, str(out / name)], capture_output=True, text=True, check=False
         )
         text = (out / name).read_text()
-        assert done.stdout == text
+        assert completed.stdout == text
         assert [line for line in text.splitlines() if len(line) > 100] == []
 
 
@@ -297,8 +297,8 @@ def test_fragments_for_make_and_cmake_build_the_example(folder: Path, tmp_path: 
     subprocess.run(cmake, check=True, capture_output=True)
     subprocess.run([tool("cmake"), "--build", str(build)], check=True, capture_output=True)
     for program in (tmp_path / "example", build / "example"):
-        done = subprocess.run([program], input=vectors, capture_output=True, text=True, check=True)
-        assert "0 differ" in done.stdout
+        completed = subprocess.run([program], input=vectors, capture_output=True, text=True, check=True)
+        assert "0 differ" in completed.stdout
 
 
 def test_parameters_in_c_are_the_block(folder: Path) -> None:
@@ -327,8 +327,8 @@ def test_the_size_of_the_state_agrees_with_the_manifest(folder: Path, tmp_path: 
     program = tmp_path / "size"
     command = [tool("cc"), "-std=c99", f"-I{place}/include", str(tmp_path / "size.c"), "-o", str(program)]
     subprocess.run(command, check=True)
-    said = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
-    assert said == -(-(manifest["memory"]["state_bytes"] + 4 * 2) // 8) * 8
+    message = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
+    assert message == -(-(manifest["memory"]["state_bytes"] + 4 * 2) // 8) * 8
 
 
 @pytest.mark.slow
@@ -445,10 +445,10 @@ def test_json_output_agrees_with_the_manifest(
 ) -> None:
     arguments = ["--rate", "1e4", "--accuracy", "2", "--json", "--out", str(tmp_path / "out")]
     assert main(["compile", str(folder / "magnet.toml"), *arguments]) == 0
-    said = json.loads(capsys.readouterr().out)
+    message = json.loads(capsys.readouterr().out)
     written = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    assert said["accuracy"] == written["accuracy"]
-    assert set(said["files"]) == files_below(tmp_path / "out")
+    assert message["accuracy"] == written["accuracy"]
+    assert set(message["files"]) == files_below(tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -97,9 +97,9 @@ def test_the_stated_accuracy_shows_the_gain_of_the_play(place: Path, compiled: C
     play, without = compiled.errors["play"], compiled.errors["single-valued"]
     assert rms(play.major) < 0.3 * rms(without.major)
     assert rms(play.small) < rms(without.small)
-    said = json.loads((compiled.out / "manifest.json").read_text())["accuracy"]
-    assert said["play"]["major_worst_percent"] == pytest.approx(
-        100.0 * max_magnitude(play.major) / said["largest_output"]
+    message = json.loads((compiled.out / "manifest.json").read_text())["accuracy"]
+    assert message["play"]["major_worst_percent"] == pytest.approx(
+        100.0 * max_magnitude(play.major) / message["largest_output"]
     )
     again = compile_play(place / "magnet.toml", place / "again", 2e4, "q31", "upper")
     for name in compiled.files:

@@ -78,8 +78,8 @@ def test_a_controller_without_room_for_layers_refuses_their_block(tmp_path: Path
             return
         compile_c(["cc"], build, program, "host")
         with (tmp_path / "out" / "vectors.csv").open() as vectors:
-            done = subprocess.run([program], stdin=vectors, capture_output=True, check=False)
-        assert done.returncode == 0
+            completed = subprocess.run([program], stdin=vectors, capture_output=True, check=False)
+        assert completed.returncode == 0
 
 
 @pytest.mark.slow

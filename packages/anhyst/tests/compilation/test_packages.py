@@ -271,11 +271,11 @@ def test_the_command_refuses_kinds_without_a_package(
     out = tmp_path / "out"
     command = ["compile", str(file), "--rate", "1e4", "--out", str(out), "--package", package]
     assert main(command) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
     kind = "option-not-for-this" if source == "stage" else "unknown-package"
-    assert says(said, f"{kind} --package")
-    assert source == "stage" or all(name in said for name in PACKAGES)
+    assert says(message, f"{kind} --package")
+    assert source == "stage" or all(name in message for name in PACKAGES)
     assert not out.exists()
 
 

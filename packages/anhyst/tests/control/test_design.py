@@ -23,8 +23,8 @@ def test_the_poles_are_at_the_requested_places(damping: float, virtual: float) -
     w = 2.0 * np.pi * 120.0
     poles = _poles(2.0, design(2.0, 120.0, damping, virtual))
     pair = np.roots([1.0, 2.0 * damping * w, w**2])
-    wanted = np.sort_complex(np.array([-w, *pair]))
-    assert np.sort_complex(poles) == pytest.approx(wanted, rel=1e-9)
+    expected = np.sort_complex(np.array([-w, *pair]))
+    assert np.sort_complex(poles) == pytest.approx(expected, rel=1e-9)
     assert np.prod(np.abs(poles)) == pytest.approx(w**3)
 
 

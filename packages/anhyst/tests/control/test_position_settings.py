@@ -174,9 +174,9 @@ def test_conditioning_drives_the_sequence_and_makes_ready(number_format: NumberF
     rows += [controller.tick(REST, TARGET) for _ in range(ticks + 250)]
     assert path(rows) == [(State.IDLE, Phase.CONDITION), (State.READY, Phase.REST)]
     scale = 1.0 if number_format == "f64" else ranges("reluctance")[0].current / 2.0**31
-    wanted = [drive.conditioning(i) * scale for i in range(ticks)]
+    expected = [drive.conditioning(i) * scale for i in range(ticks)]
     driven = [row[0] for row in rows[:ticks]]
-    assert driven == pytest.approx(wanted, abs=2.0 * (CURRENTS[1] - CURRENTS[0]) / 65535)
+    assert driven == pytest.approx(expected, abs=2.0 * (CURRENTS[1] - CURRENTS[0]) / 65535)
     assert (min(driven), max(driven)) == pytest.approx(CURRENTS, abs=2e-4)
     assert rows[-1][0] == pytest.approx(0.0, abs=2e-5)
     # The iron keeps this state until a demagnetised state is reported.

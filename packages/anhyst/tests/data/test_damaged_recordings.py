@@ -132,7 +132,7 @@ def test_hdf5_is_not_led_out_of_the_file_nor_round_in_it(tmp_path: Path) -> None
         group = file.create_group("a")
         group["b"] = group  # a hard link to itself
         group["up"] = h5py.SoftLink("/a/up")
-    assert [one.name for one in list_channels(path)] == ["t_s", "F_N", "I_A"]
+    assert [channel.name for channel in list_channels(path)] == ["t_s", "F_N", "I_A"]
     with h5py.File(path, "a") as file:
         file.create_dataset("huge", shape=(10**15,), chunks=(1024,), dtype="f8")
     with refused("too-large /huge: 1000000000000000"):

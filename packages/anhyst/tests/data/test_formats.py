@@ -200,7 +200,7 @@ def test_mdf_opens_in_asammdf_with_units_and_groups(tmp_path: Path) -> None:
     source = recordings.control_desk(tmp_path / "run.mat")
     convert(source, tmp_path / "run.mf4")
     with asammdf.MDF(tmp_path / "run.mf4") as file:
-        groups = [one.channel_group.acq_name for one in file.groups]
+        groups = [group.channel_group.acq_name for group in file.groups]
         current, gap = file.get("Coil/Current"), file.get("Gap")
     assert groups == ["Model Root/Coil/Current", "Model Root/Load cell", "Model Root/Gap"]
     assert (current.unit, gap.unit) == ("A", "mm")

@@ -172,7 +172,7 @@ def noisy_gap(gap: FloatArray, scatter: float) -> FloatArray:
 def test_plateaus_of_a_noisy_gap_are_gaps(tmp_path: Path, gaps: list[float], scatter: float) -> None:
     current = np.tile(cycles(), len(gaps))
     gap = np.repeat(gaps, PHASE.size)
-    force = np.concatenate([force_of(cycles(), one) for one in gaps])
+    force = np.concatenate([force_of(cycles(), gap) for gap in gaps])
     time = 1e-3 * np.arange(gap.size, dtype=np.float64)
     header = "t_s,I_A,F_N,gap_m"
     loops = read_loops(write(tmp_path / "a.csv", header, time, current, force, noisy_gap(gap, scatter)))

@@ -30,9 +30,9 @@ def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[Model
     """Identify a magnet's loops on the command line; return the model and the printed JSON."""
     loops = magnet.write_loops(place / f"{magnet.name}.csv")
     out = place / f"{magnet.name}.toml"
-    done = quick("identify", loops, "--out", out, "--json", *options, cwd=place)
-    assert done.returncode == 0, done.stderr
-    return read_model(out), json.loads(done.stdout)
+    completed = quick("identify", loops, "--out", out, "--json", *options, cwd=place)
+    assert completed.returncode == 0, completed.stderr
+    return read_model(out), json.loads(completed.stdout)
 
 
 @pytest.fixture(scope="module")

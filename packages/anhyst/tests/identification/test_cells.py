@@ -61,7 +61,7 @@ def one_after_another(loopset: Loops, drift: float = 0.0) -> Loops:
 def predicted(model: Model, loopset: Loops) -> FloatArray:
     """Return the modelled output of all loops."""
     return np.concatenate(
-        [model.predict(one.input, one.schedule, one.time, one.history).output for one in loopset.loops]
+        [model.predict(loop.input, loop.schedule, loop.time, loop.history).output for loop in loopset.loops]
     )
 
 
@@ -107,13 +107,13 @@ def test_derivatives_agree_with_differences_without_drift(shape: Shape) -> None:
 def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
     space, theta = somewhere(loops_of(cells_magnet(), history, samples=90), "tanh")
     whole = space.records
-    pieces = tuple(piece for one in whole.loops for piece in one.pieces(7))
+    pieces = tuple(piece for loop in whole.loops for piece in loop.pieces(7))
     assert len(pieces) > 10 * len(whole.loops)
     cut = replace(space, records=replace(whole, loops=pieces))
-    for one, other in zip(
+    for equation, other in zip(
         Objective(space).normal_equations(theta), Objective(cut).normal_equations(theta), strict=True
     ):
-        assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
+        assert np.abs(equation - other).max() < 1e-9 * np.abs(equation).max()
 
 
 @pytest.mark.slow

@@ -78,10 +78,10 @@ def test_a_withheld_error_is_that_of_a_fit_without_that_gap() -> None:
     for gap in GAPS[1:-1]:
         others = identify(loops.without(gap), law=law, gap_map="reluctance")
         seen = loops.at(gap)
-        off = np.concatenate(predicted(others.model, seen)) - np.concatenate(
+        error = np.concatenate(predicted(others.model, seen)) - np.concatenate(
             [loop.output for loop in seen.loops]
         )
-        missed.append(float(np.mean(np.abs(off))) / largest(loops))
+        missed.append(float(np.mean(np.abs(error))) / largest(loops))
     assert reported == pytest.approx(np.mean(missed), rel=0.02)
 
 
@@ -111,9 +111,9 @@ def test_with_two_gaps_the_gap_map_is_reported_as_a_guess() -> None:
     assert any("none can be withheld" in text for text in result.warnings)
     assert any("a guess" in text for text in result.warnings)
     assert fit_of(result).left_out == {}
-    wanted = identify(loops, law="effective-field", gap_map="scaling")
-    assert wanted.model.gap_map == "scaling"
-    assert any("none can be withheld" in text for text in wanted.warnings)
+    expected = identify(loops, law="effective-field", gap_map="scaling")
+    assert expected.model.gap_map == "scaling"
+    assert any("none can be withheld" in text for text in expected.warnings)
 
 
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "free"])
@@ -304,7 +304,7 @@ def test_provenance_reports_the_settings(tmp_path: Path) -> None:
 def bent_loops() -> Loops:
     """Return loops that no law can fit exactly."""
     loops = loops_of(core(), samples=40)
-    bent = [replace(one, output=0.4 * np.tanh(one.output / 0.2)) for one in loops.loops]
+    bent = [replace(loop, output=0.4 * np.tanh(loop.output / 0.2)) for loop in loops.loops]
     return loops.with_loops(bent)
 
 
@@ -320,10 +320,10 @@ def test_identify_drops_a_candidate_that_fails_and_names_it(monkeypatch: pytest.
 
     monkeypatch.setattr(cell_search.CellSearch, "_fit_candidate", break_one)
     candidates = fit_of(identify(bent_loops())).candidates
-    (failed,) = (one for one in candidates if one.note.startswith("dropped"))
+    (failed,) = (candidate for candidate in candidates if candidate.note.startswith("dropped"))
     assert failed.law == "play-cells, 1 population"
     assert failed.text() == f"{failed.law}, none (dropped: the magnetisation may jump)"
-    assert "play-cells-langevin, 1 population" in {one.law for one in candidates}
+    assert "play-cells-langevin, 1 population" in {candidate.law for candidate in candidates}
 
 
 def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
@@ -340,8 +340,8 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     monkeypatch.setattr(model_selection, "_finish", fail_once)
     loops = bent_loops()
     candidates = fit_of(identify(loops)).candidates
-    assert [one.note for one in candidates].count("chosen") == 1
-    assert sum(one.note == "dropped: singular matrix" for one in candidates) == 1
+    assert [candidate.note for candidate in candidates].count("chosen") == 1
+    assert sum(candidate.note == "dropped: singular matrix" for candidate in candidates) == 1
 
     tried.clear()
     listed = fit_of(identify(loops_of(core(), samples=40))).candidates

@@ -56,10 +56,10 @@ def test_the_iron_does_not_depend_on_the_gap() -> None:
     assert not model.needs_fixed_gap
     assert min(np.atleast_1d(model.parameters["rho"])) >= 0.0
     moving = np.linspace(GAPS[0], GAPS[-1], 50)
-    wanted = np.linspace(2.0, 40.0, 50)
-    answer = model.invert(wanted, moving, history="demagnetised")
+    expected = np.linspace(2.0, 40.0, 50)
+    answer = model.invert(expected, moving, history="demagnetised")
     back = model.predict(answer.drive, moving, history="demagnetised")
-    assert np.allclose(back.output, wanted, atol=1e-6)
+    assert np.allclose(back.output, expected, atol=1e-6)
 
 
 def test_the_withheld_error_is_reported() -> None:

@@ -46,9 +46,9 @@ def test_its_slow_drift_is_creep(measurements: Path) -> None:
     model, whole, half = halves(measurements)
     assert model.dynamics is not None
     assert 0.005 < sum(model.dynamics.shares) < 0.03
-    off = (model.predict(whole.input, time=whole.time).output - whole.output)[half:]
-    assert abs(off.mean()) < 0.1e-6  # 0.21 um without creep
-    assert float(np.std(off)) < 0.22e-6
+    error = (model.predict(whole.input, time=whole.time).output - whole.output)[half:]
+    assert abs(error.mean()) < 0.1e-6  # 0.21 um without creep
+    assert float(np.std(error)) < 0.22e-6
 
 
 def test_at_one_rate_no_lag_beyond_a_sample_is_believed(measurements: Path) -> None:

@@ -42,11 +42,11 @@ def fit_of(result: IdentifyResult) -> FitFigures:
 
 
 def mean_error(model: Model, truth: Loops) -> float:
-    off = [
+    error = [
         np.abs(output - loop.output)
         for output, loop in zip(predicted(model, truth), truth.loops, strict=True)
     ]
-    return float(np.mean(np.concatenate(off))) / largest(truth)
+    return float(np.mean(np.concatenate(error))) / largest(truth)
 
 
 def best_single_valued(truth: Loops) -> float:

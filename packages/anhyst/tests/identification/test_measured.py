@@ -58,7 +58,7 @@ def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: i
 def test_no_law_fits_the_ferrite_worse_with_offsets(ferrite: Loops) -> None:
     """Only required offsets are fitted, which may cost a little."""
     held, found = (
-        {one.law: one.rms for one in fit_of(identify(ferrite, offsets=offsets)).candidates}
+        {candidate.law: candidate.rms for candidate in fit_of(identify(ferrite, offsets=offsets)).candidates}
         for offsets in (False, True)
     )
     compared = held.keys() & found.keys()

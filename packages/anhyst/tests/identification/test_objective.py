@@ -223,8 +223,8 @@ def test_thinning_keeps_the_fit() -> None:
 def test_loops_are_never_thicker_after_thinning() -> None:
     records = make_fit_records(loops_of(core(), samples=50))
     assert all(
-        np.array_equal(one.input, other.input)
-        for one, other in zip(records.thinned(400).loops, records.loops, strict=True)
+        np.array_equal(loop.input, other.input)
+        for loop, other in zip(records.thinned(400).loops, records.loops, strict=True)
     )
 
 
@@ -267,8 +267,8 @@ def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
     exact = []
     for kappa, c, omega, scale, in_0, size, lift in np.vstack([sets, gain, out_0]).T:
         local = form.make_set([kappa, c, omega, scale, size, in_0, lift])
-        off = (objective.outputs([local]) - objective.measured) * objective.weights
-        exact.append(float(off @ off))
+        error = (objective.outputs([local]) - objective.measured) * objective.weights
+        exact.append(float(error @ error))
     usable = np.isfinite(cost)
     assert usable.sum() > 50
     best = np.argsort(np.array(exact)[usable])[:8]

@@ -94,7 +94,7 @@ def test_smaller_or_untimed_loops_are_not_classified_as_fast() -> None:
     steady = [replace(one, time=0.2 * one.time) for one in inner if one.time is not None]
     assert group_by_speed(loops.with_loops([*slow, *inner])) is None
     assert group_by_speed(loops.with_loops([*slow, *steady])) is None
-    assert group_by_speed(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+    assert group_by_speed(loops.with_loops(replace(loop, time=None) for loop in loops.loops)) is None
 
 
 CARRIED = History.parse("conditioned:4,0")
@@ -144,9 +144,9 @@ def test_fast_loops_that_began_demagnetised_stay_so(tmp_path: Path) -> None:
     """The slow loops then begin on the initial curve as well."""
     virgin = replace(truth(2.0), parameters=dict(truth(2.0).parameters) | {"k_1": 300.0})
     loops = session(20.0).with_loops(
-        replace(one, output=virgin.predict(one.input, one.schedule_value, one.time,
+        replace(loop, output=virgin.predict(loop.input, loop.schedule_value, loop.time,
                                            DEMAGNETISED).output)
-        for one in session(20.0).loops
+        for loop in session(20.0).loops
     )  # fmt: skip
     read = read_loops(file_of(loops, tmp_path))
     assert {loop.history for loop in read.loops} == {DEMAGNETISED}
@@ -156,15 +156,15 @@ def test_fast_loops_that_began_demagnetised_stay_so(tmp_path: Path) -> None:
 def test_carried_history_halves_the_error_of_fast_loops(tmp_path: Path) -> None:
     read = read_loops(file_of(session(20.0), tmp_path))
     blamed = read.with_loops(
-        replace(one, history=DEMAGNETISED) if one.label == "20 Hz" else one for one in read.loops
+        replace(loop, history=DEMAGNETISED) if loop.label == "20 Hz" else loop for loop in read.loops
     )
     errors = []
     for loops in (read, blamed):
         result = found(loops)
-        off = [np.sqrt(np.mean((made - one.output) ** 2))
-               for made, one in zip(result.fitted, loops.loops, strict=True)
-               if one.label == "20 Hz"]  # fmt: skip
-        errors.append(max(off))
+        error = [np.sqrt(np.mean((made - loop.output) ** 2))
+               for made, loop in zip(result.fitted, loops.loops, strict=True)
+               if loop.label == "20 Hz"]  # fmt: skip
+        errors.append(max(error))
     assert errors[0] < 0.5 * errors[1]
 
 
@@ -174,9 +174,9 @@ def test_a_clock_of_few_digits_will_do(digits: int) -> None:
     """With a resolution of 1 ms, a cycle of 20 ms has twenty different times for two hundred
     samples."""
     coarse = measured().with_loops(
-        replace(one, time=np.floor(one.time * 10.0**digits) / 10.0**digits)
-        for one in measured().loops
-        if one.time is not None
+        replace(loop, time=np.floor(loop.time * 10.0**digits) / 10.0**digits)
+        for loop in measured().loops
+        if loop.time is not None
     )
     loops = spread_equal_times(coarse)
     assert loops.repairs
@@ -195,7 +195,7 @@ def test_a_clock_of_few_digits_will_do(digits: int) -> None:
 def test_inspect_reports_the_rate_above_which_eddy_currents_matter() -> None:
     assert describe_rate(measured()).startswith("rate matters")
     assert describe_rate(measured(gamma=0.0)).startswith("rate does not matter")
-    slow = measured().with_loops(one for one in measured().loops if one.label == "5 Hz")
+    slow = measured().with_loops(loop for loop in measured().loops if loop.label == "5 Hz")
     assert describe_rate(slow) == ""
 
 

@@ -165,8 +165,8 @@ def scores(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
             loops, law="effective-field", gap_map=wanted_map(truth), dead_band=False
         )  # the truth has none
         reported = uncertainty_of(result)
-        off = np.array(reported.values) - np.array(truths_in_order(truth))
-        rows.append(off / np.array(reported.std))
+        error = np.array(reported.values) - np.array(truths_in_order(truth))
+        rows.append(error / np.array(reported.std))
     return np.array(rows)
 
 
@@ -247,13 +247,13 @@ def test_fit_metrics_agree_with_the_fitted_loops() -> None:
     result = identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance")
     fit = result.model.fit
     assert fit is not None
-    off = [out - loop.output for out, loop in zip(result.fitted, result.loops.loops, strict=True)]
-    whole = np.concatenate(off)
+    error = [out - loop.output for out, loop in zip(result.fitted, result.loops.loops, strict=True)]
+    whole = np.concatenate(error)
     assert fit.rms == pytest.approx(float(np.sqrt(np.mean(whole**2))))
     assert fit.mean_abs == pytest.approx(float(np.mean(np.abs(whole))))
     assert fit.worst == float(np.abs(whole).max())
     assert fit.largest_output == largest(result.loops)
-    for row, one, loop in zip(fit.loops, off, result.loops.loops, strict=True):
+    for row, one, loop in zip(fit.loops, error, result.loops.loops, strict=True):
         assert (row.label, row.schedule, row.samples) == (loop.label, loop.schedule_value, loop.n)
         assert row.rms == pytest.approx(float(np.sqrt(np.mean(one**2))))
 

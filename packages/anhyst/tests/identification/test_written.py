@@ -43,17 +43,17 @@ def written(result: IdentifyResult, place: Path) -> Model:
     """Save and read a result, and check that every reported figure is that of the file."""
     model = read_model(result.save(place / "model.toml"))
     outputs = predicted(model, result.loops)
-    off = [one - loop.output for one, loop in zip(outputs, result.loops.loops, strict=True)]
+    error = [output - loop.output for output, loop in zip(outputs, result.loops.loops, strict=True)]
     fit = fit_of(model)
-    for deviation, row in zip(off, fit.loops, strict=True):
+    for deviation, row in zip(error, fit.loops, strict=True):
         assert row.rms == exactly(np.sqrt(np.mean(deviation**2)))
         assert row.worst == exactly(np.abs(deviation).max())
-    rms = float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+    rms = float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
     assert fit.rms == exactly(rms)
-    for one in fit.candidates:
-        if one.note == CHOSEN:
-            assert one.rms is not None
-            assert one.rms * largest_output(result.loops) == exactly(rms)
+    for candidate in fit.candidates:
+        if candidate.note == CHOSEN:
+            assert candidate.rms is not None
+            assert candidate.rms * largest_output(result.loops) == exactly(rms)
     assert fit == fit_of(result.model)
     return model
 
@@ -115,7 +115,7 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     assert run.deviation is not None
     assert run.history == str(loop.history)
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
-    chosen = [one.rms for one in fit_of(model).candidates if one.note == CHOSEN]
+    chosen = [candidate.rms for candidate in fit_of(model).candidates if candidate.note == CHOSEN]
     assert chosen == [pytest.approx(run.deviation.rms / run.deviation.largest, rel=1e-9)]
 
 
@@ -125,17 +125,17 @@ def test_with_one_loop_withheld_blocks_of_samples_select_the_law(dipole: Identif
     loops, truth = accelerator(), accelerator_magnet()
     model = dipole.model
     assert model.law == "play-cells"
-    left = {one.law: one.left_out for one in fit_of(model).candidates}
+    left = {candidate.law: candidate.left_out for candidate in fit_of(model).candidates}
     assert left["effective-field"] is not None
     assert min(one for one in left.values() if one is not None) < left["effective-field"] / 3.0
     before, largest = str(loops.loops[0].history), largest_output(loops)
     assert fit_of(model).rms < 0.001 * largest  # 0.0026 in the flat valley before it
     for turns in ([8.0, 165.0, 80.0, 165.0, 8.0], [8.0, 120.0, 8.0], [8.0, 60.0, 8.0, 165.0]):
         drive = path(turns, 120)
-        off = (model.predict(drive, history=before).output
+        error = (model.predict(drive, history=before).output
                - truth.predict(drive, history=before).output)  # fmt: skip
-        assert np.sqrt(np.mean(off**2)) < 0.002 * largest
-        assert np.abs(off).max() < 0.02 * largest
+        assert np.sqrt(np.mean(error**2)) < 0.002 * largest
+        assert np.abs(error).max() < 0.02 * largest
 
 
 @pytest.mark.slow
@@ -153,9 +153,9 @@ def test_the_uncertainty_of_a_single_loop_is_reported(monkeypatch: pytest.Monkey
     (said,) = (text for text in result.warnings if "differ by" in text)
     apart = float(said.split("differ by ")[1].split(" %")[0]) / 100.0
     turns = path([-340.0, 100.0, -50.0, 250.0, 0.0, 150.0, -200.0], 200)
-    off = (result.model.predict(turns, history=before).output
+    error = (result.model.predict(turns, history=before).output
            - truth.predict(turns, history=before).output)  # fmt: skip
-    missed = float(np.sqrt(np.mean(off**2))) / largest_output(result.loops)
+    missed = float(np.sqrt(np.mean(error**2))) / largest_output(result.loops)
     assert missed < apart < 10.0 * missed
 
 

@@ -37,9 +37,9 @@ def test_a_jump_occurs_if_the_drive_falls_with_rising_flux(alpha: float, c: floa
     model = replace(magnet("reluctance", alpha=alpha, c=c), output=QUANTITIES["flux_density"])
     model = replace(model, parameters=dict(model.parameters) | {"c_out": 1.0, "out_0": 0.0})
     for gap in AT[::8]:
-        least = float(least_slope(model, np.array([gap]))[0])
-        if abs(least) > 0.01:
-            assert drive_rises(model, gap) == (least > 0.0), (gap, least)
+        smallest = float(least_slope(model, np.array([gap]))[0])
+        if abs(smallest) > 0.01:
+            assert drive_rises(model, gap) == (smallest > 0.0), (gap, smallest)
     assert (find_compile_obstacle(model) is None) == bool((least_slope(model, AT) > 0.001).all())
 
 
@@ -51,10 +51,10 @@ def test_a_coupling_that_outweighs_the_gap_without_a_jump_is_no_obstacle() -> No
 
 def test_a_jump_at_the_smallest_gaps_is_reported_with_the_usable_range() -> None:
     model = magnet("reluctance", alpha=0.0055)
-    said = find_compile_obstacle(model)
-    assert said is not None
-    assert "it jumps at a gap of 0.0003 to 0.000337 m" in said
-    assert "limit the gap in the model's [valid]" in said
+    message = find_compile_obstacle(model)
+    assert message is not None
+    assert "it jumps at a gap of 0.0003 to 0.000337 m" in message
+    assert "limit the gap in the model's [valid]" in message
     assert model.valid is not None
     beyond = replace(model.valid, schedule=(0.00036, GAPS[-1]))
     assert find_compile_obstacle(replace(model, valid=beyond)) is None

@@ -69,7 +69,7 @@ def test_time_is_asked_for_and_a_faster_record_is_noted() -> None:
 def test_a_difference_in_layers_is_a_difference() -> None:
     assert diff(SOLID, SOLID).same
     other = replace(SOLID, layers=Layers(2, 0.1, 0.25))
-    assert [one.name for one in diff(SOLID, other).settings] == ["layers"]
+    assert [setting.name for setting in diff(SOLID, other).settings] == ["layers"]
 
 
 @pytest.mark.parametrize(

@@ -140,9 +140,9 @@ def test_nested_cycles_of_a_file_continue_the_history(tmp_path: Path, seen: bool
     rows += [0.01 * np.arange(force.size), force] if seen else []
     drive = write(tmp_path / "d.csv", "I_A,gap_m,loop" + ",t_s,F_N" * seen, *rows)
     summary = predict(model, drive, tmp_path / "f.csv")
-    off = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
-    assert bool(np.abs(off).max() < 1e-9 * force.max()) is seen
-    assert bool(np.abs(off).max() > 1e-3 * force.max()) is not seen
+    error = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
+    assert bool(np.abs(error).max() < 1e-9 * force.max()) is seen
+    assert bool(np.abs(error).max() > 1e-3 * force.max()) is not seen
     assert any("within larger loops" in text for text in summary.warnings) is seen
 
 

@@ -66,10 +66,10 @@ def test_derivatives_of_a_path_agree_with_differences(shape: Shape, centres: Flo
             ends.append(follow(moved, shape, centres))
         difference = (ends[0] - ends[1]) / (2e-6 * numbers[place])
         for found, expected in zip((x_t, m_t), difference, strict=True):
-            off = np.abs(found[:, place] - expected)
+            error = np.abs(found[:, place] - expected)
             # At a sample where a cell starts to move, the left and right derivatives differ.
-            assert np.quantile(off, 0.97) < 2e-6 * np.abs(expected).max(), place
-            assert off.max() < 2e-2 * np.abs(expected).max(), place
+            assert np.quantile(error, 0.97) < 2e-6 * np.abs(expected).max(), place
+            assert error.max() < 2e-2 * np.abs(expected).max(), place
 
 
 def test_drives_that_begin_in_one_call_are_as_if_each_were_alone() -> None:

@@ -59,8 +59,8 @@ def test_the_core_agrees_with_a_shooting_method(count: int, laminated: float) ->
     made, state = solid("cells", count, 0.2, laminated)
     rho, eddy = 1e-3, 1500.0
     found = made.forward(drive, np.full(60, rho), np.full(60, eddy), state)[0]
-    wanted = SolidIron(PlayCells(weights(), 0.0), count, 0.2, laminated).forward(drive, rho, eddy)
-    assert np.abs(found - wanted).max() < 1e-8
+    expected = SolidIron(PlayCells(weights(), 0.0), count, 0.2, laminated).forward(drive, rho, eddy)
+    assert np.abs(found - expected).max() < 1e-8
     plain = iron("cells").forward(drive, np.full(60, rho), np.zeros(60), np.zeros(13))[0]
     assert np.abs(found - plain).max() > 0.05
 

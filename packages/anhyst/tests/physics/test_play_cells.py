@@ -81,11 +81,11 @@ def test_parameters_with_a_reversible_jump_are_refused() -> None:
 
 @every_cells
 def test_a_larger_extreme_erases_smaller_ones(law: str) -> None:
-    for one in samples(law, 30, seed=201):
-        amplitude = one.amplitude
+    for sample in samples(law, 30, seed=201):
+        amplitude = sample.amplitude
         short = amplitude * np.array([1.0, -0.9, 0.8])
         long = amplitude * np.array([1.0, -0.9, 0.5, -0.4, 0.3, -0.2, 0.6, 0.8])
-        ends = [one.forward(path)[2] for path in (short, long)]
+        ends = [sample.forward(path)[2] for path in (short, long)]
         np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-10 * amplitude)
 
 

@@ -86,9 +86,9 @@ def test_a_swap_of_models_steps_the_current_by_less_than_their_difference(
     demand = path(gap_map, seed)
     on = np.append(demand, cycle(gap_map))
     difference = np.abs(drives(model, on, gap) - drives(other, on, gap)).max()
-    most = difference / here.scales.current + ACCURACY
-    assert jump(here, there, demand, gap) < most
-    assert jump(there, here, demand, gap) < most
+    largest = difference / here.scales.current + ACCURACY
+    assert jump(here, there, demand, gap) < largest
+    assert jump(there, here, demand, gap) < largest
 
 
 @settings(max_examples=40)
@@ -111,9 +111,9 @@ def test_a_swap_of_simplified_laws_steps_the_current_by_less_than_their_differen
         build_block(model, "simplified", scales, limits, SIZES, closed_form=each) for each in (law, other)
     )
     demand = path("reluctance", seed)
-    most = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
-    assert jump(here, there, demand, gap) < most
-    assert jump(there, here, demand, gap) < most
+    largest = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
+    assert jump(here, there, demand, gap) < largest
+    assert jump(there, here, demand, gap) < largest
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])

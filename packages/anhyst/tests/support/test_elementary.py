@@ -19,7 +19,7 @@ def test_a_sine_in_turns_is_that_of_the_angle() -> None:
 
 def test_the_first_order_share_is_one_minus_the_exponential() -> None:
     times = np.logspace(-18.0, 3.0, 500)
-    found = [first_order_share(one) for one in times.tolist()]
+    found = [first_order_share(time) for time in times.tolist()]
     assert found == pytest.approx((-np.expm1(-times)).tolist(), rel=2e-15)
     assert (first_order_share(0.0), first_order_share(math.inf)) == (0.0, 1.0)
 

@@ -81,7 +81,7 @@ def test_a_dsc_is_estimated_for_the_tick_too(folder: Path) -> None:
     found = verify(folder, "cortex-m0plus", target_steps=2_000)
     (result,) = ticks_of(found)
     plausible(result, folder)
-    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    cycles = {(estimate.prices, estimate.part): estimate.cycles for estimate in found.estimates}
     for part in TICKS:
         at_best, cautious = (cycles[name, f"controller: {part}"] for name in ("at best", "cautious"))
         assert 0 < at_best < cautious

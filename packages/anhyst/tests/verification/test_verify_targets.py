@@ -27,9 +27,9 @@ def plausible(result: TargetResult) -> None:
     for cost in result.costs:
         assert 0 < cost.least <= cost.mean <= cost.most, cost
         assert 0 <= cost.most_at < result.steps
-    most = {cost.part: cost.most for cost in result.costs}
-    parts = most["solve"] + most["commit, other"] + most["pidd2"]
-    assert most["solve"] < most["tick"] <= max(parts, most["solve"] + most["commit, solved"]) * 2
+    largest = {cost.part: cost.most for cost in result.costs}
+    parts = largest["solve"] + largest["commit, other"] + largest["pidd2"]
+    assert largest["solve"] < largest["tick"] <= max(parts, largest["solve"] + largest["commit, solved"]) * 2
     sizes = result.sizes
     assert sizes is not None
     assert sizes.code > 1000
@@ -63,9 +63,9 @@ def test_cortex_m4_agrees_with_the_host_and_converter_rounding_costs_no_second_s
         assert result.stack_static >= (result.stack_measured or 0)
     portable, port = found.results
     assert port.costs[0].most < portable.costs[0].most
-    most = {cost.part: cost.most for cost in port.costs}
-    assert most["tick, rounded"] < rounded
-    assert most["tick"] < worst
+    largest = {cost.part: cost.most for cost in port.costs}
+    assert largest["tick, rounded"] < rounded
+    assert largest["tick"] < worst
 
 
 @pytest.mark.slow
@@ -91,7 +91,7 @@ def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
 def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
     found = agrees(verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=2_000))
     plausible(found.results[0])
-    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    cycles = {(estimate.prices, estimate.part): estimate.cycles for estimate in found.estimates}
     instructions = found.results[0].cost("tick")
     assert instructions is not None
     for part in PARTS:
