@@ -115,7 +115,7 @@ def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> Non
     assert sum(line.done.values()) > 10
 
 
-def test_a_line_that_is_cut_is_reported_and_the_current_goes_to_zero(host_firmware: Path) -> None:
+def test_a_cut_line_is_reported_and_the_current_ramps_to_zero(host_firmware: Path) -> None:
     line = Disturbance()
     with session(host_firmware, line) as (board, controller):
         controller.demand(500 * STEP)

@@ -75,7 +75,7 @@ def test_the_clocks_make_the_rates_that_are_claimed(chip: Chip) -> None:
     assert 4 / RATE < watchdog < 0.01
 
 
-def test_it_answers_over_its_serial_port(chip: Chip) -> None:
+def test_the_firmware_answers_over_its_serial_port(chip: Chip) -> None:
     info = ask(chip, HelloRequest(frames.VERSION, 7), 1)
     assert isinstance(info, InfoAnswer)
     assert info.rate == RATE
@@ -167,9 +167,7 @@ def test_the_status_reports_the_cycles_of_a_tick(chip: Chip) -> None:
     assert status_of(chip, 2).cycles == 1000  # the counter is read twice per tick
 
 
-def test_a_block_that_is_kept_is_in_force_after_the_next_start(
-    chip: Chip, program: Path, parameters: Path
-) -> None:
+def test_a_stored_block_is_used_after_the_next_start(chip: Chip, program: Path, parameters: Path) -> None:
     settled(chip)
     words = block_of(parameters)
     kept = set_generation(words, 7)
@@ -192,7 +190,7 @@ WORKS = {n: () if n in {0, 1, 2, 300, 538} else pytest.mark.campaign for n in ra
 
 
 @pytest.mark.parametrize("works", [pytest.param(n, marks=mark) for n, mark in WORKS.items()])
-def test_power_that_fails_while_a_block_is_kept_leaves_the_one_before(
+def test_a_power_failure_during_storing_keeps_the_previous_block(
     chip: Chip, program: Path, parameters: Path, works: int
 ) -> None:
     settled(chip)
@@ -260,7 +258,7 @@ def test_the_encoder_counts_both_ways_round(bearing: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_converter_gives_the_position_as_the_set_in_flash_calibrates_it(bearing: Path) -> None:
+def test_the_position_uses_the_calibration_in_flash(bearing: Path) -> None:
     chip = Chip(bearing, kept_set((32768, -200, 1, 100, 65000), 1))
     chip.start()
     ask(chip, HelloRequest(frames.VERSION, 7), 1)

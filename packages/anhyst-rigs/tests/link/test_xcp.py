@@ -106,7 +106,7 @@ def test_time_stamps_are_the_numbers_of_the_ticks(xcp_board: RunningFirmware) ->
     assert stamps == [(0, 0, tick) for tick in (41, 44, 47, 50)]
 
 
-def test_the_slave_says_what_it_is(xcp_board: RunningFirmware) -> None:
+def test_the_slave_identifies_itself(xcp_board: RunningFirmware) -> None:
     with master_on(xcp_board) as master:
         assert master.identifier(0) == master.identifier(1) == "handmade"
         assert master.slaveProperties.maxCto == master.slaveProperties.maxDto == 136
@@ -118,7 +118,7 @@ def test_the_slave_says_what_it_is(xcp_board: RunningFirmware) -> None:
         )
 
 
-def test_what_is_read_is_what_the_own_link_says(xcp_board: RunningFirmware) -> None:
+def test_xcp_values_agree_with_the_link(xcp_board: RunningFirmware) -> None:
     with ControllerLink(xcp_board.url, timeout=1.0) as controller, master_on(xcp_board) as master:
         status = controller.status()
         for name in ("demand", "force", "gap", "current", "drive", "state", "fault"):
@@ -328,7 +328,7 @@ def test_page_0_cannot_be_written(xcp_board: RunningFirmware) -> None:
         assert refused(error.value) == "ERR_WRITE_PROTECTED"
 
 
-def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
+def test_the_next_master_starts_a_new_session(xcp_board: RunningFirmware) -> None:
     with connected(xcp_board) as line:
         seed = ask(line, b"\xf8\x00\x01")
         assert ask(line, b"\xf7\x04" + compute_key(seed[2:]))[0] == 0xFF
@@ -341,7 +341,7 @@ def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
 
 
 @pytest.mark.slow
-def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(xcp_board: RunningFirmware) -> None:
+def test_a_slow_master_stops_nothing_and_is_told_of_lost_samples(xcp_board: RunningFirmware) -> None:
     """More than socket and queue hold is left out, whole samples at a time, and reported."""
     ticks = 40_000
     with connected(xcp_board) as line:

@@ -39,9 +39,9 @@ class Samples(DaqOnlinePolicy):
     """Keeps what comes: a row a sample, in front of it its time stamp in ns."""
 
     def __init__(self, names: Sequence[str], prescaler: int = 1) -> None:
-        wanted = [(name, ADDRESSES[name], 0, "I32") for name in names]
+        expected = [(name, ADDRESSES[name], 0, "I32") for name in names]
         self.rows: list[tuple[int, ...]] = []
-        super().__init__([DaqList("all", 0, False, True, wanted, 0, prescaler)])
+        super().__init__([DaqList("all", 0, False, True, expected, 0, prescaler)])
 
     def on_daq_list(self, daq_list: int, received: int, stamp: int, values: list[int]) -> None:
         """Take a sample of one tick."""
