@@ -62,7 +62,8 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
             print_evidence(proof, evidence)
             held_count += evidence.holds
             record.pop(proof.name, None)
-            is_unchanged = current_hash(proof) == contents[proof.name]  # by an editor
+            # Meanwhile, an editor may have changed the files.
+            is_unchanged = current_hash(proof) == contents[proof.name]
             if evidence.holds and evidence.seconds >= MIN_RECORDED_S and is_unchanged:
                 record[proof.name] = entry_of(evidence, contents[proof.name])
             write_record(RECORD, record)
