@@ -29,7 +29,7 @@ void app_body_fail(app_body *body, uint16_t reason);
 
 /* Sets the demanded force (LINK_BODY_FORCE) or the target position (LINK_BODY_POSITION). Returns
    LINK_REASON_NONE; _TYPE if the body controls the other quantity; _VALUE beyond the limits. */
-uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value);
+uint16_t app_body_set_reference(app_body *body, uint16_t quantity, int32_t value);
 
 /* Returns the last demanded force or target position. */
 int32_t app_body_goal(const app_body *body);

@@ -7,9 +7,9 @@ void app_control_start(app_control *control, app_body *body, const app_board *bo
 {
   control->body = body;
   control->tick = 0;
-  control->silent = 0;
+  control->silent_ticks = 0;
   control->flags = ANHYST_CURRENT_ZERO;
-  control->missed = 0;
+  control->missed_ticks = 0;
   app_body_start(body, board);
 }
 
@@ -32,7 +32,7 @@ static uint32_t update_tick(app_control *control, const app_limits *limits, uint
   if (ticks == 0U) {
     ticks = 1U;
   }
-  control->missed = (uint16_t)(control->missed + (ticks - 1U));
+  control->missed_ticks = (uint16_t)(control->missed_ticks + (ticks - 1U));
   return ticks;
 }
 
@@ -62,8 +62,10 @@ static void check_heartbeat(app_control *control, const int32_t *settings, uint3
 {
   const anhyst_supervisor *states = app_body_states(control->body);
   const int is_current_allowed = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
-  control->silent = control->silent > UINT32_MAX - ticks ? UINT32_MAX : control->silent + ticks;
-  if (is_current_allowed && control->silent > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {
+  control->silent_ticks =
+      control->silent_ticks > UINT32_MAX - ticks ? UINT32_MAX : control->silent_ticks + ticks;
+  if (is_current_allowed &&
+      control->silent_ticks > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {
     app_body_fail(control->body, ANHYST_FAULT_LINK_LOST);
   }
 }

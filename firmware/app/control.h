@@ -9,10 +9,10 @@
 
 typedef struct {
   app_body *body;
-  uint32_t tick;   /* number of the last tick */
-  uint32_t silent; /* ticks since the last new request */
+  uint32_t tick;         /* number of the last tick */
+  uint32_t silent_ticks; /* ticks since the last new request */
   uint16_t flags;
-  uint16_t missed; /* missed ticks since power-on, modulo 65536 */
+  uint16_t missed_ticks; /* missed ticks since power-on, modulo 65536 */
 } app_control;
 
 /* Starts in the state INIT with the board's block. If the block is invalid, the first tick enters

@@ -17,8 +17,8 @@
 
 typedef struct {
   app_sensor sensor;
-  int32_t expected; /* current after the slowest allowed response, q30 */
-  int32_t failed;   /* failed samples in a row */
+  int32_t expected_current; /* current after the slowest allowed response, q30 */
+  int32_t failed_samples;   /* failed samples in a row */
 } app_current;
 
 /* Resets the check. The next measured current becomes the expected current. */
@@ -31,8 +31,7 @@ void app_current_start(app_current *current);
 uint16_t app_current_judge(app_current *current, const app_limits *limits, const int32_t *settings,
                            int32_t value, uint32_t ticks, int32_t drive);
 
-/* Whether a single sample with this reason is a fault. For other reasons, the body tolerates
-   max_implausible_samples. */
-int app_current_is_certain(uint16_t fault);
+/* Whether one sample with this reason is a fault. Others are limited by max_implausible_samples. */
+int app_current_is_immediate_fault(uint16_t fault);
 
 #endif

@@ -8,17 +8,17 @@
 #include "link/frames.h"
 
 /* Content of the pending buffer. */
-#define APP_DOWNLOAD_NONE 0U     /* nothing, or a block that is now active */
-#define APP_DOWNLOAD_ARRIVING 1U /* the received words of an announced block */
-#define APP_DOWNLOAD_EDITED 2U   /* a copy of the active block that is changed word by word */
+#define APP_DOWNLOAD_NONE 0U      /* nothing, or a block that is now active */
+#define APP_DOWNLOAD_RECEIVING 1U /* the received words of an announced block */
+#define APP_DOWNLOAD_EDITED 2U    /* a copy of the active block that is changed word by word */
 
 typedef struct {
   link_block_begin announced;
-  uint32_t checksum;     /* CRC-32 of the received words */
-  uint16_t received;     /* number of received words */
-  uint16_t pending;      /* index of the pending buffer */
-  uint16_t state;        /* one of APP_DOWNLOAD_... */
-  uint16_t has_checksum; /* whether an edit wrote the checksum of the block */
+  uint32_t checksum;       /* CRC-32 of the received words */
+  uint16_t received_words; /* number of received words */
+  uint16_t pending_index;  /* index of the pending buffer */
+  uint16_t state;          /* one of APP_DOWNLOAD_... */
+  uint16_t has_checksum;   /* whether an edit wrote the checksum of the block */
   int16_t words[2][ANHYST_BLOCK_MOST_WORDS];
 } app_download;
 
@@ -41,7 +41,7 @@ uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint
 
 /* Marks the edited block as received. Calculates its checksum, unless an edit wrote a checksum; the
    written checksum is then checked later. */
-void app_download_seal(app_download *download);
+void app_download_finish_edit(app_download *download);
 
 /* Checks the received block. Returns LINK_REASON_NONE, with the block in *words and its length in
    announced.words; or LINK_REASON_ORDER, _CHECKSUM, _BLOCK, _GENERATION, _SCALE (*detail: first

@@ -15,12 +15,12 @@ enum {
 };
 
 typedef struct {
-  int32_t value;       /* last plausible value, q30 */
-  int32_t anchor;      /* driven current at the last change of the code, q31 */
-  uint16_t age;        /* ticks since the last plausible value, at most 65535 */
-  uint16_t same_ticks; /* ticks with an equal code, at most 65535 */
-  uint16_t has_moved;  /* whether the current moved enough while the code was equal */
-  uint16_t known;      /* whether a plausible value exists */
+  int32_t value;              /* last plausible value, q30 */
+  int32_t current_at_change;  /* driven current at the last change of the code, q31 */
+  uint16_t missing_ticks;     /* ticks since the last plausible value, at most 65535 */
+  uint16_t unchanged_ticks;   /* ticks with an equal code, at most 65535 */
+  uint16_t has_current_moved; /* whether the current moved enough while the code was equal */
+  uint16_t has_value;         /* whether a plausible value exists */
 } app_sensor;
 
 /* Converts a measured value from q30 to q31, with saturation. */

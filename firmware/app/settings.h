@@ -12,6 +12,7 @@ void app_settings_start(int32_t *values, const app_board *board);
 /* Returns the reason why a setting cannot have this value now (value or state), or
    LINK_REASON_NONE. The range is that of the table; a setting in ticks is also limited to
    heartbeat_ms of the board. is_running: whether the state is RUN. */
-uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running);
+uint16_t app_setting_refusal(const app_board *board, uint16_t number, int32_t value,
+                             int is_running);
 
 #endif

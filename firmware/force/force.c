@@ -21,7 +21,8 @@ void app_body_start(app_body *body, const app_board *board)
   body->flags = 0;
   body->is_ramping = 0;
   body->is_compensated = 1;
-  body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
+  body->ramp_step =
+      anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
   anhyst_supervisor_start(&body->supervisor);
   reset_sensors(body);
   if (anhyst_compensator_init(&body->compensator, board->kernel, board->words,
@@ -43,7 +44,7 @@ void app_body_fail(app_body *body, uint16_t reason)
   anhyst_supervisor_fail(&body->supervisor, reason);
 }
 
-uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
+uint16_t app_body_set_reference(app_body *body, uint16_t quantity, int32_t value)
 {
   if (quantity != (uint16_t)LINK_BODY_FORCE) {
     return LINK_REASON_TYPE;
@@ -110,7 +111,7 @@ static void check_sample(app_body *body, const int32_t *settings, const port_sam
     body->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
   }
   if (fault == ANHYST_FAULT_GAP_STUCK || fault == ANHYST_FAULT_FORCE_STUCK ||
-      app_current_is_certain(fault)) {
+      app_current_is_immediate_fault(fault)) {
     anhyst_supervisor_fail(&body->supervisor, fault);
   }
 }
@@ -152,8 +153,8 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
 /* Returns the driven current, moved by at most one ramp step towards another current. */
 static int32_t ramp_towards(const app_body *body, int32_t current)
 {
-  return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp),
-                      anhyst_add_q31(body->drive, body->ramp));
+  return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp_step),
+                      anhyst_add_q31(body->drive, body->ramp_step));
 }
 
 /* Ramps to the current after a change of block or method; later returns it unchanged. */

@@ -16,7 +16,7 @@ struct app_body {
   int32_t target;         /* demanded force, q31 */
   int32_t demand;         /* demand after the slew limit, q31 */
   int32_t drive;          /* driven current, q31 */
-  int32_t ramp;           /* step of the ramp, q31 per tick */
+  int32_t ramp_step;      /* step of the ramp, q31 per tick */
   uint16_t flags;         /* flags of this tick */
   uint8_t is_ramping;     /* whether the current still ramps after a change of block or method */
   uint8_t is_compensated; /* whether the last current came from the compensator */

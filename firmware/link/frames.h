@@ -8,7 +8,7 @@
 #include "link/bytes.h"
 
 #define LINK_VERSION 4
-#define LINK_PAYLOAD_MOST 240
+#define LINK_MAX_PAYLOAD 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
 
 /* Types of frames. */

@@ -59,14 +59,12 @@ struct port {
   void (*sense)(void *context, port_sample *sample);
 
   /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Called once by
-     each app_tick, also in the state "fault". state: controller state + 256*fault reason. A board
-     may display it. In the state "fault", it may switch its power stage off if both currents are 0.
-   */
+     each app_tick, also in the state FAULT. state: controller state + 256*fault reason. A board may
+     display it. In the state FAULT, it may switch its power stage off if both currents are 0. */
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
   /* Reads up to `size` received bytes of the link in order, and returns their number; 0 if there
-     are none. Must not wait. Bytes with line errors may be dropped or passed: the checksum detects
-     them. */
+     are none. Must not wait. Bytes with line errors may be dropped or passed to the checksum. */
   uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t size);
 
   /* Accepts up to `count` bytes for sending in order, and returns their number. Must not wait.

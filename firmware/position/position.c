@@ -65,7 +65,7 @@ void app_body_fail(app_body *body, uint16_t reason)
                              reason != ANHYST_FAULT_BLOCK);
 }
 
-uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
+uint16_t app_body_set_reference(app_body *body, uint16_t quantity, int32_t value)
 {
   const anhyst_levitation_limits *limits = &body->board->plan->limits->levitation;
   if (quantity != (uint16_t)LINK_BODY_POSITION) {
@@ -148,8 +148,8 @@ static void check_currents(app_body *body, const int32_t *settings, const port_s
   for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
     const uint16_t fault = app_current_judge(&body->current[i], limits, settings,
                                              sample->current[i], ticks, body->answer.current[i]);
-    if (body->current[i].sensor.age > limits->max_implausible_samples ||
-        app_current_is_certain(fault)) {
+    if (body->current[i].sensor.missing_ticks > limits->max_implausible_samples ||
+        app_current_is_immediate_fault(fault)) {
       app_body_fail(body, fault);
     }
   }
@@ -158,8 +158,7 @@ static void check_currents(app_body *body, const int32_t *settings, const port_s
 /* Whether the position keeps its code although demanded force and current both changed. The code of
    a levitated armature always changes then. A fine encoder may keep its code while nothing moves,
    while only the current of a solid core changes, or while only the demanded force changes (switch
-   to another method). Near its rest position the armature is not levitated and may stand still at
-   any current. */
+   to another method). Near its rest the armature is not levitated and may stand still. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;

@@ -12,13 +12,13 @@
 /* Result for a code outside low..high, which has no valid value. Equal to PORT_RESERVED. */
 #define CALIBRATION_NONE INT32_MIN
 
-#define CALIBRATION_MANTISSA_MOST ((int32_t)1073741824) /* 2^30, for either sign */
-#define CALIBRATION_SHIFT_MOST 46
+#define CALIBRATION_MAX_MANTISSA ((int32_t)1073741824) /* 2^30, for either sign */
+#define CALIBRATION_MAX_SHIFT 46
 
 typedef struct {
   int32_t zero;     /* code whose value is 0 */
-  int32_t mantissa; /* nonzero; magnitude at most CALIBRATION_MANTISSA_MOST */
-  int32_t shift;    /* 0..CALIBRATION_SHIFT_MOST */
+  int32_t mantissa; /* nonzero; magnitude at most CALIBRATION_MAX_MANTISSA */
+  int32_t shift;    /* 0..CALIBRATION_MAX_SHIFT */
   int32_t low;      /* codes below `low` or above `high` have no value (broken wire) */
   int32_t high;     /* greater than `low` */
 } calibration;

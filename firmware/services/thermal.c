@@ -10,9 +10,9 @@ static uint64_t square(int32_t current)
   return magnitude * magnitude;
 }
 
-int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears)
+int thermal_prepare(thermal_plan *plan, uint32_t ticks, int32_t trip_current, int32_t clear_current)
 {
-  if (ticks < 2U || clears <= 0 || trips <= clears) {
+  if (ticks < 2U || clear_current <= 0 || trip_current <= clear_current) {
     return 0;
   }
   /* Computes 2^bits/ticks by long division, until the quotient has 30 bits. */
@@ -30,14 +30,14 @@ int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clea
   }
   plan->mantissa = quotient;
   plan->shift = (uint16_t)(bits - 30U);
-  plan->trips = square(trips);
-  plan->clears = square(clears);
+  plan->trip_warmth = square(trip_current);
+  plan->clear_warmth = square(clear_current);
   return 1;
 }
 
 void thermal_start(thermal *t, const thermal_plan *plan)
 {
-  t->warmth = plan->clears;
+  t->warmth = plan->clear_warmth;
   t->tripped = 0;
 }
 
@@ -55,9 +55,9 @@ int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
   } else {
     t->warmth -= scale_by_share(plan, t->warmth - squared_current);
   }
-  if (t->warmth > plan->trips) {
+  if (t->warmth > plan->trip_warmth) {
     t->tripped = 1;
-  } else if (t->warmth < plan->clears) {
+  } else if (t->warmth < plan->clear_warmth) {
     t->tripped = 0;
   } else {
     /* between the two limits, the result does not change */

@@ -17,12 +17,12 @@
 
 #include <stdint.h>
 
-/* Step size and limits; filled by thermal_make. */
+/* Step size and limits; filled by thermal_prepare. */
 typedef struct {
-  uint32_t mantissa; /* share = mantissa/2^(30 + shift), mantissa 2^29..2^30 */
-  uint16_t shift;    /* 0..32 */
-  uint64_t trips;    /* warmth at which the protection trips and clears, q60 */
-  uint64_t clears;
+  uint32_t mantissa;    /* share = mantissa/2^(30 + shift), mantissa 2^29..2^30 */
+  uint16_t shift;       /* 0..32 */
+  uint64_t trip_warmth; /* warmth at which the protection trips and clears, q60 */
+  uint64_t clear_warmth;
 } thermal_plan;
 
 typedef struct {
@@ -31,8 +31,9 @@ typedef struct {
 } thermal;
 
 /* Prepares a plan for a time constant in ticks and two currents (q30). Requires ticks >= 2 and 0 <
-   clears < trips; returns 1, or 0 if this is not true. */
-int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears);
+   clear_current < trip_current; returns 1, or 0 if this is not true. */
+int thermal_prepare(thermal_plan *plan, uint32_t ticks, int32_t trip_current,
+                    int32_t clear_current);
 
 /* Starts at the warmth of the clearing current, because the time without power is unknown. */
 void thermal_start(thermal *t, const thermal_plan *plan);

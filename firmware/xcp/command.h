@@ -5,7 +5,7 @@
 
 #include "xcp/xcp.h"
 
-#define XCP_ANSWER_HEAD 8U /* bytes of an answer that are set to 0 before each command */
+#define XCP_CLEARED_ANSWER_BYTES 8U /* bytes of an answer that are set to 0 before each command */
 
 /* A command and its answer. */
 typedef struct {

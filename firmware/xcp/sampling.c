@@ -16,8 +16,7 @@
 #define EVENT_WHOLE 0x80U /* all signals of a sample belong to one tick */
 #define LIST_STIM_OR_NO_HEAD 0x23U
 
-/* Returns the tick period as a number up to `max_value` times 10^power ns, rounded to the
-   nearest. */
+/* Returns the tick period as a rounded number, at most `max_value`, times 10^power ns. */
 static uint16_t find_tick_period(uint32_t rate, uint16_t max_value, uint8_t *power)
 {
   uint32_t second = 1000000000U;
@@ -38,7 +37,7 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
   link_put_u16(r->answer + 4, 1); /* number of events */
   r->answer[7] = DAQ_RELATIVE_PART_BYTE_LIST;
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
@@ -50,14 +49,14 @@ static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
   link_put_u16(r->answer + 6, ticks);
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
   if (link_get_u16(r->command + 2) != 0U) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   const uint16_t cycle = find_tick_period(x->firmware->board->rate, 255, &power);
   x->address = (uint32_t)XCP_AREA_EVENT << 16;
@@ -67,21 +66,21 @@ static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
   r->answer[4] = (uint8_t)cycle;
   r->answer[5] = power;
   r->length = 7;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_clock(xcp_slave *x, xcp_request *r)
 {
   link_put_u32(r->answer + 4, app_last_tick(x->firmware));
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_free(xcp_slave *x, xcp_request *r)
 {
   (void)r;
   xcp_daq_free(&x->daq);
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_alloc(xcp_slave *x, xcp_request *r)
@@ -101,7 +100,7 @@ static uint8_t on_daq_alloc_entries(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_point(xcp_slave *x, xcp_request *r)
 {
-  return xcp_daq_point(&x->daq, link_get_u16(r->command + 2), r->command[4], r->command[5]);
+  return xcp_daq_set_position(&x->daq, link_get_u16(r->command + 2), r->command[4], r->command[5]);
 }
 
 static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
@@ -109,7 +108,7 @@ static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
   const uint8_t signal = xcp_signal_at(link_get_u32(r->command + 4));
   if (r->command[1] != 0xFFU || r->command[2] != 4U || r->command[3] != 0U ||
       signal == XCP_NO_SIGNAL) {
-    return XCP_RANGE; /* an entry is a complete signal, not a single bit */
+    return XCP_ERR_RANGE; /* an entry is a complete signal, not a single bit */
   }
   return xcp_daq_write(&x->daq, signal);
 }
@@ -122,10 +121,10 @@ static uint8_t on_daq_clear(xcp_slave *x, xcp_request *r)
 static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 {
   if ((r->command[1] & LIST_STIM_OR_NO_HEAD) != 0U) {
-    return XCP_MODE;
+    return XCP_ERR_MODE;
   }
   if (link_get_u16(r->command + 4) != 0U) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   return xcp_daq_set_prescaler(&x->daq, link_get_u16(r->command + 2), r->command[6]);
 }

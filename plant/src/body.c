@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define AXES ANHYST_PLANT_AXES
-#define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
+#define DELAY_INDEX_MASK (ANHYST_PLANT_MAX_DELAY - 1U)
 
 /* Resistance of an open circuit divided by that of the winding. */
 #define OPEN_CIRCUIT_RATIO 100.0
@@ -41,7 +41,7 @@ static inline double displacement_along(const anhyst_plant_line *line, const dou
   return translation + dot(arm, pose + 3);
 }
 
-double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES])
+double anhyst_plant_displacement(const anhyst_plant_line *line, const double pose[AXES])
 {
   return displacement_along(line, pose, 1);
 }
@@ -471,7 +471,7 @@ static inline void run_substep(const anhyst_plant_body *body, anhyst_plant_state
     }
     state->due[state->at] = 0;
   }
-  state->at = (state->at + 1U) & MASK;
+  state->at = (state->at + 1U) & DELAY_INDEX_MASK;
   start_half_step(body, state, n, forces);
   for (j = 0; j < n; j++) {
     const int axis = body->coordinate[j].axis;
@@ -512,7 +512,7 @@ static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_stat
 void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *state,
                           const double *command, double load)
 {
-  const unsigned due = (state->at + (unsigned)body->delay) & MASK;
+  const unsigned due = (state->at + (unsigned)body->delay) & DELAY_INDEX_MASK;
   const anhyst_plant_load *drive = &body->load; /* the load's state controller runs first */
   const double position = read_encoder(body, state);
   const double velocity = (position - state->load_position) / body->tick;

@@ -21,13 +21,13 @@ static uint32_t to_code(double value, double one)
   return (uint32_t)(place <= 1.0 - Q31 ? INT32_C(-2147483647) : (int32_t)floor(place));
 }
 
-static int32_t to_signed(uint32_t word)
+static int32_t to_int32(uint32_t word)
 {
   return word < UINT32_C(0x80000000) ? (int32_t)word
                                      : (int32_t)((int64_t)word - INT64_C(0x100000000));
 }
 
-static double to_fraction(uint32_t word) { return (double)to_signed(word) / Q31; }
+static double to_fraction(uint32_t word) { return (double)to_int32(word) / Q31; }
 
 void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
                                 anhyst_loop_answer *answer)

@@ -3,10 +3,11 @@
 
 #include "anhyst_plant/magnet.h"
 
-#define ITERATIONS 100
-#define TOLERANCE 1e-7 /* limit of the last step of the ampere-turns, A; the error is smaller */
+#define MAX_ITERATIONS 100
+#define MMF_TOLERANCE 1e-7 /* limit of the last step of the ampere-turns, A */
 
-void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at)
+void anhyst_plant_evaluate_cone(const anhyst_plant_cone *cone, double gap,
+                                anhyst_plant_cone_gap *at)
 {
   const double width = cone->side + 2.0 * cone->fringe * gap;
   const double dip_depth = cone->depth - gap;
@@ -43,7 +44,7 @@ double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, doubl
   double mmf = near;
   double step = HUGE_VAL;
   int i;
-  for (i = 0; i < ITERATIONS && fabs(step) > TOLERANCE; i++) {
+  for (i = 0; i < MAX_ITERATIONS && fabs(step) > MMF_TOLERANCE; i++) {
     const double flux_reached = cone_flux(at, mmf, slope);
     step = (flux - flux_reached) / *slope;
     mmf += step;

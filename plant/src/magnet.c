@@ -6,12 +6,11 @@
 
 #include "anhyst_plant/sensor.h"
 
-/* Maximum flux density error, T: less than 1e-6 of the largest force of a magnet of at least 1
-   T. */
-#define TOLERANCE 1e-7
-#define ITERATIONS 100
+/* Flux density error, T: less than 1e-6 of the maximum force of a magnet of at least 1 T. */
+#define FLUX_DENSITY_TOLERANCE 1e-7
+#define MAX_ITERATIONS 100
 #define CONE_TOLERANCE 1e-10 /* maximum error of the flux density with a cone, T */
-#define SUBSTEPS 8           /* number of steps of a movement with a duration */
+#define MOVEMENT_STEPS 8     /* number of steps of a movement with a duration */
 
 typedef struct {
   double outer;           /* reluctance in series with the iron, 1/H */
@@ -54,7 +53,7 @@ static inline void find_circuit(const anhyst_plant_circuit *c, double gap, outer
   found->fringing_factor = 1.0;
   found->displacement = c->middle - gap;
   if (c->cone) {
-    anhyst_plant_cone_at(c->cone, gap, &found->cone);
+    anhyst_plant_evaluate_cone(c->cone, gap, &found->cone);
   } else if (c->bias == 0.0) {
     const double area = (c->pole_width + gap) * (c->pole_depth + gap);
     const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
@@ -132,8 +131,9 @@ static void move_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, co
 static double flux_linkage(const anhyst_plant_flux_table *t, double current, double gap,
                            double *slope)
 {
-  const double row = anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
-                     (double)(t->gaps - 1);
+  const double row =
+      anhyst_plant_limit_to_range((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
+      (double)(t->gaps - 1);
   const int above = row >= (double)(t->gaps - 1) ? t->gaps - 2 : (int)row;
   const double row_share = row - (double)above;
   const double step = t->current_high / (double)(t->currents - 1);
@@ -155,7 +155,7 @@ static double solve_linkage(const anhyst_plant_flux_table *t, double gap, double
   double low = -HUGE_VAL;
   double high = HUGE_VAL;
   int i;
-  for (i = 0; i < ITERATIONS; i++) {
+  for (i = 0; i < MAX_ITERATIONS; i++) {
     double slope;
     const double residual = r - flux_linkage(t, current, gap, &slope) - b * current;
     const double next = current + residual / (slope + b);
@@ -176,7 +176,7 @@ static anhyst_plant_row interpolate_row(const anhyst_plant_law *law, double gap)
 {
   const anhyst_plant_flux_table *t = &law->table;
   const double place =
-      anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
+      anhyst_plant_limit_to_range((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
       (double)(law->row_count - 1);
   const int below = place >= (double)(law->row_count - 1) ? law->row_count - 2 : (int)place;
   const double share = place - (double)below;
@@ -213,7 +213,7 @@ static void move_law(const anhyst_plant_law *law, anhyst_plant_coil *coil, doubl
 }
 
 /* Returns the part of the winding current that balances the eddy currents, A per induced volt. */
-static double eddy_share(const anhyst_plant_magnet *magnet)
+static double eddy_current_share(const anhyst_plant_magnet *magnet)
 {
   const anhyst_plant_circuit *c = magnet->circuit;
   return c && c->eddy > 0.0
@@ -264,7 +264,7 @@ static inline void solve_step_end(const anhyst_plant_magnet *magnet, const anhys
         half * total_resistance * per_field, weight + half * total_resistance * per_density,
         end->psi_start + half * (source_voltage + total_resistance * moved), 0.5 / end->half};
     solve_iron(c, coil, &end->outer, &asked, half * total_resistance / magnet->turns,
-               weight * TOLERANCE, found);
+               weight * FLUX_DENSITY_TOLERANCE, found);
     found->steady = per_field * found->solid.field + per_density * found->solid.density - moved;
     if (c->cone) {
       found->steady += found->mmf / magnet->turns;
@@ -299,7 +299,7 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   int is_limited;
   end.gap = gap;
   end.half = half;
-  end.eddies = eddy_share(magnet);
+  end.eddies = eddy_current_share(magnet);
   s.voltage += coil->integral;
   start_current = total_current(magnet, end.eddies, coil->steady, &s);
   is_limited = limit_source(&s, start_current);
@@ -354,7 +354,7 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
                                           eddy_mmf * density_before,
                                       per_second};
     solution found;
-    solve_iron(c, coil, &outer, &asked, 1.0, b * TOLERANCE, &found);
+    solve_iron(c, coil, &outer, &asked, 1.0, b * FLUX_DENSITY_TOLERANCE, &found);
     move_iron(c, coil, &found);
     coil->steady -= eddy_mmf / magnet->turns * (coil->iron.density - density_before);
     update_force(c, &outer, coil);
@@ -370,10 +370,10 @@ void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_co
                               double current, double gap, double seconds)
 {
   const double start = coil->current;
-  const double step = (current - start) / SUBSTEPS;
-  const double per_second = 1.0 / (seconds / SUBSTEPS);
+  const double step = (current - start) / MOVEMENT_STEPS;
+  const double per_second = 1.0 / (seconds / MOVEMENT_STEPS);
   int n;
-  for (n = 1; n < SUBSTEPS; n++) {
+  for (n = 1; n < MOVEMENT_STEPS; n++) {
     anhyst_plant_coil_lead(magnet, coil, start + n * step, gap, per_second);
   }
   anhyst_plant_coil_lead(magnet, coil, current, gap, per_second);

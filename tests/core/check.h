@@ -13,7 +13,7 @@ static int failures = 0;
 static inline void fail(void)
 {
   failures++;
-#ifdef TEST_UP_TO_THE_FIRST
+#ifdef TEST_STOP_AT_FIRST_FAILURE
   exit(1);
 #endif
 }

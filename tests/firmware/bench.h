@@ -18,11 +18,11 @@ typedef struct {
   uint32_t drive_state; /* controller state that was passed with the current */
   uint8_t wire[2048];   /* bytes to the firmware */
   uint16_t wire_count;
-  uint16_t wire_at;
-  uint16_t accepts; /* bytes that the port accepts in one call */
+  uint16_t wire_index;
+  uint16_t max_accepted_bytes; /* bytes that the port accepts in one call */
   link_receiver receiver;
   link_frame answer; /* last answer of the firmware */
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   int answers;
   int locks;        /* nesting depth of the locks */
   int locked_calls; /* number of locks */
@@ -55,13 +55,13 @@ void bench_ticks(int count);
 void bench_tick(void);
 
 /* Puts a frame on the wire. Returns its number of bytes. */
-uint16_t bench_put(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length);
+uint16_t bench_put_frame(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length);
 
 /* Polls the firmware until the wire is empty and every request has an answer. */
 void bench_poll(void);
 
 /* Sends a request with the next sequence number. Returns the type of its answer. */
-uint8_t bench_ask(uint8_t type, const uint8_t *payload, uint8_t length);
+uint8_t bench_request(uint8_t type, const uint8_t *payload, uint8_t length);
 
 /* Send one kind of request each. */
 uint8_t bench_command(uint16_t command);

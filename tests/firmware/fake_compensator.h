@@ -8,7 +8,8 @@
 
 #include <stddef.h>
 
-#define FAKE_MORE ANHYST_WORD_FULL_AIR /* word: current in addition to half the demand, q15 */
+#define FAKE_EXTRA_CURRENT                                                                         \
+  ANHYST_WORD_FULL_AIR /* word: current in addition to half the demand, q15 */
 #define FAKE_CYCLES 2
 #define FAKE_CYCLE_TICKS 4
 #define FAKE_CONDITION_STEP ((int32_t)0x00010000)

@@ -60,7 +60,7 @@ static int32_t drive;
 static uint32_t drive_state;
 static uint8_t wire[4096];
 static uint16_t wire_count;
-static uint16_t wire_at;
+static uint16_t wire_index;
 static uint16_t accepts;
 static link_receiver line; /* receiver of a PC */
 static link_receiver twin; /* receiver that the firmware should be equal to */
@@ -113,8 +113,8 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
   (void)context;
   uint16_t count = 0;
-  while (count < most && wire_at < wire_count) {
-    bytes[count++] = wire[wire_at++];
+  while (count < most && wire_index < wire_count) {
+    bytes[count++] = wire[wire_index++];
   }
   return count;
 }
@@ -188,11 +188,12 @@ static void check_session(void)
 {
   const int16_t *words = firmware.control.body->compensator.words;
   require(locks == 0);
-  require(answers == requests && line.bad == 0 && firmware.session.receiver.bad == twin.bad);
+  require(answers == requests && line.discarded_frames == 0 &&
+          firmware.session.receiver.discarded_frames == twin.discarded_frames);
   require(words == ACTUATOR_PARAMETERS || words == firmware.download.words[0] ||
           words == firmware.download.words[1]);
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
-    require(app_setting_obstacle(&board, i, firmware.settings[i], 0) == LINK_REASON_NONE);
+    require(app_setting_refusal(&board, i, firmware.settings[i], 0) == LINK_REASON_NONE);
   }
 }
 
@@ -201,9 +202,9 @@ static void poll(void)
   const app_session *session = &firmware.session;
   do {
     app_poll(&firmware);
-  } while (wire_at < wire_count || session->sending_count > 0U ||
-           session->chunk_at < session->chunk_count);
-  wire_at = 0;
+  } while (wire_index < wire_count || session->unsent_count > 0U ||
+           session->chunk_index < session->chunk_count);
+  wire_index = 0;
   wire_count = 0;
   check_session();
 }
@@ -226,13 +227,14 @@ static void tick(void)
   if (states->state == ANHYST_STATE_FAULT || !was_live) {
     /* in the safe state, the current moves towards zero by at least one step of the ramp */
     const int32_t size = magnitude(before);
-    require(magnitude(drive) <= (size > control->body->ramp ? size - control->body->ramp + 1 : 0));
+    require(magnitude(drive) <=
+            (size > control->body->ramp_step ? size - control->body->ramp_step + 1 : 0));
   }
 }
 
 static void put_frame(uint8_t type, const uint8_t *payload, uint8_t length, uint8_t damage)
 {
-  uint8_t bytes[LINK_WIRE_MOST];
+  uint8_t bytes[LINK_MAX_ENCODED_FRAME];
   const link_frame frame = {LINK_VERSION, type, sequence, length, 0, payload, 0};
   const uint16_t count = link_encode(bytes, &frame);
   if (damage != 0U) {
@@ -245,7 +247,7 @@ static void put_frame(uint8_t type, const uint8_t *payload, uint8_t length, uint
 
 static void send_words(const uint8_t *words, uint16_t count)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   for (uint16_t at = 0; at < count; at = (uint16_t)(at + 100U)) {
     const uint16_t part = (uint16_t)(count - at < 100 ? count - at : 100);
     link_put_u16(payload, at);
@@ -300,11 +302,11 @@ static void request(script *s, uint8_t damage)
       LINK_SIZE_BLOCK_SWAP,
       LINK_SIZE_BLOCK_READ,
   };
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   const uint8_t type = next8(s);
   uint8_t length = lengths[type & 15U];
   if ((type & 0x40U) != 0U) {
-    length = (uint8_t)(next8(s) % (LINK_PAYLOAD_MOST + 1));
+    length = (uint8_t)(next8(s) % (LINK_MAX_PAYLOAD + 1));
   }
   for (uint8_t i = 0; i < length; i++) {
     payload[i] = next8(s);
@@ -416,7 +418,7 @@ static void start(void)
   memset(&sample, 0, sizeof sample);
   sample.gap = PORT_ONE / 2;
   drive = 0;
-  wire_at = 0;
+  wire_index = 0;
   wire_count = 0;
   link_receiver_start(&line);
   link_receiver_start(&twin);

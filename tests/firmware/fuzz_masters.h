@@ -7,7 +7,7 @@
 /* Performs an XCP command, and checks what is true of every answer. */
 static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
 {
-  const int listens = slave->connected != 0U || (length > 0U && command[0] == 0xFFU);
+  const int listens = slave->is_connected != 0U || (length > 0U && command[0] == 0xFFU);
   const uint16_t count = xcp_answer(slave, command, length, answer);
   require(count <= XCP_PACKET && (count > 0U) == (listens && length > 0U));
   require(count == 0U || answer[0] == 0xFFU || answer[0] == 0xFEU);
@@ -25,7 +25,7 @@ static void unlock(void)
     command[0] = 0xF7;
     command[1] = 4;
     link_put_u32(command + 2, key);
-    require(master(command, 6, answer) == 2U && slave->unlocked != 0U);
+    require(master(command, 6, answer) == 2U && slave->is_unlocked != 0U);
   }
 }
 
@@ -74,7 +74,7 @@ static void xcp_command(script *s)
     configure(s);
     break;
   case 0x80:
-    xcp_hang_up(slave);
+    xcp_disconnect(slave);
     break;
   case 0xC0:
     command[0] = 0xF6; /* an address in a valid area, perhaps beyond its end */
@@ -116,7 +116,7 @@ static void carried_command(script *s)
 /* Every packet that leaves the serial line is complete and has a correct checksum. */
 static void drain(uint16_t most)
 {
-  uint8_t packet[XCP_LINE_MOST];
+  uint8_t packet[XCP_LINE_MAX_BYTES];
   uint16_t have = 0;
   uint16_t count = 0;
   const uint8_t *bytes = xcp_line_offer(&serial, &count);
@@ -142,7 +142,7 @@ static void drain(uint16_t most)
 /* Sends a command on the serial line, usually a complete one. */
 static void serial_command(script *s)
 {
-  uint8_t bytes[XCP_LINE_MOST] = {0};
+  uint8_t bytes[XCP_LINE_MAX_BYTES] = {0};
   const uint8_t what = next8(s);
   uint16_t count = (uint16_t)((what & 15U) + 1U);
   uint16_t sum = 0;

@@ -349,12 +349,12 @@ static void a_lost_link_ends_conditioning(void)
 static void one_frame_again_and_again_does_not_hold_the_link(void)
 {
   begin_at_full_current();
-  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  (void)bench_request(LINK_TYPE_HEARTBEAT, NULL, 0);
   const uint8_t number = bench.answer.sequence;
   for (int tick = 0; tick < 101; tick++) {
     CHECK(states()->state == ANHYST_STATE_RUN);
     bench_ticks(1);
-    (void)bench_put(LINK_TYPE_HEARTBEAT, number, NULL, 0);
+    (void)bench_put_frame(LINK_TYPE_HEARTBEAT, number, NULL, 0);
     bench_poll();
     (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   }
@@ -377,7 +377,7 @@ static void three_missed_ticks_are_counted_and_four_are_a_fault(void)
   const int32_t held = bench.drive;
   bench.sample.tick += 3;
   bench_ticks(1);
-  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed == 3 && bench.drive == held);
+  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed_ticks == 3 && bench.drive == held);
   bench.sample.tick += 4;
   bench_ticks(1);
   falls_safely(ANHYST_FAULT_MISSED_TICK);
@@ -401,7 +401,7 @@ static void the_tick_may_begin_anywhere_and_wrap(void)
   bench.sample.tick = UINT32_MAX - 20;
   bench_run();
   bench_ticks(60);
-  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed_ticks == 0);
 }
 
 static void the_first_reason_stays(void)
@@ -428,7 +428,7 @@ static void no_pair_of_commands_is_faster_than_the_ramp(void)
             (void)bench_command((uint16_t)commands[i]);
           }
           bench_ticks(1);
-          CHECK(bench.drive <= before && bench.drive >= before - force()->ramp);
+          CHECK(bench.drive <= before && bench.drive >= before - force()->ramp_step);
         }
       }
     }

@@ -74,7 +74,7 @@ static void start(void)
 /* Demands a current. The compensator of the bench halves a demand. */
 static void demand(double current)
 {
-  bench_words[FAKE_MORE] = (int16_t)(current > 0.0 ? 16384 : -16384);
+  bench_words[FAKE_EXTRA_CURRENT] = (int16_t)(current > 0.0 ? 16384 : -16384);
   (void)bench_demand((int32_t)((2.0 * current - (current > 0.0 ? 1.0 : -1.0)) * 2147483000.0));
 }
 

@@ -46,14 +46,14 @@ static void fill(uint8_t *payload, uint8_t length, int pattern)
 
 static void every_length_arrives_as_it_was_sent(void)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   link_receiver_start(&receiver);
-  for (int length = 0; length <= LINK_PAYLOAD_MOST; length++) {
+  for (int length = 0; length <= LINK_MAX_PAYLOAD; length++) {
     for (int pattern = 0; pattern < 4; pattern++) {
       fill(payload, (uint8_t)length, pattern);
       const uint16_t count = encode(wire, payload, (uint8_t)length);
-      CHECK(count == LINK_HEAD + length + LINK_CHECK + 2);
+      CHECK(count == LINK_HEADER_BYTES + length + LINK_CRC_BYTES + 2);
       CHECK(memchr(wire, 0, count) == wire + count - 1);
       CHECK(feed(wire, count) == 1);
       CHECK(got.version == LINK_VERSION && got.type == 0x42 && got.sequence == 17);
@@ -61,13 +61,13 @@ static void every_length_arrives_as_it_was_sent(void)
       CHECK(memcmp(got.payload, payload, (size_t)length) == 0);
     }
   }
-  CHECK(receiver.bad == 0);
+  CHECK(receiver.discarded_frames == 0);
 }
 
 static void every_single_broken_bit_is_found(void)
 {
   uint8_t payload[20];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
   for (int bit = 0; bit < 8 * count; bit++) {
@@ -82,21 +82,21 @@ static void a_frame_cut_short_anywhere_is_thrown_away_and_counted(void)
 {
   const uint8_t zero = 0;
   uint8_t payload[20];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
   link_receiver_start(&receiver);
   for (uint16_t part = 1; part + 1 < count; part++) {
     CHECK(feed(wire, part) == 0);
     CHECK(feed(&zero, 1) == 0);
-    CHECK(receiver.bad == part);
+    CHECK(receiver.discarded_frames == part);
   }
 }
 
 static void after_any_garbage_the_second_frame_arrives(void)
 {
   uint8_t payload[5];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   uint8_t garbage[1000] = {0};
   uint32_t random = 1;
   fill(payload, sizeof payload, 3);
@@ -117,7 +117,7 @@ static void after_any_garbage_the_second_frame_arrives(void)
 static void what_is_too_long_costs_one_frame_and_no_memory(void)
 {
   uint8_t payload[5];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   const uint8_t one = 1;
   const uint8_t zero = 0;
   fill(payload, sizeof payload, 3);
@@ -128,7 +128,7 @@ static void what_is_too_long_costs_one_frame_and_no_memory(void)
   }
   CHECK(feed(wire, count) == 0);
   CHECK(feed(&zero, 1) == 0);
-  CHECK(receiver.bad == 1);
+  CHECK(receiver.discarded_frames == 1);
   CHECK(feed(wire, count) == 1);
 }
 
@@ -137,12 +137,12 @@ static void zeros_between_frames_are_no_frames(void)
   const uint8_t zeros[3] = {0, 0, 0};
   link_receiver_start(&receiver);
   CHECK(feed(zeros, 3) == 0);
-  CHECK(receiver.bad == 0);
+  CHECK(receiver.discarded_frames == 0);
 }
 
 static void the_length_in_the_head_must_be_the_length(void)
 {
-  uint8_t plain[LINK_WIRE_MOST];
+  uint8_t plain[LINK_MAX_ENCODED_FRAME];
   uint8_t payload[4] = {1, 2, 3, 4};
   link_receiver_start(&receiver);
   /* The end of the payload could be the checksum of a shorter frame. That frame would need another
@@ -150,7 +150,7 @@ static void the_length_in_the_head_must_be_the_length(void)
   const uint16_t count = encode(plain, payload, 4);
   for (int length = 0; length < 256; length++) {
     if (length != 4) {
-      uint8_t wire[LINK_WIRE_MOST];
+      uint8_t wire[LINK_MAX_ENCODED_FRAME];
       memcpy(wire, plain, count);
       wire[4] = (uint8_t)(length == 0 ? 1 : length);
       CHECK(feed(wire, count) == 0);

@@ -10,7 +10,7 @@
 #define SILENCE (BENCH_RATE * XCP_LINE_SILENCE_MS / 1000U)
 
 static xcp_line line;
-static uint8_t sent[XCP_LINE_MOST];
+static uint8_t sent[XCP_LINE_MAX_BYTES];
 static uint16_t sent_count;
 
 static const uint8_t hello[] = {2, 0, 0, 0, 0xFF, 0};
@@ -96,9 +96,9 @@ static void a_damaged_command_is_not_done(void)
     start(1);
     (void)GIVE(damaged);
     fetch(20);
-    CHECK(sent_count == 0 && line.slave.connected == 0);
+    CHECK(sent_count == 0 && line.slave.is_connected == 0);
     bench_ticks(SILENCE + 1);
-    CHECK(GIVE(checked_hello) == sizeof checked_hello && line.slave.connected == 1);
+    CHECK(GIVE(checked_hello) == sizeof checked_hello && line.slave.is_connected == 1);
   }
 }
 
@@ -107,11 +107,11 @@ static void half_a_command_is_forgotten_after_a_silence(void)
   start(0);
   CHECK(xcp_line_take(&line, hello, 5) == 5);
   bench_ticks(SILENCE);
-  CHECK(xcp_line_take(&line, hello + 5, 1) == 1 && line.slave.connected == 1);
+  CHECK(xcp_line_take(&line, hello + 5, 1) == 1 && line.slave.is_connected == 1);
   start(0);
   CHECK(xcp_line_take(&line, hello, 5) == 5);
   bench_ticks(SILENCE + 1);
-  CHECK(GIVE(hello) == sizeof hello && line.slave.connected == 1);
+  CHECK(GIVE(hello) == sizeof hello && line.slave.is_connected == 1);
 }
 
 static void a_length_that_cannot_be_breaks_the_line_until_it_was_silent(void)
@@ -121,10 +121,10 @@ static void a_length_that_cannot_be_breaks_the_line_until_it_was_silent(void)
   const uint8_t *const wrong[] = {too_long, nothing};
   for (int i = 0; i < 2; i++) {
     start(0);
-    CHECK(xcp_line_take(&line, wrong[i], 4) == 4 && line.broken == 1);
-    CHECK(GIVE(hello) == sizeof hello && line.slave.connected == 0);
+    CHECK(xcp_line_take(&line, wrong[i], 4) == 4 && line.is_ignoring == 1);
+    CHECK(GIVE(hello) == sizeof hello && line.slave.is_connected == 0);
     bench_ticks(SILENCE + 1);
-    CHECK(GIVE(hello) == sizeof hello && line.slave.connected == 1 && line.broken == 0);
+    CHECK(GIVE(hello) == sizeof hello && line.slave.is_connected == 1 && line.is_ignoring == 0);
   }
 }
 
@@ -148,20 +148,21 @@ static void who_hangs_up_is_gone(void)
 {
   start(0);
   CHECK(GIVE(hello) == sizeof hello);
-  xcp_line_hang_up(&line);
+  xcp_line_disconnect(&line);
   fetch(20);
-  CHECK(sent_count == 0 && line.slave.connected == 0);
+  CHECK(sent_count == 0 && line.slave.is_connected == 0);
 }
 
 /* The longest command and the longest sample, with checksums: sanitizers check the array bounds. */
 static void the_longest_packets_fit(void)
 {
-  uint8_t longest[XCP_LINE_HEAD + XCP_PACKET + XCP_LINE_CHECK] = {XCP_PACKET, 0, 1, 0, 0xF0};
+  uint8_t longest[XCP_LINE_HEADER_BYTES + XCP_PACKET + XCP_LINE_CHECKSUM_BYTES] = {XCP_PACKET, 0, 1,
+                                                                                   0, 0xF0};
   uint16_t sum = 0;
-  for (uint16_t i = 0; i < XCP_LINE_HEAD + XCP_PACKET; i += 2U) {
+  for (uint16_t i = 0; i < XCP_LINE_HEADER_BYTES + XCP_PACKET; i += 2U) {
     sum = (uint16_t)(sum + link_get_u16(longest + i));
   }
-  link_put_u16(longest + XCP_LINE_HEAD + XCP_PACKET, sum);
+  link_put_u16(longest + XCP_LINE_HEADER_BYTES + XCP_PACKET, sum);
   start(1);
   CHECK(GIVE(checked_hello) == sizeof checked_hello);
   fetch(20);

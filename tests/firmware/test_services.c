@@ -110,10 +110,10 @@ static void a_set_is_read_back(void)
     CHECK(writes(name, name));
     CHECK(reads(name, name));
   }
-  CHECK(writes(9, WORDS - STORE_EXTRA));
-  CHECK(reads(9, WORDS - STORE_EXTRA));
-  CHECK(!writes(10, WORDS - STORE_EXTRA + 1));
-  CHECK(reads(9, WORDS - STORE_EXTRA));
+  CHECK(writes(9, WORDS - STORE_OVERHEAD_WORDS));
+  CHECK(reads(9, WORDS - STORE_OVERHEAD_WORDS));
+  CHECK(!writes(10, WORDS - STORE_OVERHEAD_WORDS + 1));
+  CHECK(reads(9, WORDS - STORE_OVERHEAD_WORDS));
   CHECK(writes(11, 0));
   CHECK(reads(11, 0));
 }
@@ -151,7 +151,7 @@ static void a_cut_at_any_byte_leaves_the_old_set_or_the_new_one(void)
   for (rubbish = 1; rubbish < 2000000000U; rubbish += 61234567U) {
     const uint32_t seed = rubbish;
     for (int sets = 0; sets < 4; sets++) {
-      CHECK(cut_everywhere(sets) == WORDS + 4L * (SET - 2 + STORE_EXTRA));
+      CHECK(cut_everywhere(sets) == WORDS + 4L * (SET - 2 + STORE_OVERHEAD_WORDS));
     }
     rubbish = seed;
   }
@@ -176,7 +176,7 @@ static void damage_is_found(void)
   fresh();
   CHECK(writes(1, SET));
   CHECK(writes(2, SET));
-  for (int bit = 0; bit < 8 * 4 * (SET + STORE_EXTRA); bit++) {
+  for (int bit = 0; bit < 8 * 4 * (SET + STORE_OVERHEAD_WORDS); bit++) {
     memory[1][bit / 32] ^= (uint32_t)1 << (bit % 32);
     CHECK(reads(1, SET));
     memory[1][bit / 32] ^= (uint32_t)1 << (bit % 32);
@@ -196,7 +196,7 @@ static void a_calibration_rounds_and_saturates(void)
   c.high = INT32_MAX;
   CHECK(calibration_value(&c, INT32_MAX) == INT32_MAX);
   CHECK(calibration_value(&c, INT32_MIN) == -INT32_MAX);
-  c = (calibration){INT32_MAX, -CALIBRATION_MANTISSA_MOST, 46, INT32_MIN, INT32_MAX};
+  c = (calibration){INT32_MAX, -CALIBRATION_MAX_MANTISSA, 46, INT32_MIN, INT32_MAX};
   CHECK(calibration_is_valid(&c));
   CHECK(calibration_value(&c, INT32_MIN) == 65536);
   c = (calibration){0, 1, 1, -10, 10};
@@ -215,10 +215,10 @@ static void a_winding_trips_in_its_time_and_clears_again(void)
 {
   thermal_plan plan;
   thermal t;
-  CHECK(!thermal_make(&plan, 1, ONE, ONE / 2));
-  CHECK(!thermal_make(&plan, 1000, ONE / 2, ONE / 2));
-  CHECK(!thermal_make(&plan, 1000, ONE, 0));
-  CHECK(thermal_make(&plan, 100000, ONE / 2, ONE / 4));
+  CHECK(!thermal_prepare(&plan, 1, ONE, ONE / 2));
+  CHECK(!thermal_prepare(&plan, 1000, ONE / 2, ONE / 2));
+  CHECK(!thermal_prepare(&plan, 1000, ONE, 0));
+  CHECK(thermal_prepare(&plan, 100000, ONE / 2, ONE / 4));
   thermal_start(&t, &plan);
   long tick = 0;
   while (!thermal_tick(&t, &plan, ONE)) {
@@ -237,12 +237,13 @@ static void a_standing_current_that_may_flow_never_trips(void)
 {
   thermal_plan plan;
   thermal t;
-  CHECK(thermal_make(&plan, 2, ONE / 2, ONE / 4));
+  CHECK(thermal_prepare(&plan, 2, ONE / 2, ONE / 4));
   thermal_start(&t, &plan);
   for (int i = 0; i < 1000; i++) {
     CHECK(!thermal_tick(&t, &plan, i % 2 == 0 ? ONE / 2 : -ONE / 2));
   }
-  CHECK_BELOW("short of the square", ldexp((double)(plan.trips - t.warmth), -60), ldexp(1.0, -28));
+  CHECK_BELOW("short of the square", ldexp((double)(plan.trip_warmth - t.warmth), -60),
+              ldexp(1.0, -28));
   /* A value that is not a current counts as the largest current. */
   CHECK(thermal_tick(&t, &plan, INT32_MIN));
 }

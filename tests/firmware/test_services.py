@@ -56,7 +56,7 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
     library = ctypes.CDLL(str(made_once(tmp_path_factory, "services", build) / "services.so"))
     library.calibration_value.restype = ctypes.c_int32
-    library.thermal_make.argtypes = [ctypes.c_void_p, ctypes.c_uint32, *[ctypes.c_int32] * 2]
+    library.thermal_prepare.argtypes = [ctypes.c_void_p, ctypes.c_uint32, *[ctypes.c_int32] * 2]
     return library
 
 
@@ -83,7 +83,7 @@ def test_a_code_beyond_its_ends_is_no_value(services: ctypes.CDLL, code: int, lo
 def test_warmth_follows_the_square_of_the_current(services: ctypes.CDLL, ticks: int) -> None:
     """Compare 20,000 ticks with double precision; the longest constant is 2 minutes at 20 kHz."""
     plan, state = Plan(), Thermal()
-    assert services.thermal_make(ctypes.byref(plan), ticks, 2**29, 2**28) == 1
+    assert services.thermal_prepare(ctypes.byref(plan), ticks, 2**29, 2**28) == 1
     assert plan.mantissa / 2.0 ** (30 + plan.shift) == pytest.approx(1.0 / ticks, rel=2.0**-28)
     services.thermal_start(ctypes.byref(state), ctypes.byref(plan))
     rng = np.random.default_rng(ticks)

@@ -30,27 +30,27 @@ static uint8_t begin(uint16_t words, uint16_t generation, uint32_t check)
   link_put_u16(payload, words);
   link_put_u16(payload + 2, generation);
   link_put_u32(payload + 4, check);
-  return bench_ask(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload);
+  return bench_request(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload);
 }
 
 static uint8_t data(uint16_t offset, size_t count)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   link_put_u16(payload, offset);
   memcpy(payload + 2, bytes + 2 * (size_t)offset, 2 * count);
-  return bench_ask(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
+  return bench_request(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
 }
 
 static uint8_t swap(uint16_t generation)
 {
   uint8_t payload[LINK_SIZE_BLOCK_SWAP];
   link_put_u16(payload, generation);
-  return bench_ask(LINK_TYPE_BLOCK_SWAP, payload, sizeof payload);
+  return bench_request(LINK_TYPE_BLOCK_SWAP, payload, sizeof payload);
 }
 
 static uint16_t generation_in_force(void)
 {
-  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  (void)bench_request(LINK_TYPE_HEARTBEAT, NULL, 0);
   return link_get_u16(bench.payload + 24);
 }
 
@@ -166,13 +166,13 @@ static void after_a_swap_the_current_moves_along_the_ramp(int16_t more)
 {
   bench_start();
   bench_run();
-  const int32_t step = bench.firmware.control.body->ramp;
+  const int32_t step = bench.firmware.control.body->ramp_step;
   (void)bench_demand(INT32_MAX / 4 * 3);
   bench_ticks(1);
   int32_t before = bench.drive;
   CHECK(before == INT32_MAX / 4 * 3 / 2);
   make_block(2);
-  change(FAKE_MORE, more);
+  change(FAKE_EXTRA_CURRENT, more);
   CHECK(send_made(2) == LINK_TYPE_ACK);
   int32_t wanted = before + (int32_t)more * 65536;
   wanted = wanted > bench_limits.current_high ? bench_limits.current_high : wanted;
@@ -204,7 +204,7 @@ static void compensation_is_switched_along_the_ramp(void)
   (void)bench_demand(PORT_ONE);
   bench_ticks(1);
   const int32_t before = bench.drive;
-  const int32_t ramp = bench.firmware.control.body->ramp;
+  const int32_t ramp = bench.firmware.control.body->ramp_step;
   int32_t last = before;
   CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_SETTING);
   bench_ticks(1);
@@ -248,9 +248,9 @@ static void half_a_word_is_refused(void)
   bench_start();
   make_block(2);
   (void)begin(BENCH_WORDS, 2, checksum);
-  CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 5) == LINK_TYPE_NAK);
+  CHECK(bench_request(LINK_TYPE_BLOCK_DATA, payload, 5) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_LENGTH);
-  CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
+  CHECK(bench_request(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
 }
 
 static void a_valid_block_cures_an_invalid_one_built_in(void)
@@ -273,7 +273,7 @@ static uint8_t read_block(uint16_t offset, uint16_t count)
   uint8_t payload[LINK_SIZE_BLOCK_READ];
   link_put_u16(payload, offset);
   link_put_u16(payload + 2, count);
-  return bench_ask(LINK_TYPE_BLOCK_READ, payload, sizeof payload);
+  return bench_request(LINK_TYPE_BLOCK_READ, payload, sizeof payload);
 }
 
 static void the_block_in_force_can_be_read_and_nothing_behind_it(void)

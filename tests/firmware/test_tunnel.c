@@ -12,7 +12,7 @@
 /* Sends a command in a frame. Its answer is in bench.payload. */
 static uint8_t carry(const uint8_t *command, uint8_t length)
 {
-  return bench_ask(LINK_TYPE_XCP, command, length);
+  return bench_request(LINK_TYPE_XCP, command, length);
 }
 
 #define CARRY(...)                                                                                 \
@@ -78,14 +78,14 @@ static void samples_come_whole_and_none_is_lost(void)
 /* The line lost the answer. A repetition gives the same bytes, and no sample is lost. */
 static void what_is_repeated_is_answered_with_the_same_bytes(void)
 {
-  uint8_t before[LINK_PAYLOAD_MOST];
+  uint8_t before[LINK_MAX_PAYLOAD];
   connect_master();
   sample(3);
   CHECK(carry(NULL, 0) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 3U * SAMPLE);
   memcpy(before, bench.payload, bench.answer.length);
   const uint8_t number = bench.answer.sequence;
   memset(bench.payload, 0, sizeof bench.payload);
-  (void)bench_put(LINK_TYPE_XCP, number, NULL, 0);
+  (void)bench_put_frame(LINK_TYPE_XCP, number, NULL, 0);
   bench_poll();
   CHECK(bench.answer.length == 3U * SAMPLE &&
         memcmp(before, bench.payload, bench.answer.length) == 0);
@@ -94,20 +94,20 @@ static void what_is_repeated_is_answered_with_the_same_bytes(void)
 static void who_looks_on_through_the_link_is_no_heartbeat(void)
 {
   connect_master();
-  bench.firmware.control.silent = 7;
-  CHECK(CARRY(0xFD) && carry(NULL, 0) && bench.firmware.control.silent == 7);
+  bench.firmware.control.silent_ticks = 7;
+  CHECK(CARRY(0xFD) && carry(NULL, 0) && bench.firmware.control.silent_ticks == 7);
   show_key();
-  CHECK(bench.firmware.control.silent == 7); /* the key itself is not a heartbeat */
-  CHECK(carry(NULL, 0) && bench.firmware.control.silent == 7);
-  CHECK(CARRY(0xFD) && bench.firmware.control.silent == 0);
+  CHECK(bench.firmware.control.silent_ticks == 7); /* the key itself is not a heartbeat */
+  CHECK(carry(NULL, 0) && bench.firmware.control.silent_ticks == 7);
+  CHECK(CARRY(0xFD) && bench.firmware.control.silent_ticks == 0);
 }
 
 static void a_command_longer_than_a_packet_is_refused(void)
 {
-  uint8_t command[LINK_PAYLOAD_MOST] = {0xFD};
+  uint8_t command[LINK_MAX_PAYLOAD] = {0xFD};
   connect_master();
-  CHECK(carry(command, LINK_PAYLOAD_MOST) == LINK_TYPE_XCP_PACKETS);
-  CHECK(bench.payload[0] == 2 && bench.payload[1] == 0xFE && bench.payload[2] == XCP_SYNTAX);
+  CHECK(carry(command, LINK_MAX_PAYLOAD) == LINK_TYPE_XCP_PACKETS);
+  CHECK(bench.payload[0] == 2 && bench.payload[1] == 0xFE && bench.payload[2] == XCP_ERR_SYNTAX);
 }
 
 int main(void)

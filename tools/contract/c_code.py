@@ -168,7 +168,7 @@ def frames_header(frames: Entry, signals: Entry) -> str:
         "#ifndef ANHYST_LINK_FRAMES_H\n#define ANHYST_LINK_FRAMES_H\n\n"
         '#include "link/bytes.h"\n\n'
         f"#define LINK_VERSION {protocol['version']}\n"
-        f"#define LINK_PAYLOAD_MOST {protocol['payload_most']}\n"
+        f"#define LINK_MAX_PAYLOAD {protocol['payload_most']}\n"
         f"#define LINK_PLANT_MAGIC UINT32_C({plant['magic']:#010X})".replace("0X", "0x")
     ]
     types = {"doc": "Types of frames.", "values": frames["frame"]}

@@ -37,9 +37,9 @@ void startup_trap(void)
   }
 }
 
-/* A compiler may insert calls of these functions, also without a C library: by their C names and by
-   the names of Arm's run-time ABI. volatile prevents the compiler from replacing a loop by a call
-   of its own function. */
+/* A compiler may insert calls of these functions, also without a C library: by their C names or the
+   names of Arm's run-time ABI. Because of volatile, a loop does not become a call of its own
+   function. */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 void *memcpy(void *to, const void *from, size_t n);
 void *memset(void *to, int value, size_t n);

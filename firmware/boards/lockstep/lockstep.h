@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Firmware on a board without hardware: a virtual plant gives the ticks. A tick begins when the
-   plant's sample has arrived, and ends when the drive has been sent. Virtual time stands still
-   while plant or controller computes. This is the complete port except the functions of the link;
-   link/frames.h defines the records. */
+   plant's sample has received_count, and ends when the drive has been sent. Virtual time stands
+   still while plant or controller computes. This is the complete port except the functions of the
+   link; link/frames.h defines the records. */
 #ifndef LOCKSTEP_H
 #define LOCKSTEP_H
 
@@ -20,7 +20,7 @@ typedef struct {
   link_plant_sample sample;                 /* sample of the last tick */
   link_plant_drive drive;                   /* drive of the last tick */
   uint8_t arriving[LINK_SIZE_PLANT_SAMPLE]; /* received part of a record */
-  uint16_t arrived;
+  uint16_t received_count;
 } lockstep;
 
 /* Constants of the board; board_force.c or board_position.c. */

@@ -48,9 +48,9 @@
 #define LIVE_ZERO {ZERO_CODE, Q30_OF_CODE, 0, MIN_CODE, MAX_CODE}
 
 /* Winding: time constant (s), and the currents at which the protection trips and clears (q30). */
-#define WINDING_S 60U
-#define WINDING_TRIPS (PORT_ONE / 10 * 7)
-#define WINDING_CLEARS (PORT_ONE / 2)
+#define WINDING_TIME_CONSTANT_S 60U
+#define WINDING_TRIP_CURRENT (PORT_ONE / 10 * 7)
+#define WINDING_CLEAR_CURRENT (PORT_ONE / 2)
 
 #define TICK_PRIORITY 0x10U
 
@@ -66,7 +66,7 @@ static memory_set stored_set = {
     .force = LIVE_ZERO,
     .current = LIVE_ZERO,
     .position = {0, 32768, 0, -65535, 65535},
-    .source = PLACE_ENCODER,
+    .position_source = PLACE_ENCODER,
 };
 
 static app_board active_board;
@@ -76,7 +76,7 @@ static thermal windings[PORT_CURRENTS];
 static void sense_position(port_sample *sample)
 {
   int32_t code = place_encoder(); /* read in every tick; otherwise edges are lost */
-  if (stored_set.source == PLACE_CONVERTER) {
+  if (stored_set.position_source == PLACE_CONVERTER) {
     code = place_converter();
     if (code < 0) {
       sample->status |= PORT_NO_SAMPLE;
@@ -91,7 +91,7 @@ static void sense(void *context, port_sample *sample)
 {
   (void)context;
   sample->tick = tick;
-  sample->status = stage_status();
+  sample->status = power_stage_status();
   sample->gap = calibration_value(&stored_set.gap, read_adc(GAP_ADC));
   sample->force = calibration_value(&stored_set.force, read_adc(FORCE_ADC));
   sample->current[0] = calibration_value(&stored_set.current, read_adc(CURRENT_ADC));
@@ -112,8 +112,8 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   const int32_t current = currents[0];
   const uint32_t now = state & 0xFFU;
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
-  stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
-                            now == ANHYST_STATE_RUN);
+  power_stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
+                                  now == ANHYST_STATE_RUN);
   GPIOA_BSRR = now == ANHYST_STATE_RUN ? 1U << PIN_LED : 1U << (PIN_LED + 16U);
   IWDG_KR = IWDG_KR_FEED;
 }
@@ -175,8 +175,8 @@ static void on_conversion_done(void)
   app_tick(&firmware);
   xcp_line_tick(&xcp);
   const uint32_t cycles = DWT_CYCCNT - start_cycles;
-  if (cycles > firmware.cycles) {
-    firmware.cycles = cycles;
+  if (cycles > firmware.max_tick_cycles) {
+    firmware.max_tick_cycles = cycles;
   }
   if (TIM5_CNT != tick) {
     ADC_SR(GAP_ADC) = cleared_flags;
@@ -291,7 +291,8 @@ static void start_services(void)
 {
   DEMCR |= DEMCR_TRCENA;
   DWT_CTRL |= DWT_CTRL_CYCCNTENA;
-  (void)thermal_make(&winding_plan, WINDING_S * ACTUATOR_RATE_HZ, WINDING_TRIPS, WINDING_CLEARS);
+  (void)thermal_prepare(&winding_plan, WINDING_TIME_CONSTANT_S * ACTUATOR_RATE_HZ,
+                        WINDING_TRIP_CURRENT, WINDING_CLEAR_CURRENT);
   for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
     thermal_start(&windings[i], &winding_plan);
   }
@@ -304,7 +305,7 @@ int main(void)
   start_pins();
   start_services();
   start_app();
-  stage_start();
+  power_stage_start();
   place_start();
   serial_start();
   start_watchdog();

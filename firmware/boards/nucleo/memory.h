@@ -18,17 +18,17 @@ typedef struct {
   calibration gap; /* calibrations of the codes of the chip's ADCs, values q30 */
   calibration force;
   calibration current;
-  calibration position; /* calibrations of the codes of place.h, values q31 */
-  uint32_t source;      /* source of the position: PLACE_ENCODER or PLACE_CONVERTER */
-  uint32_t words;       /* number of words of the block; 0: the built-in block is used */
+  calibration position;     /* calibrations of the codes of place.h, values q31 */
+  uint32_t position_source; /* source of the position: PLACE_ENCODER or PLACE_CONVERTER */
+  uint32_t words;           /* number of words of the block; 0: the built-in block is used */
   int16_t block[ANHYST_BLOCK_MOST_WORDS];
 } memory_set;
 
 /* Reads the last stored set. Returns 1, or 0 if there is none; *set is then unchanged. */
 int memory_load(memory_set *set);
 
-/* Stores a set while interrupts are off. Returns 1. Returns 0 if the flash failed; the last set is
-   then unchanged. */
+/* Stores a set with interrupts off. Returns 0 if the flash failed; the last set is then
+   unchanged. */
 int memory_save(const memory_set *set);
 
 #endif

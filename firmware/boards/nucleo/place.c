@@ -11,7 +11,7 @@ static uint16_t last_count;
 static uint32_t edges;
 
 /* DMA stream that sends words to the ADC. */
-#define STREAM DMA1_STREAM(1U)
+#define ADC_DMA_STREAM DMA1_STREAM(1U)
 
 /* Starts encoder and ADC. Channel 3 of timer 2 is high from the tick to the end of the conversion.
    Then DMA sends a word, and the SPI receives the code at the same time. */
@@ -28,10 +28,10 @@ void place_start(void)
   GPIOC_AFRL |= GPIO_FUNCTION(5U, 2U);
   SPI2_CR2 = 0;
   SPI2_CR1 = SPI_CR1_DFF | SPI_CR1_SSM | SPI_CR1_SSI | SPI_CR1_MSTR | SPI_CR1_SPE;
-  DMA_PAR(STREAM) = SPI2_DR_ADDRESS;
-  DMA_M0AR(STREAM) = (uint32_t)(uintptr_t)&dummy_word;
-  DMA_NDTR(STREAM) = 1;
-  DMA_CR(STREAM) =
+  DMA_PAR(ADC_DMA_STREAM) = SPI2_DR_ADDRESS;
+  DMA_M0AR(ADC_DMA_STREAM) = (uint32_t)(uintptr_t)&dummy_word;
+  DMA_NDTR(ADC_DMA_STREAM) = 1;
+  DMA_CR(ADC_DMA_STREAM) =
       DMA_CR_CHANNEL(3U) | DMA_CR_HALF_WORDS | DMA_CR_CIRC | DMA_CR_TO_PERIPHERAL | DMA_CR_EN;
   TIM2_CCR3 = TIMER_HZ / 1000000U * PLACE_CONVERT_NS / 1000U;
   TIM2_CCMR2 = TIM2_CCMR2_3_PULSES;

@@ -22,8 +22,7 @@
 
 void place_start(void);
 
-/* Returns the encoder edges since the start, modulo 2^32. Requires at most 32767 between two
-   calls. */
+/* Returns the encoder edges since the start, modulo 2^32; at most 32767 between two calls. */
 int32_t place_encoder(void);
 
 /* Returns the code of the ADC at this tick, 0..65535; -1 if the ADC has not answered. */

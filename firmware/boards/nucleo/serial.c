@@ -5,7 +5,7 @@
 #include "registers.h"
 
 #define BAUD 921600U
-#define PRIORITY 0x80U
+#define INTERRUPT_PRIORITY 0x80U
 
 #define PORT_ENABLED (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
 
@@ -16,11 +16,12 @@ serial serial_xcp;
 uint16_t serial_read(void *context, uint8_t *bytes, uint16_t size)
 {
   serial *s = context;
-  const uint16_t write_at = (uint16_t)((SERIAL_RING - DMA_NDTR(s->stream)) % SERIAL_RING);
+  const uint16_t write_at =
+      (uint16_t)((SERIAL_RING_BYTES - DMA_NDTR(s->stream)) % SERIAL_RING_BYTES);
   uint16_t count = 0;
   while (count < size && s->read_at != write_at) {
     bytes[count++] = s->received[s->read_at];
-    s->read_at = (uint16_t)((s->read_at + 1U) % SERIAL_RING);
+    s->read_at = (uint16_t)((s->read_at + 1U) % SERIAL_RING_BYTES);
   }
   return count;
 }
@@ -29,8 +30,8 @@ uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   serial *s = context;
   uint16_t taken = 0;
-  while (taken < count && (uint16_t)(s->send_head - s->send_tail) < SERIAL_RING) {
-    s->to_send[s->send_head % SERIAL_RING] = bytes[taken++];
+  while (taken < count && (uint16_t)(s->send_head - s->send_tail) < SERIAL_RING_BYTES) {
+    s->to_send[s->send_head % SERIAL_RING_BYTES] = bytes[taken++];
     ++s->send_head;
   }
   USART_CR1(s->port) = PORT_ENABLED | USART_CR1_TXEIE;
@@ -44,7 +45,7 @@ static void send_next_byte(serial *s)
     return;
   }
   if ((USART_SR(s->port) & USART_SR_TXE) != 0U) {
-    USART_DR(s->port) = s->to_send[s->send_tail % SERIAL_RING];
+    USART_DR(s->port) = s->to_send[s->send_tail % SERIAL_RING_BYTES];
     ++s->send_tail;
   }
 }
@@ -59,12 +60,12 @@ static void start_port(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
   s->stream = stream;
   DMA_PAR(s->stream) = USART_DR_ADDRESS(s->port);
   DMA_M0AR(s->stream) = (uint32_t)(uintptr_t)s->received;
-  DMA_NDTR(s->stream) = SERIAL_RING;
+  DMA_NDTR(s->stream) = SERIAL_RING_BYTES;
   DMA_CR(s->stream) = DMA_CR_CHANNEL(4U) | DMA_CR_MINC | DMA_CR_CIRC | DMA_CR_EN;
   USART_BRR(s->port) = (APB1_HZ + BAUD / 2U) / BAUD;
   USART_CR3(s->port) = USART_CR3_DMAR;
   USART_CR1(s->port) = PORT_ENABLED;
-  NVIC_PRIORITY(irq) = PRIORITY;
+  NVIC_PRIORITY(irq) = INTERRUPT_PRIORITY;
   NVIC_ENABLE(irq) = NVIC_BIT(irq);
 }
 

@@ -16,7 +16,7 @@ void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_con
 
 /* Returns the state of a controller and its lost magnets: 16*(state of states.h) + phase +
    256*(highest number of a lost magnet). */
-uint16_t anhyst_axes_word(uint16_t state, uint32_t lost);
+uint16_t anhyst_axes_state_word(uint16_t state, uint32_t lost);
 
 #ifdef __cplusplus
 }

@@ -127,7 +127,7 @@ typedef struct {
   anhyst_plant_sensor force_sensor; /* sensor of the magnets' net force */
   double tick;                      /* length of a tick, s */
   int substeps;                     /* sub-steps per tick, >= 1 */
-  int delay; /* dead time from reading to output, sub-steps, 0..ANHYST_PLANT_DELAY_MOST/2 */
+  int delay; /* dead time from reading to output, sub-steps, 0..ANHYST_PLANT_MAX_DELAY/2 */
 } anhyst_plant_body;
 
 /* Destinations of the sensor readings. */
@@ -144,10 +144,10 @@ typedef enum { ANHYST_PLANT_WORKS, ANHYST_PLANT_OPEN, ANHYST_PLANT_SHORT } anhys
 
 typedef struct {
   anhyst_plant_coil coil;
-  double gap;                           /* true gap, m */
-  double output;                        /* output of the digital-analogue converter, A or V */
-  anhyst_plant_failure failure;         /* failure of the amplifier; the caller sets it */
-  double line[ANHYST_PLANT_DELAY_MOST]; /* converter outputs that are not yet effective */
+  double gap;                          /* true gap, m */
+  double output;                       /* output of the digital-analogue converter, A or V */
+  anhyst_plant_failure failure;        /* failure of the amplifier; the caller sets it */
+  double line[ANHYST_PLANT_MAX_DELAY]; /* converter outputs that are not yet effective */
   anhyst_plant_sensing current_sensing;
   anhyst_plant_sensing flux_sensing;
 } anhyst_plant_actuator_state;
@@ -165,17 +165,17 @@ typedef struct {
   double wrench[ANHYST_PLANT_AXES];                  /* total wrench of the magnets, N, N m */
   double force;                                      /* magnets' force along the sensor, N */
   double load;                                       /* force of the load drive, N */
-  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change in half a sub-step per unit
-                                                        force (N or N m) */
+  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per half sub-step and
+                                                        force */
   double tie[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES];  /* cable force per N/m and coordinate */
   double weight[ANHYST_PLANT_AXES];                  /* force and moment of gravity, N, N m */
   int can_turn;                                      /* whether a rotation is a free coordinate */
   anhyst_plant_actuator_state *actuator;             /* array of the caller, one for each magnet */
   anhyst_plant_head_state *head;                     /* array of the caller, one for each head */
-  unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether new outputs take effect in each sub-step */
-  unsigned at;                                /* sub-step modulo ANHYST_PLANT_DELAY_MOST */
-  double load_velocity;                       /* estimated by the load drive, m/s */
-  double load_position;                       /* last encoder reading of the load's controller, m */
+  unsigned char due[ANHYST_PLANT_MAX_DELAY]; /* whether new outputs take effect in each sub-step */
+  unsigned at;                               /* sub-step modulo ANHYST_PLANT_MAX_DELAY */
+  double load_velocity;                      /* estimated by the load drive, m/s */
+  double load_position;                      /* last encoder reading of the load's controller, m */
   anhyst_plant_sensing force_sensing;
   anhyst_plant_noise noise;
 } anhyst_plant_state;
@@ -205,7 +205,8 @@ void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *sta
                           const double *command, double load);
 
 /* Returns the displacement of a body at this pose along a line, m. */
-double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[ANHYST_PLANT_AXES]);
+double anhyst_plant_displacement(const anhyst_plant_line *line,
+                                 const double pose[ANHYST_PLANT_AXES]);
 
 #ifdef __cplusplus
 }

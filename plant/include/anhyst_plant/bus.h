@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A firmware with a position controller as the controller of a simulated loop: it receives
-   sensor readings and returns current references. This adapter only converts signals between SI
-   units and codes. Targets and commands of the loop have no effect: the firmware gets them over
-   its own link. */
+/* A firmware with a position controller as the controller of a simulated loop: sensor readings in,
+   current references out. This adapter only converts signals between SI units and codes. Targets
+   and commands of the loop have no effect: the firmware gets them over its own link. */
 #ifndef ANHYST_PLANT_BUS_H
 #define ANHYST_PLANT_BUS_H
 

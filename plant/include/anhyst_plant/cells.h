@@ -12,23 +12,23 @@
 
 #include "anhyst_plant/curve.h"
 
-#define ANHYST_PLANT_CELLS 64
+#define ANHYST_PLANT_MAX_CELLS 64
 
 typedef struct {
-  int cells;                            /* 1..ANHYST_PLANT_CELLS */
-  double threshold[ANHYST_PLANT_CELLS]; /* thresholds, A/m, ascending; the first may be 0 */
-  double weight[ANHYST_PLANT_CELLS];    /* weight of each cell; their sum is one */
+  int cells;                                /* 1..ANHYST_PLANT_MAX_CELLS */
+  double threshold[ANHYST_PLANT_MAX_CELLS]; /* thresholds, A/m, ascending; the first may be 0 */
+  double weight[ANHYST_PLANT_MAX_CELLS];    /* weight of each cell; their sum is one */
   anhyst_plant_curve curve;
 } anhyst_plant_cell_steel;
 
 typedef struct {
-  double place[ANHYST_PLANT_CELLS];    /* fields of the cells, A/m */
-  double rest[ANHYST_PLANT_CELLS + 1]; /* polarisation of this cell and all later cells, T */
+  double place[ANHYST_PLANT_MAX_CELLS];    /* fields of the cells, A/m */
+  double rest[ANHYST_PLANT_MAX_CELLS + 1]; /* polarisation of this cell and all later cells, T */
 } anhyst_plant_cells;
 
 typedef struct {
-  int moved;                       /* number of moving cells, which are the first ones */
-  double part[ANHYST_PLANT_CELLS]; /* contribution of each moving cell to the polarisation, T */
+  int moved;                           /* number of moving cells, which are the first ones */
+  double part[ANHYST_PLANT_MAX_CELLS]; /* contribution of each moving cell to the polarisation, T */
 } anhyst_plant_cells_goal;
 
 #endif

@@ -38,7 +38,7 @@ typedef struct {
 
 /* One of the product's controllers in one number format, and the scales of its signals. Its tick
    function is that of an anhyst_loop_controller whose member `self` is this adapter. */
-#define ANHYST_PLANT_ADAPTER(kind, f)                                                              \
+#define ANHYST_PLANT_DECLARE_ADAPTER(kind, f)                                                      \
   typedef struct {                                                                                 \
     anhyst_##kind##_##f *kind;                                                                     \
     anhyst_##kind##_scales scales;                                                                 \

@@ -41,7 +41,7 @@ typedef struct {
 } anhyst_plant_held_state;
 
 /* Columns of a recorded tick: current, A; force, N; and the sensor readings. */
-#define ANHYST_HELD_COLUMNS (2 + ANHYST_HELD_SENSORS)
+#define ANHYST_HELD_COLUMN_COUNT (2 + ANHYST_HELD_SENSORS)
 
 /* Executes one tick: the reference of the last tick, the present gap, and the noise of each sensor
    in the unit of its quantity. */

@@ -26,7 +26,7 @@ typedef struct {
 } anhyst_plant_current_loop;
 
 /* Number of doubles in the working storage of a loop. */
-#define ANHYST_LOOP_ROOM(magnets, heads, coordinates)                                              \
+#define ANHYST_LOOP_STORAGE_SIZE(magnets, heads, coordinates)                                      \
   (4 * (magnets) + 2 * (heads) + 3 * (coordinates))
 
 typedef struct {
@@ -34,12 +34,11 @@ typedef struct {
   anhyst_plant_state *state;
   anhyst_loop_controller controller;
   anhyst_plant_current_loop *current_loop; /* array of the caller, one for each magnet */
-  double *room;                            /* storage of the caller, ANHYST_LOOP_ROOM numbers */
-  uint64_t ticks;                          /* number of ticks since the start */
+  double *room;   /* storage of the caller, ANHYST_LOOP_STORAGE_SIZE numbers */
+  uint64_t ticks; /* number of ticks since the start */
 } anhyst_plant_loop;
 
-/* Inputs and disturbances of n ticks. Unless stated, one row per tick and one number per
-   coordinate. */
+/* Inputs and disturbances of n ticks. By default, a row per tick has one number per coordinate. */
 typedef struct {
   const double *target;    /* target position */
   const double *load;      /* force command of the load drive, N; one per tick */
@@ -54,19 +53,19 @@ typedef struct {
                               NULL: the frame does not move */
 } anhyst_plant_events;
 
-#define ANHYST_LOOP_DROP 256U
-#define ANHYST_LOOP_SHORT 512U
-#define ANHYST_LOOP_MISSING 1024U
-#define ANHYST_LOOP_FROZEN 2048U
-#define ANHYST_LOOP_JUMPS 4096U
-#define ANHYST_LOOP_HEADS (ANHYST_LOOP_MISSING | ANHYST_LOOP_FROZEN | ANHYST_LOOP_JUMPS)
-#define ANHYST_LOOP_JUMP 20e-6 /* m */
-#define ANHYST_LOOP_FAILS 16
+#define ANHYST_INJECT_HEAD_DROPOUT 256U
+#define ANHYST_INJECT_SHORT_CIRCUIT 512U
+#define ANHYST_INJECT_HEAD_NAN 1024U
+#define ANHYST_INJECT_FROZEN_HEAD 2048U
+#define ANHYST_INJECT_HEAD_JUMP 4096U
+#define ANHYST_INJECT_HEAD_FAULTS                                                                  \
+  (ANHYST_INJECT_HEAD_NAN | ANHYST_INJECT_FROZEN_HEAD | ANHYST_INJECT_HEAD_JUMP)
+#define ANHYST_INJECTED_JUMP_M 20e-6 /* m */
+#define ANHYST_INJECT_FIRST_FAULT_BIT 16
 
-/* The list of recorded signals. Each tick is one row, with values at the start of the tick.
-   Entries: name, unit (suffix of a column), unit of rotations, number of columns, and expression
-   for number j. */
-#define ANHYST_LOOP_TABLE(SIGNAL)                                                                  \
+/* The list of recorded signals, one row per tick, with values at its start. Entries: name, unit
+   (suffix of a column), unit of rotations, number of columns, and expression for number j. */
+#define ANHYST_LOOP_SIGNAL_TABLE(SIGNAL)                                                           \
   SIGNAL(TIME, "t", "s", "s", TICK, (double)loop->ticks * body->tick)                              \
   SIGNAL(REFERENCE, "reference", "m", "rad", COORDINATE, answer->reference[j])                     \
   SIGNAL(POSE, "pose", "m", "rad", COORDINATE, s->pose[body->coordinate[j].axis])                  \
@@ -88,8 +87,10 @@ typedef struct {
   SIGNAL(STATE, "state", "", "", TICK, (double)answer->state)                                      \
   SIGNAL(FLAGS, "flags", "", "", TICK, (double)answer->flags)
 
-#define ANHYST_LOOP_ENUM(name, text, unit, angular, shape, value) ANHYST_LOOP_##name,
-typedef enum { ANHYST_LOOP_TABLE(ANHYST_LOOP_ENUM) ANHYST_LOOP_SIGNALS } anhyst_plant_signal;
+#define ANHYST_LOOP_SIGNAL_ENUM(name, text, unit, angular, shape, value) ANHYST_LOOP_##name,
+typedef enum {
+  ANHYST_LOOP_SIGNAL_TABLE(ANHYST_LOOP_SIGNAL_ENUM) ANHYST_LOOP_SIGNALS
+} anhyst_plant_signal;
 
 typedef enum {
   ANHYST_EACH_TICK,

@@ -67,7 +67,8 @@ typedef struct {
   double d_limit;
 } anhyst_plant_cone_gap;
 
-void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at);
+void anhyst_plant_evaluate_cone(const anhyst_plant_cone *cone, double gap,
+                                anhyst_plant_cone_gap *at);
 
 /* Returns the ampere-turns for a flux, A. The search starts at `near`. *slope: in A per Wb, 1/H. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,

@@ -20,16 +20,16 @@
 extern "C" {
 #endif
 
-#define ANHYST_PIEZO_CREEPS 8 /* maximum number of creep terms */
+#define ANHYST_PIEZO_MAX_CREEP_TERMS 8 /* maximum number of creep terms */
 
 typedef struct {
-  double stroke_per_volt;                  /* d of the free stack without hysteresis, m/V */
-  double bend;                             /* b, m/V^2 */
-  double slope;                            /* a: slope of the hysteretic part at a reversal, m/V */
-  double beta;                             /* 1/V */
-  double gamma;                            /* 1/V */
-  double creep_time[ANHYST_PIEZO_CREEPS];  /* T_j, s */
-  double creep_share[ANHYST_PIEZO_CREEPS]; /* w_j */
+  double stroke_per_volt; /* d of the free stack without hysteresis, m/V */
+  double bend;            /* b, m/V^2 */
+  double slope;           /* a: slope of the hysteretic part at a reversal, m/V */
+  double beta;            /* 1/V */
+  double gamma;           /* 1/V */
+  double creep_time[ANHYST_PIEZO_MAX_CREEP_TERMS];  /* T_j, s */
+  double creep_share[ANHYST_PIEZO_MAX_CREEP_TERMS]; /* w_j */
   int creeps;
   double omega;   /* natural frequency of stage and stack, rad/s */
   double damping; /* damping ratio */
@@ -42,7 +42,7 @@ typedef struct {
 typedef struct {
   double voltage;
   double hysteresis;
-  double creep[ANHYST_PIEZO_CREEPS];
+  double creep[ANHYST_PIEZO_MAX_CREEP_TERMS];
   double place; /* position of the stage, m */
   double velocity;
 } anhyst_piezo_state;

@@ -22,9 +22,9 @@ typedef struct {
   double flux;       /* full scale of the flux density, T */
 } anhyst_position_scales;
 
-ANHYST_PLANT_ADAPTER(position, q31);
-ANHYST_PLANT_ADAPTER(position, f64);
-ANHYST_PLANT_ADAPTER(position, f32);
+ANHYST_PLANT_DECLARE_ADAPTER(position, q31);
+ANHYST_PLANT_DECLARE_ADAPTER(position, f64);
+ANHYST_PLANT_DECLARE_ADAPTER(position, f32);
 
 #ifdef __cplusplus
 }

@@ -19,7 +19,7 @@
 
 #include "anhyst_plant/curve.h"
 
-#define ANHYST_PLANT_TURNS 512
+#define ANHYST_PLANT_MAX_REVERSALS 512
 
 typedef struct {
   const double *everett; /* table of `nodes` rows with `nodes` entries each, T; each row rises */
@@ -37,8 +37,8 @@ typedef struct {
 
 typedef struct {
   int turns;
-  anhyst_plant_turn turn[ANHYST_PLANT_TURNS]; /* reversal points, the outermost first */
-  double relays;                              /* present polarisation of the relays, T */
+  anhyst_plant_turn turn[ANHYST_PLANT_MAX_REVERSALS]; /* reversal points, the outermost first */
+  double relays;                                      /* present polarisation of the relays, T */
 } anhyst_plant_preisach;
 
 typedef struct {

@@ -52,7 +52,7 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
 }
 
 /* Defines the interface of a family from the functions evaluate_goal and move of its file. */
-#define ANHYST_PLANT_FAMILY(name)                                                                  \
+#define ANHYST_PLANT_DEFINE_FAMILY(name)                                                           \
   static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,    \
                     double b, double r, double tolerance, const anhyst_plant_beyond *beyond,       \
                     anhyst_plant_goal *goal)                                                       \

@@ -9,7 +9,7 @@
 extern "C" {
 #endif
 
-#define ANHYST_PLANT_DELAY_MOST 256 /* maximum delay, sub-steps, a power of two */
+#define ANHYST_PLANT_MAX_DELAY 256 /* maximum delay, sub-steps, a power of two */
 
 /* Normally distributed random numbers: xoshiro256++ and the polar method. */
 typedef struct {
@@ -28,17 +28,17 @@ typedef struct {
   double offset; /* offset, in the unit of the quantity */
   double noise;  /* standard deviation of the noise, in the unit of the quantity */
   double share;  /* fraction of a step that its low-pass passes in a sub-step, 0 < .. <= 1 */
-  int delay;     /* delay in sub-steps, 0..ANHYST_PLANT_DELAY_MOST - 1 */
+  int delay;     /* delay in sub-steps, 0..ANHYST_PLANT_MAX_DELAY - 1 */
 } anhyst_plant_sensor;
 
 typedef struct {
-  double value;                         /* output of the low-pass filter */
-  double line[ANHYST_PLANT_DELAY_MOST]; /* last outputs of the filter, as a ring buffer */
+  double value;                        /* output of the low-pass filter */
+  double line[ANHYST_PLANT_MAX_DELAY]; /* last outputs of the filter, as a ring buffer */
   unsigned at;
 } anhyst_plant_sensing;
 
 /* Limits a value; NaN becomes `low`. C's fmin and fmax do not define the sign of zero. */
-static inline double anhyst_plant_bound(double value, double low, double high)
+static inline double anhyst_plant_limit_to_range(double value, double low, double high)
 {
   return value > low ? (value < high ? value : high) : low;
 }
@@ -57,7 +57,7 @@ static inline void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor,
   const double share = sensor->share;
   const double before = sensing->value;
   const double value = share >= 1.0 ? to : before + share * (0.5 * (from + to) - before);
-  const unsigned at = (sensing->at + 1U) & (ANHYST_PLANT_DELAY_MOST - 1U);
+  const unsigned at = (sensing->at + 1U) & (ANHYST_PLANT_MAX_DELAY - 1U);
   sensing->value = value;
   sensing->at = at;
   sensing->line[at] = value;

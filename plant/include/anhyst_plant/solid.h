@@ -15,17 +15,16 @@
 
 #include "anhyst_plant/iron.h"
 
-#define ANHYST_PLANT_VOLUMES 16
+#define ANHYST_PLANT_MAX_VOLUMES 16
 
 typedef struct {
-  int volumes;                        /* >= 1 */
-  double part;                        /* solid fraction of the path, 0 < part <= 1 */
-  double share[ANHYST_PLANT_VOLUMES]; /* shares of the cross-section, surface first; sum 1 */
-  double drag[ANHYST_PLANT_VOLUMES];  /* eddy coefficient outside each volume, A s/(m T) */
+  int volumes;                            /* >= 1 */
+  double part;                            /* solid fraction of the path, 0 < part <= 1 */
+  double share[ANHYST_PLANT_MAX_VOLUMES]; /* shares of the cross-section, surface first; sum 1 */
+  double drag[ANHYST_PLANT_MAX_VOLUMES];  /* eddy coefficient outside each volume, A s/(m T) */
 } anhyst_plant_solid;
 
-/* Equation of the whole path: a*H + b*B = r. per_second: 1/s of the step; 0 if it is infinitely
-   long. */
+/* Equation of the whole path: a*H + b*B = r. per_second: 1/s of the step; 0: infinitely long. */
 typedef struct {
   double a;
   double b;
@@ -35,7 +34,7 @@ typedef struct {
 
 /* Result of a step. */
 typedef struct {
-  double at[ANHYST_PLANT_VOLUMES]; /* coordinate of each volume, A/m */
+  double at[ANHYST_PLANT_MAX_VOLUMES]; /* coordinate of each volume, A/m */
   anhyst_plant_goal sheets;
   double field;   /* mean field over the path, A/m */
   double density; /* mean flux density over the cross-section, T */

@@ -51,4 +51,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = ANHYST_PLANT_MU0 * at + rest;
 }
 
-ANHYST_PLANT_FAMILY(cells);
+ANHYST_PLANT_DEFINE_FAMILY(cells);

@@ -10,7 +10,7 @@ typedef struct {
   double slope; /* slope of the node position, nodes per A/m */
 } position;
 
-static position locate(const anhyst_plant_preisach_steel *steel, double x)
+static position locate_node(const anhyst_plant_preisach_steel *steel, double x)
 {
   const double last = (double)(steel->nodes - 1);
   const double scale = last / (2.0 * steel->reach);
@@ -63,7 +63,7 @@ static int is_rising(const anhyst_plant_memory *memory)
 
 /* Returns the number of reversal points after a monotone path to x. If the path starts with a
    reversal, the present field is one of them. */
-static int count_turns(const anhyst_plant_memory *memory, double x)
+static int count_reversals(const anhyst_plant_memory *memory, double x)
 {
   const anhyst_plant_preisach *own = &memory->own.preisach;
   const double way = x - memory->at;
@@ -73,7 +73,7 @@ static int count_turns(const anhyst_plant_memory *memory, double x)
     return turns;
   }
   if (is_upward != is_rising(memory) && !(turns == 0 && memory->at == 0.0)) {
-    if (turns < ANHYST_PLANT_TURNS) {
+    if (turns < ANHYST_PLANT_MAX_REVERSALS) {
       turns++;
     } else if (is_upward ? x <= own->turn[turns - 1].at : x >= own->turn[turns - 1].at) {
       return turns; /* the memory is full: the path returns on the same branch */
@@ -97,19 +97,19 @@ static inline void evaluate_goal(const anhyst_plant_iron *iron, const anhyst_pla
 {
   const anhyst_plant_preisach_steel *steel = &iron->steel.preisach;
   const anhyst_plant_preisach *own = &memory->own.preisach;
-  const int turns = count_turns(memory, goal->at);
-  const position end = locate(steel, goal->at);
+  const int turns = count_reversals(memory, goal->at);
+  const position end = locate_node(steel, goal->at);
   double slope;
   double polarisation = anhyst_plant_polarisation(&steel->curve, goal->at, &slope);
   double relays;
   if (turns > 0) {
     const int is_reversed = turns > own->turns;
     const double from = is_reversed ? memory->at : own->turn[turns - 1].at;
-    const everett way = interpolate_everett(steel, locate(steel, from), end);
+    const everett way = interpolate_everett(steel, locate_node(steel, from), end);
     relays = (is_reversed ? own->relays : own->turn[turns - 1].relays) + way.change;
     slope += end.slope * way.by_end;
   } else {
-    const everett way = interpolate_everett(steel, locate(steel, -goal->at), end);
+    const everett way = interpolate_everett(steel, locate_node(steel, -goal->at), end);
     relays = 0.5 * way.change;
     slope += 0.5 * end.slope * (way.by_end - way.by_begin);
   }
@@ -137,4 +137,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = goal->density;
 }
 
-ANHYST_PLANT_FAMILY(preisach);
+ANHYST_PLANT_DEFINE_FAMILY(preisach);

@@ -44,8 +44,8 @@ static int start(const void *tables, void *state, double *values)
 /* Returns the gap as the compensator of a firmware gets it, rounded to the codes of its sensor. */
 static double quantise_gap(double gap)
 {
-  const double share =
-      anhyst_plant_bound((gap - FORCE_GAP_LOW) / (FORCE_GAP_HIGH - FORCE_GAP_LOW), 0.0, 1.0);
+  const double share = anhyst_plant_limit_to_range(
+      (gap - FORCE_GAP_LOW) / (FORCE_GAP_HIGH - FORCE_GAP_LOW), 0.0, 1.0);
   return FORCE_GAP_LOW +
          (FORCE_GAP_HIGH - FORCE_GAP_LOW) * (floor(share * GAP_CODES + 0.5) / GAP_CODES);
 }

@@ -86,7 +86,7 @@ static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *dr
   law->drive = drive;
   anhyst_axes_tick_f64(law, &in, &out);
   answer->flags = out.flags;
-  answer->state = anhyst_axes_word(out.state, out.lost);
+  answer->state = anhyst_axes_state_word(out.state, out.lost);
 }
 
 typedef struct {

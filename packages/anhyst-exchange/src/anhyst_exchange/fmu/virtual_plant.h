@@ -19,7 +19,7 @@ typedef struct {
   uint64_t ticks;
   /* Working memory of one tick. It is static, because a stack frame of more than a page needs a
    * run-time library. */
-  double workspace[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
+  double workspace[ANHYST_LOOP_STORAGE_SIZE(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
   double record[MAX_RECORDED_VALUES];
 } virtual_plant;
 

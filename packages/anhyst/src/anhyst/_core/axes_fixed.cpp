@@ -209,7 +209,7 @@ private:
     }
     const auto out = c.run(head, forward, gap, flux, read, static_cast<uint16_t>(sample->command));
     answer->flags = out.flags;
-    answer->state = anhyst_axes_word(out.state, out.lost);
+    answer->state = anhyst_axes_state_word(out.state, out.lost);
     for (size_t i = 0; i < drives; i++) {
       answer->current[i] = c.current_[i] / 2147483648.0 * c.current_full_;
     }

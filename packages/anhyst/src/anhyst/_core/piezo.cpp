@@ -52,7 +52,7 @@ public:
     Settings given(stage);
     const size_t creeps = creep_times.shape(0);
     same_length(creeps, creep_shares.shape(0), "creep_shares");
-    if (creeps > ANHYST_PIEZO_CREEPS) {
+    if (creeps > ANHYST_PIEZO_MAX_CREEP_TERMS) {
       throw std::invalid_argument("a stack creeps in at most 8 terms");
     }
     piezo_.stroke_per_volt = given.take<double>("stroke_per_volt");

@@ -113,10 +113,10 @@ public:
     same_length(reference.shape(0), gap.shape(0), "gap");
     same_length(reference.shape(0), noise.shape(0), "noise");
     same_length(noise.shape(1), ANHYST_HELD_SENSORS, "a row of noise");
-    OutTable out = make_table(reference.shape(0), ANHYST_HELD_COLUMNS);
+    OutTable out = make_table(reference.shape(0), ANHYST_HELD_COLUMN_COUNT);
     for (size_t i = 0; i < reference.shape(0); i++) {
       anhyst_plant_held_tick(&held_, &state_, reference(i), gap(i), &noise(i, 0),
-                             out.data() + i * ANHYST_HELD_COLUMNS);
+                             out.data() + i * ANHYST_HELD_COLUMN_COUNT);
     }
     return out;
   }

@@ -42,7 +42,7 @@ public:
       : Magnet(numbers, steel)
   {
     same_length(share.shape(0), drag.shape(0), "drag");
-    if (share.shape(0) < 1 || share.shape(0) > ANHYST_PLANT_VOLUMES ||
+    if (share.shape(0) < 1 || share.shape(0) > ANHYST_PLANT_MAX_VOLUMES ||
         !(part > 0.0 && part <= 1.0)) {
       throw std::invalid_argument("1 to 16 volumes, in a part of the path above 0 and up to 1");
     }
@@ -125,7 +125,7 @@ inline anhyst_plant_sensor to_sensor(const nb::dict &numbers)
                                      given.take<double>("offset"), given.take<double>("noise"),
                                      given.take<double>("share"),  given.take<int>("delay")};
   given.finish();
-  if (found.delay < 0 || found.delay >= ANHYST_PLANT_DELAY_MOST) {
+  if (found.delay < 0 || found.delay >= ANHYST_PLANT_MAX_DELAY) {
     throw std::invalid_argument("a sensor is late by 0 to 255 sub-steps");
   }
   return found;
@@ -289,7 +289,7 @@ private:
     if (body_.coordinates < 1) {
       throw std::invalid_argument("a body is free in one coordinate or more");
     }
-    if (body_.substeps < 1 || body_.delay < 0 || body_.delay > ANHYST_PLANT_DELAY_MOST / 2) {
+    if (body_.substeps < 1 || body_.delay < 0 || body_.delay > ANHYST_PLANT_MAX_DELAY / 2) {
       throw std::invalid_argument("one sub-step or more, and a delay of 0 to 128 of them");
     }
   }

@@ -18,7 +18,7 @@ public:
     Settings given(numbers);
     anhyst_plant_cell_steel &steel = iron_.steel.cells;
     same_length(thresholds.shape(0), weights.shape(0), "weights");
-    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_CELLS) {
+    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_MAX_CELLS) {
       throw std::invalid_argument("an iron has 1 to 64 cells");
     }
     iron_.family = &anhyst_plant_of_cells;

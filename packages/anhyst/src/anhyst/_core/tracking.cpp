@@ -183,7 +183,7 @@ private:
               Row(sample->current, sample->current + drives),
               static_cast<uint16_t>(sample->command), Row(sample->target, sample->target + axes));
     answer->flags = out.flags;
-    answer->state = anhyst_axes_word(out.state, out.lost);
+    answer->state = anhyst_axes_state_word(out.state, out.lost);
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);
