@@ -19,7 +19,7 @@ static int16_t words[1024];
 static inline double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
 
 /* Returns the field at an entry of a row. */
-static inline double field_of(int column)
+static inline double field_at_entry(int column)
 {
   const int middle = STRIDE / 2;
   const double from_middle = (column - middle) / 128.0;
@@ -44,7 +44,7 @@ static inline void fill_cell_words(void)
     words[thresholds + cell] = (int16_t)lround(THRESHOLDS[cell + 1] * 32768.0);
   }
   for (int i = 0; i < STRIDE; i++) {
-    const double x = field_of(i);
+    const double x = field_at_entry(i);
     double sum = 0.0;
     for (int cell = 0; cell <= CELLS; cell++) {
       sum += curve(cell, x - THRESHOLDS[cell]);
@@ -54,7 +54,7 @@ static inline void fill_cell_words(void)
 }
 
 /* Returns the value of a word of the block in floating point. */
-static inline double number_of(int word)
+static inline double word_as_number(int word)
 {
   switch (word) {
   case ANHYST_WORD_CELLS_AIR:

@@ -42,7 +42,7 @@ static inline void check_below(const char *what, double measured, double limit, 
 }
 
 /* Keeps the largest value; NaN counts as infinite. */
-static inline void keep_worst(double *worst, double value)
+static inline void keep_largest(double *worst, double value)
 {
   if (!(value <= *worst)) {
     *worst = isnan(value) ? (double)INFINITY : value;

@@ -37,7 +37,7 @@ static int32_t nesting_field(anhyst_compensator *c)
   if (deep++ == 0) { /* as an interrupt would do */
     (void)anhyst_compensator_solve_q31(c, FULL_DEMAND / 9, GAP);
   }
-  return straight_field(c);
+  return linear_field(c);
 }
 
 static void format_claims(anhyst_compensator *c)

@@ -138,7 +138,7 @@ static states step_to(double flux)
 }
 
 /* Commits a step at a current, which may begin at the trial step, and returns the fluxes. */
-static states step_under(double current)
+static states step_at_current(double current)
 {
   fixed.stage = ANHYST_STAGE_AHEAD;
   f32.stage = ANHYST_STAGE_AHEAD;
@@ -170,8 +170,8 @@ static void formats_agree_on_any_path_of_the_flux(void)
   for (int i = 0; i < 200000; i++) {
     flux = next_flux(&seed, flux);
     const states found = step_to(flux);
-    keep_worst(&of_fixed, fabs(found.fixed - found.f64));
-    keep_worst(&of_f32, fabs(found.f32 - found.f64));
+    keep_largest(&of_fixed, fabs(found.fixed - found.f64));
+    keep_largest(&of_f32, fabs(found.f32 - found.f64));
   }
   CHECK_BELOW("state of fixed point against f64", of_fixed, 2e-5);
   CHECK_BELOW("state of f32 against f64", of_f32, 2e-5);
@@ -189,13 +189,13 @@ static void formats_agree_on_any_path_of_the_current(void)
     flux = next_flux(&seed, flux);
     const double current = 0.18 * flux; /* field of a flux below 1 in any state */
     (void)solve_for(next_flux(&seed, flux));
-    const states found = step_under(current);
-    keep_worst(&of_fixed, fabs(found.fixed - found.f64));
-    keep_worst(&of_f32, fabs(found.f32 - found.f64));
+    const states found = step_at_current(current);
+    keep_largest(&of_fixed, fabs(found.fixed - found.f64));
+    keep_largest(&of_f32, fabs(found.f32 - found.f64));
     f64.flux = found.f64;
     const double field = anhyst_kernel_simplified_f64.field(&f64);
-    keep_worst(&missing,
-               fabs(current - f64.arms.flux_arm * found.f64 - f64.arms.field_arm * field));
+    keep_largest(&missing,
+                 fabs(current - f64.arms.flux_arm * found.f64 - f64.arms.field_arm * field));
   }
   CHECK_BELOW("flux of fixed point against f64", of_fixed, 5e-5);
   CHECK_BELOW("flux of f32 against f64", of_f32, 2e-5);
@@ -221,7 +221,7 @@ static void small_steps_accumulate_nothing(void)
 }
 
 /* Moves the flux within the dead band after a rise or a descent. */
-static void reversals_within_the_dead_band_move_nothing(double way)
+static void reversals_within_the_dead_band_change_no_state(double way)
 {
   uint64_t seed = 3;
   demagnetise();
@@ -257,7 +257,7 @@ static void damaged_numbers_stay_within_their_bounds(void)
     memcpy(&f64.next.memory, noise + 5, sizeof f64.memory);
     f32.memory.simplified.flux = i % 7 == 0 ? (float)NAN : f32.memory.simplified.flux;
     f64.memory.simplified.start = i % 5 == 0 ? (double)NAN : f64.memory.simplified.start;
-    const states under = step_under(uniform(&seed, -2.0, 2.0) * 0.9);
+    const states under = step_at_current(uniform(&seed, -2.0, 2.0) * 0.9);
     const states to = step_to(next_flux(&seed, 0.0));
     CHECK(fabs(under.fixed) <= bound && fabs(under.f32) <= bound && fabs(under.f64) <= bound);
     CHECK(fabs(to.fixed) <= bound && fabs(to.f32) <= bound && fabs(to.f64) <= bound);
@@ -270,8 +270,8 @@ int main(void)
   formats_agree_on_any_path_of_the_flux();
   formats_agree_on_any_path_of_the_current();
   small_steps_accumulate_nothing();
-  reversals_within_the_dead_band_move_nothing(0.8);
-  reversals_within_the_dead_band_move_nothing(-0.8);
+  reversals_within_the_dead_band_change_no_state(0.8);
+  reversals_within_the_dead_band_change_no_state(-0.8);
   damaged_numbers_stay_within_their_bounds();
   return verdict();
 }

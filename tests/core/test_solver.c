@@ -32,15 +32,15 @@ static problem draw(uint64_t *seed, anhyst_step step, double low, double high, d
     }
     p.law.kappa = branch.kappa;
   }
-  p.from = wander(seed, &p.law, reach);
-  const double steepest = anhyst_operator_steepest_f64(&p.law);
+  p.from = random_state(seed, &p.law, reach);
+  const double steepest_slope = anhyst_operator_steepest_f64(&p.law);
   const double steepness = low < 0.0 ? uniform(seed, low, high) : log_uniform(seed, low, high);
-  p.omega = (steepness - 1.0) / steepest;
+  p.omega = (steepness - 1.0) / steepest_slope;
   p.r = uniform(seed, -1.0, 1.0) * log_uniform(seed, 1e-3, 1.0) * (reach + fabs(p.omega));
   return p;
 }
 
-static double residual_in_units(const problem *p, const anhyst_candidate_f64 *found)
+static double residual_in_ulps(const problem *p, const anhyst_candidate_f64 *found)
 {
   const long double x = (long double)found->state.x;
   const long double omega = (long double)p->omega;
@@ -63,7 +63,7 @@ static double inconsistency(const problem *p, const anhyst_candidate_f64 *found)
   return off;
 }
 
-static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low, double high)
+static void solution_residual_is_rounding(anhyst_step step, double low, double high)
 {
   uint64_t seed = 21 + (uint64_t)step;
   const int count = step == ANHYST_STEP_JA1986 ? 600 : 8000;
@@ -79,8 +79,8 @@ static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low,
     CHECK(status == ANHYST_OK);
     CHECK(memcmp(&before, &p, sizeof p) == 0);
     if (status == ANHYST_OK) {
-      keep_worst(&residual, residual_in_units(&p, &found));
-      keep_worst(&answer, inconsistency(&p, &found));
+      keep_largest(&residual, residual_in_ulps(&p, &found));
+      keep_largest(&answer, inconsistency(&p, &found));
       total += found.evaluations;
       most = found.evaluations > most ? found.evaluations : most;
       CHECK(anhyst_state_check_f64(&p.law, &found.state) == ANHYST_OK);
@@ -114,7 +114,7 @@ static int passes_a_solution(const problem *p, const anhyst_candidate_f64 *found
   return 0;
 }
 
-static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
+static void jump_selects_the_first_solution(anhyst_step step)
 {
   uint64_t seed = 31 + (uint64_t)step;
   const int count = step == ANHYST_STEP_JA1986 ? 30 : 1000;
@@ -131,8 +131,8 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
     CHECK(status == (beyond ? ANHYST_REFUSED : ANHYST_OK));
     refused += beyond;
     if (status == ANHYST_OK) {
-      keep_worst(&residual, residual_in_units(&p, &found));
-      keep_worst(&most, found.evaluations);
+      keep_largest(&residual, residual_in_ulps(&p, &found));
+      keep_largest(&most, found.evaluations);
       passed += passes_a_solution(&p, &found);
     }
   }
@@ -142,7 +142,7 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
   CHECK_BELOW("  evaluations of the law, most", most, 2000.0);
 }
 
-static void nothing_moves_where_nothing_is_asked(void)
+static void unchanged_demand_changes_no_state(void)
 {
   uint64_t seed = 41;
   for (int i = 0; i < 2000; i++) {
@@ -154,7 +154,7 @@ static void nothing_moves_where_nothing_is_asked(void)
   }
 }
 
-static void what_cannot_be_solved_has_a_code(void)
+static void unsolvable_input_has_a_status(void)
 {
   uint64_t seed = 42;
   const double nan = (double)NAN;
@@ -175,7 +175,7 @@ static void what_cannot_be_solved_has_a_code(void)
 }
 
 /* Any finite input ends with a status code after a limited number of evaluations. */
-static void no_magnitude_makes_it_search_for_ever(void)
+static void search_ends_at_any_magnitude(void)
 {
   uint64_t seed = 43;
   int most = 0;
@@ -208,12 +208,12 @@ int main(void)
 {
   const anhyst_step steps[] = {ANHYST_STEP_EXACT, ANHYST_STEP_LINEAR, ANHYST_STEP_JA1986};
   for (int i = 0; i < 3; i++) {
-    solution_leaves_a_residual_of_rounding(steps[i], 0.05, 1.0);
-    solution_leaves_a_residual_of_rounding(steps[i], 1.0, 1e6);
-    first_solution_is_taken_where_the_material_jumps(steps[i]);
+    solution_residual_is_rounding(steps[i], 0.05, 1.0);
+    solution_residual_is_rounding(steps[i], 1.0, 1e6);
+    jump_selects_the_first_solution(steps[i]);
   }
-  nothing_moves_where_nothing_is_asked();
-  what_cannot_be_solved_has_a_code();
-  no_magnitude_makes_it_search_for_ever();
+  unchanged_demand_changes_no_state();
+  unsolvable_input_has_a_status();
+  search_ends_at_any_magnitude();
   return verdict();
 }

@@ -72,7 +72,7 @@ long double true_inverse_langevin(long double y)
 }
 
 /* Gauss-Legendre rule on -1..1: roots by Newton's method from Chebyshev's initial guess. */
-static void gauss(long double at[POINTS], long double weight[POINTS])
+static void gauss_rule(long double at[POINTS], long double weight[POINTS])
 {
   const long double pi = 3.14159265358979323846L;
   for (int i = 0; i < POINTS; i++) {
@@ -102,7 +102,7 @@ static long double fading(long double kappa, long double from, long double to, i
 {
   long double at[POINTS];
   long double weight[POINTS];
-  gauss(at, weight);
+  gauss_rule(at, weight);
   long double sum = 0.0L;
   long double upper = to;
   while (upper > from) {

@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STEPS_MOST 32
+#define MAX_SCRIPT_STEPS 32
 
 typedef struct {
   const uint8_t *data;
@@ -147,13 +147,13 @@ static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
   return taken;
 }
 
-static void keep_tick_out(void *context)
+static void lock_tick(void *context)
 {
   (void)context;
   locks++;
 }
 
-static void let_tick_in(void *context)
+static void unlock_tick(void *context)
 {
   (void)context;
   locks--;
@@ -170,8 +170,8 @@ static const struct port port = {.sense = sense,
                                  .drive = put_drive,
                                  .link_read = link_read,
                                  .link_write = link_write,
-                                 .lock = keep_tick_out,
-                                 .unlock = let_tick_in,
+                                 .lock = lock_tick,
+                                 .unlock = unlock_tick,
                                  .keep = keep};
 
 static void put_byte(uint8_t byte)
@@ -471,7 +471,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
   if ((begin & 0x18U) != 0U) {
     open_xcp();
   }
-  for (int i = 0; i < STEPS_MOST && s.at < s.size; i++) {
+  for (int i = 0; i < MAX_SCRIPT_STEPS && s.at < s.size; i++) {
     step(&s);
   }
   return 0;

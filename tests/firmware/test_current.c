@@ -8,8 +8,8 @@
 enum { LAG = 5, SWEEP = 50, OFF = 20 };
 enum { TEN_MINUTES = 600 * BENCH_RATE };
 #define TOLERANCE 0.05
-#define HELD 0.72  /* current of the fault cases, fraction of full scale */
-#define CODES 2048 /* converter steps in full scale */
+#define TEST_CURRENT 0.72    /* current of the fault cases, fraction of full scale */
+#define CONVERTER_CODES 2048 /* converter steps in full scale */
 
 /* An amplifier and its current sensor; fractions of full scale. */
 typedef struct {
@@ -42,11 +42,11 @@ static double driven(void) { return bench.drive / 2147483648.0; }
 
 static int32_t code_of(double part)
 {
-  return (int32_t)floor(part * CODES + 0.5) * (PORT_ONE / CODES);
+  return (int32_t)floor(part * CONVERTER_CODES + 0.5) * (PORT_ONE / CONVERTER_CODES);
 }
 
 /* Runs one tick: the amplifier follows the driven current, and the sensor measures it. */
-static void amplified_tick(amplifier *a)
+static void tick_with_amplifier(amplifier *a)
 {
   const double step = a->share * (driven() - a->current);
   a->current += step > a->slew ? a->slew : step < -a->slew ? -a->slew : step;
@@ -85,14 +85,14 @@ static void hold(amplifier *a, double current, int ticks)
     if (i % 50 == 0) {
       demand(current);
     }
-    amplified_tick(a);
+    tick_with_amplifier(a);
   }
 }
 
 static void run(amplifier *a)
 {
   for (int i = 0; i < 12; i++) {
-    amplified_tick(a);
+    tick_with_amplifier(a);
   }
   CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_ACK);
   CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
@@ -132,13 +132,14 @@ static const breakage breakages[] = {
 enum { BREAKAGES = sizeof breakages / sizeof breakages[0] };
 
 /* After a step of the demand, the slowest allowed response takes SWEEP + 3 * LAG ticks. */
-static void a_fault_that_is_there_from_the_start_is_found_with_the_current(void)
+static void initial_fault_is_found_once_current_flows(void)
 {
   for (int i = 0; i < BREAKAGES; i++) {
     amplifier a = breakages[i].after;
     start();
     run(&a);
-    CHECK_BELOW(breakages[i].name, ticks_until_fault(&a, HELD, 5000), SWEEP + 3 * LAG + OFF + 1);
+    CHECK_BELOW(breakages[i].name, ticks_until_fault(&a, TEST_CURRENT, 5000),
+                SWEEP + 3 * LAG + OFF + 1);
     CHECK(states()->fault == ANHYST_FAULT_CURRENT_MISMATCH);
     hold(&a, 0.0, 25);
     CHECK(bench.drive == 0);
@@ -146,30 +147,30 @@ static void a_fault_that_is_there_from_the_start_is_found_with_the_current(void)
 }
 
 /* At a constant current, only the number of samples matters. */
-static void a_fault_at_a_constant_current_is_found_after_off_ticks(void)
+static void fault_at_constant_current_is_found_after_off_ticks(void)
 {
   for (int i = 0; i < 5; i++) {
     amplifier a = normal;
     start();
     run(&a);
-    hold(&a, HELD, 200);
+    hold(&a, TEST_CURRENT, 200);
     CHECK(states()->state == ANHYST_STATE_RUN);
     a.gain = breakages[i].after.gain;
     a.noise = breakages[i].after.noise;
     a.offset = 0.0;
-    CHECK(ticks_until_fault(&a, HELD, 5000) == OFF + 1);
+    CHECK(ticks_until_fault(&a, TEST_CURRENT, 5000) == OFF + 1);
   }
 }
 
-static void a_sensor_that_stays_on_one_value_is_found_when_the_current_moves(void)
+static void frozen_sensor_is_found_if_the_current_moves(void)
 {
   amplifier a = normal;
   start();
   run(&a);
-  hold(&a, HELD, 200);
-  const amplifier stuck = {0.5, 0.03, 0.0, HELD, 0.0, HELD};
+  hold(&a, TEST_CURRENT, 200);
+  const amplifier stuck = {0.5, 0.03, 0.0, TEST_CURRENT, 0.0, TEST_CURRENT};
   a = stuck;
-  hold(&a, HELD, 1000);
+  hold(&a, TEST_CURRENT, 1000);
   CHECK(states()->state == ANHYST_STATE_RUN);
   const int found = ticks_until_fault(&a, 0.3, 5000);
   CHECK(found > OFF);
@@ -182,28 +183,28 @@ static void a_short_deviation_is_no_fault(void)
   amplifier a = normal;
   start();
   run(&a);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   for (int i = 0; i < 100; i++) {
     a.gain = 0.0;
-    hold(&a, HELD, OFF);
+    hold(&a, TEST_CURRENT, OFF);
     a.gain = normal.gain;
-    hold(&a, HELD, 1);
+    hold(&a, TEST_CURRENT, 1);
   }
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
 /* Error codes of a sensor now and then do not prevent that a wrong value is found. */
-static void a_sample_without_a_value_does_not_end_a_row(void)
+static void sample_without_a_value_does_not_reset_the_count(void)
 {
   amplifier a = normal;
   int ticks = 0;
   start();
   run(&a);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   a.gain = 0.8;
   for (; states()->state == ANHYST_STATE_RUN && ticks < 1000; ticks++) {
     if (ticks % 2 == 0) {
-      hold(&a, HELD, 1);
+      hold(&a, TEST_CURRENT, 1);
     } else {
       bench.sample.current[0] = PORT_RESERVED;
       bench_tick();
@@ -213,7 +214,7 @@ static void a_sample_without_a_value_does_not_end_a_row(void)
   CHECK_BELOW("ticks with every second sample", ticks, 2 * OFF + 3);
 }
 
-static void the_slowest_amplifier_that_is_allowed_is_no_fault(void)
+static void slowest_allowed_amplifier_is_no_fault(void)
 {
   amplifier a = slowest;
   start();
@@ -230,19 +231,19 @@ static void without_a_current_sensor_nothing_is_compared(void)
   start();
   bench_limits.has_current_sensor = 0;
   run(&a);
-  hold(&a, HELD, 5000);
+  hold(&a, TEST_CURRENT, 5000);
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
 /* After clear, the check starts again from the current that flows at that time. */
-static void clear_begins_again(void)
+static void clear_restarts_the_check(void)
 {
   amplifier a = normal;
   start();
   run(&a);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   a.gain = 0.0;
-  CHECK(ticks_until_fault(&a, HELD, 100) > 0);
+  CHECK(ticks_until_fault(&a, TEST_CURRENT, 100) > 0);
   a = normal;
   a.current = 0.2; /* the winding still carries current */
   a.slew = 0.02;
@@ -250,12 +251,12 @@ static void clear_begins_again(void)
   CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
   a.current = 0.2;
   for (int i = 0; i < 100; i++) {
-    amplified_tick(&a);
+    tick_with_amplifier(&a);
   }
   CHECK(states()->state == ANHYST_STATE_IDLE);
 }
 
-static void its_settings_stay_while_the_controller_runs(void)
+static void settings_cannot_change_while_running(void)
 {
   amplifier a = normal;
   start();
@@ -268,9 +269,9 @@ static void its_settings_stay_while_the_controller_runs(void)
   run(&a);
   CHECK(bench_set(LINK_SETTING_CURRENT_TOLERANCE, INT32_MAX / 8) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_STATE);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   a.gain = 0.0;
-  CHECK(ticks_until_fault(&a, HELD, 100) == 4);
+  CHECK(ticks_until_fault(&a, TEST_CURRENT, 100) == 4);
 }
 
 /* Steps, sines, constant values and stops of the demand, start-up sequences, and arming again. */
@@ -292,11 +293,11 @@ static void ten_minutes_of_normal_operation_raise_no_fault(void)
       const double rest = 0.5 * (from + to);
       demand(i / 1000 % 3 == 0 ? to : i / 1000 % 3 == 1 ? 0.6 * rest + wave : rest);
     }
-    amplified_tick(&a);
+    tick_with_amplifier(&a);
     if (i % 10000 == 9999) { /* stopped at any current, and started again */
       CHECK(bench_command(ANHYST_COMMAND_STOP) == LINK_TYPE_ACK);
       for (int k = 0; k < 40; k++) {
-        amplified_tick(&a);
+        tick_with_amplifier(&a);
       }
       CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
     }
@@ -307,15 +308,15 @@ static void ten_minutes_of_normal_operation_raise_no_fault(void)
 int main(void)
 {
   seed = 48;
-  a_fault_that_is_there_from_the_start_is_found_with_the_current();
-  a_fault_at_a_constant_current_is_found_after_off_ticks();
-  a_sensor_that_stays_on_one_value_is_found_when_the_current_moves();
+  initial_fault_is_found_once_current_flows();
+  fault_at_constant_current_is_found_after_off_ticks();
+  frozen_sensor_is_found_if_the_current_moves();
   a_short_deviation_is_no_fault();
-  a_sample_without_a_value_does_not_end_a_row();
-  the_slowest_amplifier_that_is_allowed_is_no_fault();
+  sample_without_a_value_does_not_reset_the_count();
+  slowest_allowed_amplifier_is_no_fault();
   without_a_current_sensor_nothing_is_compared();
-  clear_begins_again();
-  its_settings_stay_while_the_controller_runs();
+  clear_restarts_the_check();
+  settings_cannot_change_while_running();
   ten_minutes_of_normal_operation_raise_no_fault();
   return verdict();
 }

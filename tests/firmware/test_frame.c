@@ -44,7 +44,7 @@ static void fill(uint8_t *payload, uint8_t length, int pattern)
   }
 }
 
-static void every_length_arrives_as_it_was_sent(void)
+static void every_payload_length_arrives_unchanged(void)
 {
   uint8_t payload[LINK_MAX_PAYLOAD];
   uint8_t wire[LINK_MAX_ENCODED_FRAME];
@@ -64,7 +64,7 @@ static void every_length_arrives_as_it_was_sent(void)
   CHECK(receiver.discarded_frames == 0);
 }
 
-static void every_single_broken_bit_is_found(void)
+static void every_single_flipped_bit_is_detected(void)
 {
   uint8_t payload[20];
   uint8_t wire[LINK_MAX_ENCODED_FRAME];
@@ -78,7 +78,7 @@ static void every_single_broken_bit_is_found(void)
   }
 }
 
-static void a_frame_cut_short_anywhere_is_thrown_away_and_counted(void)
+static void truncated_frame_is_discarded_and_counted(void)
 {
   const uint8_t zero = 0;
   uint8_t payload[20];
@@ -93,7 +93,7 @@ static void a_frame_cut_short_anywhere_is_thrown_away_and_counted(void)
   }
 }
 
-static void after_any_garbage_the_second_frame_arrives(void)
+static void second_frame_after_any_garbage_arrives(void)
 {
   uint8_t payload[5];
   uint8_t wire[LINK_MAX_ENCODED_FRAME];
@@ -114,7 +114,7 @@ static void after_any_garbage_the_second_frame_arrives(void)
   }
 }
 
-static void what_is_too_long_costs_one_frame_and_no_memory(void)
+static void too_long_frame_costs_one_frame_and_no_memory(void)
 {
   uint8_t payload[5];
   uint8_t wire[LINK_MAX_ENCODED_FRAME];
@@ -140,7 +140,7 @@ static void zeros_between_frames_are_no_frames(void)
   CHECK(receiver.discarded_frames == 0);
 }
 
-static void the_length_in_the_head_must_be_the_length(void)
+static void wrong_length_in_the_header_is_refused(void)
 {
   uint8_t plain[LINK_MAX_ENCODED_FRAME];
   uint8_t payload[4] = {1, 2, 3, 4};
@@ -174,7 +174,7 @@ static void numbers_keep_sign_and_order(void)
   CHECK(link_get_i16(p) == INT16_MAX);
 }
 
-static void a_record_of_the_plant_tells_when_it_slipped(void)
+static void misaligned_plant_record_is_detected(void)
 {
   uint8_t p[LINK_SIZE_PLANT_SAMPLE];
   uint32_t check = LINK_PLANT_MAGIC;
@@ -193,14 +193,14 @@ static void a_record_of_the_plant_tells_when_it_slipped(void)
 
 int main(void)
 {
-  every_length_arrives_as_it_was_sent();
-  every_single_broken_bit_is_found();
-  a_frame_cut_short_anywhere_is_thrown_away_and_counted();
-  after_any_garbage_the_second_frame_arrives();
-  what_is_too_long_costs_one_frame_and_no_memory();
+  every_payload_length_arrives_unchanged();
+  every_single_flipped_bit_is_detected();
+  truncated_frame_is_discarded_and_counted();
+  second_frame_after_any_garbage_arrives();
+  too_long_frame_costs_one_frame_and_no_memory();
   zeros_between_frames_are_no_frames();
-  the_length_in_the_head_must_be_the_length();
+  wrong_length_in_the_header_is_refused();
   numbers_keep_sign_and_order();
-  a_record_of_the_plant_tells_when_it_slipped();
+  misaligned_plant_record_is_detected();
   return verdict();
 }

@@ -44,24 +44,24 @@ static void fetch(uint16_t most)
   }
 }
 
-#define GIVE(bytes) xcp_line_take(&line, bytes, (uint16_t)sizeof(bytes))
+#define RECEIVE_BYTES(bytes) xcp_line_take(&line, bytes, (uint16_t)sizeof(bytes))
 
-static void a_packet_has_length_and_counter_in_front(void)
+static void packet_starts_with_length_and_counter(void)
 {
   start(0);
-  CHECK(GIVE(hello) == sizeof hello);
+  CHECK(RECEIVE_BYTES(hello) == sizeof hello);
   fetch(3);
   CHECK(sent_count == 12 && link_get_u16(sent) == 8 && link_get_u16(sent + 2) == 0);
   CHECK(sent[4] == 0xFF);
-  CHECK(GIVE(status) == sizeof status);
+  CHECK(RECEIVE_BYTES(status) == sizeof status);
   fetch(1);
   CHECK(sent_count == 10 && link_get_u16(sent) == 6 && link_get_u16(sent + 2) == 1);
 }
 
-static void a_checksum_is_the_sum_of_all_words(void)
+static void checksum_is_the_sum_of_all_words(void)
 {
   start(1);
-  CHECK(GIVE(checked_hello) == sizeof checked_hello);
+  CHECK(RECEIVE_BYTES(checked_hello) == sizeof checked_hello);
   fetch(5);
   CHECK(sent_count == 14);
   uint16_t sum = 0;
@@ -69,40 +69,40 @@ static void a_checksum_is_the_sum_of_all_words(void)
     sum = (uint16_t)(sum + link_get_u16(sent + i));
   }
   CHECK(link_get_u16(sent + 12) == sum);
-  CHECK(GIVE(checked_status) == sizeof checked_status);
+  CHECK(RECEIVE_BYTES(checked_status) == sizeof checked_status);
   fetch(20);
   CHECK(sent_count == 12 && sent[4] == 0xFF);
 }
 
-static void an_odd_answer_is_filled_with_a_zero(void)
+static void odd_answer_is_padded_with_a_zero(void)
 {
   /* an upload of two bytes has an answer of three bytes */
   const uint8_t upload[] = {8, 0, 0, 0, 0xF4, 2, 0, 0, 0, 0, 1, 0, 0xFD, 2};
   start(1);
-  CHECK(GIVE(checked_hello) == sizeof checked_hello);
+  CHECK(RECEIVE_BYTES(checked_hello) == sizeof checked_hello);
   fetch(20);
-  CHECK(GIVE(upload) == sizeof upload);
+  CHECK(RECEIVE_BYTES(upload) == sizeof upload);
   fetch(20);
   CHECK(sent_count == 10 && link_get_u16(sent) == 3 && sent[4] == 0xFF && sent[7] == 0);
 }
 
 /* Flips any bit of a command: it is never performed, and the line works afterwards. */
-static void a_damaged_command_is_not_done(void)
+static void damaged_command_is_not_performed(void)
 {
   for (unsigned bit = 0; bit < 8U * sizeof checked_hello; bit++) {
     uint8_t damaged[sizeof checked_hello];
     memcpy(damaged, checked_hello, sizeof damaged);
     damaged[bit / 8U] ^= (uint8_t)(1U << (bit % 8U));
     start(1);
-    (void)GIVE(damaged);
+    (void)RECEIVE_BYTES(damaged);
     fetch(20);
     CHECK(sent_count == 0 && line.slave.is_connected == 0);
     bench_ticks(SILENCE + 1);
-    CHECK(GIVE(checked_hello) == sizeof checked_hello && line.slave.is_connected == 1);
+    CHECK(RECEIVE_BYTES(checked_hello) == sizeof checked_hello && line.slave.is_connected == 1);
   }
 }
 
-static void half_a_command_is_forgotten_after_a_silence(void)
+static void incomplete_command_is_discarded_after_a_silence(void)
 {
   start(0);
   CHECK(xcp_line_take(&line, hello, 5) == 5);
@@ -111,10 +111,10 @@ static void half_a_command_is_forgotten_after_a_silence(void)
   start(0);
   CHECK(xcp_line_take(&line, hello, 5) == 5);
   bench_ticks(SILENCE + 1);
-  CHECK(GIVE(hello) == sizeof hello && line.slave.is_connected == 1);
+  CHECK(RECEIVE_BYTES(hello) == sizeof hello && line.slave.is_connected == 1);
 }
 
-static void a_length_that_cannot_be_breaks_the_line_until_it_was_silent(void)
+static void invalid_length_stops_the_line_until_a_silence(void)
 {
   static const uint8_t too_long[] = {XCP_PACKET + 1, 0, 0, 0};
   static const uint8_t nothing[] = {0, 0, 0, 0};
@@ -122,32 +122,33 @@ static void a_length_that_cannot_be_breaks_the_line_until_it_was_silent(void)
   for (int i = 0; i < 2; i++) {
     start(0);
     CHECK(xcp_line_take(&line, wrong[i], 4) == 4 && line.is_ignoring == 1);
-    CHECK(GIVE(hello) == sizeof hello && line.slave.is_connected == 0);
+    CHECK(RECEIVE_BYTES(hello) == sizeof hello && line.slave.is_connected == 0);
     bench_ticks(SILENCE + 1);
-    CHECK(GIVE(hello) == sizeof hello && line.slave.is_connected == 1 && line.is_ignoring == 0);
+    CHECK(RECEIVE_BYTES(hello) == sizeof hello && line.slave.is_connected == 1 &&
+          line.is_ignoring == 0);
   }
 }
 
-static void nothing_is_taken_while_an_answer_waits(void)
+static void nothing_is_read_while_an_answer_is_pending(void)
 {
   uint8_t both[sizeof hello + sizeof status];
   uint16_t count = 0;
   memcpy(both, hello, sizeof hello);
   memcpy(both + sizeof hello, status, sizeof status);
   start(0);
-  CHECK(GIVE(both) == sizeof hello);
+  CHECK(RECEIVE_BYTES(both) == sizeof hello);
   CHECK(xcp_line_take(&line, status, 1) == 0);
   (void)xcp_line_offer(&line, &count);
   xcp_line_sent(&line, (uint16_t)(count - 1U));
   CHECK(xcp_line_take(&line, status, 1) == 0);
   fetch(20);
-  CHECK(GIVE(status) == sizeof status);
+  CHECK(RECEIVE_BYTES(status) == sizeof status);
 }
 
-static void who_hangs_up_is_gone(void)
+static void disconnected_master_gets_no_samples(void)
 {
   start(0);
-  CHECK(GIVE(hello) == sizeof hello);
+  CHECK(RECEIVE_BYTES(hello) == sizeof hello);
   xcp_line_disconnect(&line);
   fetch(20);
   CHECK(sent_count == 0 && line.slave.is_connected == 0);
@@ -164,23 +165,23 @@ static void the_longest_packets_fit(void)
   }
   link_put_u16(longest + XCP_LINE_HEADER_BYTES + XCP_PACKET, sum);
   start(1);
-  CHECK(GIVE(checked_hello) == sizeof checked_hello);
+  CHECK(RECEIVE_BYTES(checked_hello) == sizeof checked_hello);
   fetch(20);
-  CHECK(GIVE(longest) == sizeof longest);
+  CHECK(RECEIVE_BYTES(longest) == sizeof longest);
   fetch(20);
   CHECK(sent_count == 8 && sent[4] == 0xFE); /* no key */
 }
 
 int main(void)
 {
-  a_packet_has_length_and_counter_in_front();
-  a_checksum_is_the_sum_of_all_words();
-  an_odd_answer_is_filled_with_a_zero();
-  a_damaged_command_is_not_done();
-  half_a_command_is_forgotten_after_a_silence();
-  a_length_that_cannot_be_breaks_the_line_until_it_was_silent();
-  nothing_is_taken_while_an_answer_waits();
-  who_hangs_up_is_gone();
+  packet_starts_with_length_and_counter();
+  checksum_is_the_sum_of_all_words();
+  odd_answer_is_padded_with_a_zero();
+  damaged_command_is_not_performed();
+  incomplete_command_is_discarded_after_a_silence();
+  invalid_length_stops_the_line_until_a_silence();
+  nothing_is_read_while_an_answer_is_pending();
+  disconnected_master_gets_no_samples();
   the_longest_packets_fit();
   return verdict();
 }

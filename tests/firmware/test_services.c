@@ -119,7 +119,7 @@ static void a_set_is_read_back(void)
 }
 
 /* Writes to a flash with none, one or two sets, interrupts after every step, and writes again. */
-static long cut_everywhere(int sets)
+static long interrupt_after_every_step(int sets)
 {
   long steps = 0;
   for (;; steps++) {
@@ -146,18 +146,18 @@ static long cut_everywhere(int sets)
   }
 }
 
-static void a_cut_at_any_byte_leaves_the_old_set_or_the_new_one(void)
+static void interruption_leaves_the_old_or_the_new_set(void)
 {
   for (rubbish = 1; rubbish < 2000000000U; rubbish += 61234567U) {
     const uint32_t seed = rubbish;
     for (int sets = 0; sets < 4; sets++) {
-      CHECK(cut_everywhere(sets) == WORDS + 4L * (SET - 2 + STORE_OVERHEAD_WORDS));
+      CHECK(interrupt_after_every_step(sets) == WORDS + 4L * (SET - 2 + STORE_OVERHEAD_WORDS));
     }
     rubbish = seed;
   }
 }
 
-static void a_number_that_goes_round_is_still_newer(void)
+static void set_number_that_wraps_is_still_newer(void)
 {
   uint32_t count = 1;
   fresh();
@@ -171,7 +171,7 @@ static void a_number_that_goes_round_is_still_newer(void)
   CHECK(reads(7, 3));
 }
 
-static void damage_is_found(void)
+static void damage_is_detected(void)
 {
   fresh();
   CHECK(writes(1, SET));
@@ -211,7 +211,7 @@ static void a_calibration_rounds_and_saturates(void)
 
 #define ONE ((int32_t)1073741824)
 
-static void a_winding_trips_in_its_time_and_clears_again(void)
+static void winding_trips_and_clears_at_the_calculated_times(void)
 {
   thermal_plan plan;
   thermal t;
@@ -233,7 +233,7 @@ static void a_winding_trips_in_its_time_and_clears_again(void)
   CHECK_BELOW("ticks off", fabs((double)tick - 100000.0 * log(4.0)), 2.0);
 }
 
-static void a_standing_current_that_may_flow_never_trips(void)
+static void allowed_constant_current_never_trips(void)
 {
   thermal_plan plan;
   thermal t;
@@ -251,11 +251,11 @@ static void a_standing_current_that_may_flow_never_trips(void)
 int main(void)
 {
   a_set_is_read_back();
-  a_cut_at_any_byte_leaves_the_old_set_or_the_new_one();
-  a_number_that_goes_round_is_still_newer();
-  damage_is_found();
+  interruption_leaves_the_old_or_the_new_set();
+  set_number_that_wraps_is_still_newer();
+  damage_is_detected();
   a_calibration_rounds_and_saturates();
-  a_winding_trips_in_its_time_and_clears_again();
-  a_standing_current_that_may_flow_never_trips();
+  winding_trips_and_clears_at_the_calculated_times();
+  allowed_constant_current_never_trips();
   return verdict();
 }

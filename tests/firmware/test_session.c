@@ -7,7 +7,7 @@
 
 static const app_session *session(void) { return &bench.firmware.session; }
 
-static void ask_again(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length)
+static void repeat_request(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length)
 {
   (void)bench_put_frame(type, sequence, payload, length);
   bench_poll();
@@ -20,7 +20,7 @@ static void put_demand(uint8_t sequence, int32_t force)
   (void)bench_put_frame(LINK_TYPE_DEMAND, sequence, payload, sizeof payload);
 }
 
-static void hello_tells_who_answers(void)
+static void hello_identifies_the_controller(void)
 {
   bench_power_on();
   CHECK(bench_hello(9, LINK_VERSION, 5) == LINK_TYPE_INFO && bench.answer.sequence == 9);
@@ -33,7 +33,7 @@ static void hello_tells_who_answers(void)
   CHECK(link_get_u32(bench.payload + 18) == BENCH_RATE);
 }
 
-static void another_version_is_told_apart(void)
+static void other_protocol_version_is_refused(void)
 {
   uint8_t wire[LINK_MAX_ENCODED_FRAME];
   uint8_t payload[LINK_SIZE_HELLO];
@@ -50,7 +50,7 @@ static void another_version_is_told_apart(void)
   CHECK(session()->is_open == 0);
 }
 
-static void what_is_no_request_is_refused(void)
+static void unknown_frame_is_refused(void)
 {
   const uint8_t payload[8] = {0};
   bench_start();
@@ -64,20 +64,20 @@ static void what_is_no_request_is_refused(void)
   }
 }
 
-static void a_repeated_request_is_answered_again_and_done_once(void)
+static void repeated_request_is_answered_again_and_performed_once(void)
 {
   uint8_t arm[2];
   uint8_t first[LINK_MAX_PAYLOAD];
   link_put_u16(arm, ANHYST_COMMAND_ARM);
   bench_start();
   bench_ticks(12);
-  ask_again(LINK_TYPE_COMMAND, 5, arm, 2);
+  repeat_request(LINK_TYPE_COMMAND, 5, arm, 2);
   CHECK(bench.answers == 1 && bench.answer.type == LINK_TYPE_ACK);
   const uint32_t tick = bench.answer.tick;
   memcpy(first, bench.payload, sizeof first);
   bench_ticks(3);
   for (int again = 2; again < 5; again++) {
-    ask_again(LINK_TYPE_COMMAND, 5, arm, 2);
+    repeat_request(LINK_TYPE_COMMAND, 5, arm, 2);
     /* A second execution would give a NAK, because ready cannot be armed. */
     CHECK(bench.answers == again && bench.answer.type == LINK_TYPE_ACK);
     CHECK(bench.answer.sequence == 5 && bench.answer.tick == tick);
@@ -85,11 +85,11 @@ static void a_repeated_request_is_answered_again_and_done_once(void)
   }
 }
 
-static void what_newer_requests_overtook_is_not_done(void)
+static void overtaken_request_is_not_performed(void)
 {
   bench_start();
   bench_run();
-  ask_again(LINK_TYPE_HEARTBEAT, 100, NULL, 0);
+  repeat_request(LINK_TYPE_HEARTBEAT, 100, NULL, 0);
   put_demand(101, 1000);
   put_demand(102, 2000);
   put_demand(101, 1000); /* a delayed copy of the first hello */
@@ -104,7 +104,7 @@ static void what_newer_requests_overtook_is_not_done(void)
   CHECK(session()->lost_requests >= 3);
 }
 
-static void the_same_number_with_other_contents_is_not_taken_for_a_repetition(void)
+static void same_number_with_other_contents_is_no_repetition(void)
 {
   bench_start();
   bench_run();
@@ -119,23 +119,23 @@ static void sequence_numbers_wrap(void)
 {
   bench_start();
   for (int i = 0; i < 1000; i++) {
-    ask_again(LINK_TYPE_HEARTBEAT, (uint8_t)i, NULL, 0);
+    repeat_request(LINK_TYPE_HEARTBEAT, (uint8_t)i, NULL, 0);
     CHECK(bench.answers == i + 1 && bench.answer.type == LINK_TYPE_STATUS);
     CHECK(bench.answer.sequence == (uint8_t)i);
   }
   CHECK(session()->lost_requests == 0);
 }
 
-static void lost_numbers_are_counted_and_told(void)
+static void lost_numbers_are_counted_and_reported(void)
 {
   bench_start();
   (void)bench_hello(249, LINK_VERSION, BENCH_SESSION + 1);
-  ask_again(LINK_TYPE_HEARTBEAT, 250, NULL, 0);
-  ask_again(LINK_TYPE_HEARTBEAT, 4, NULL, 0);
+  repeat_request(LINK_TYPE_HEARTBEAT, 250, NULL, 0);
+  repeat_request(LINK_TYPE_HEARTBEAT, 4, NULL, 0);
   CHECK(link_get_u16(bench.payload + 28) == 9);
 }
 
-static void bad_frames_are_counted_and_told(void)
+static void bad_frames_are_counted_and_reported(void)
 {
   const uint8_t garbage[4] = {3, 7, 7, 0};
   bench_start();
@@ -143,35 +143,35 @@ static void bad_frames_are_counted_and_told(void)
   bench.wire_count = sizeof garbage;
   bench_poll();
   CHECK(bench.answers == 0);
-  ask_again(LINK_TYPE_HEARTBEAT, 1, NULL, 0);
+  repeat_request(LINK_TYPE_HEARTBEAT, 1, NULL, 0);
   CHECK(link_get_u16(bench.payload + 26) == 1);
 }
 
 static void a_new_session_starts_the_sequence_again(void)
 {
   bench_start();
-  ask_again(LINK_TYPE_HEARTBEAT, 0, NULL, 0);
+  repeat_request(LINK_TYPE_HEARTBEAT, 0, NULL, 0);
   CHECK(bench_hello(150, LINK_VERSION, BENCH_SESSION + 1) == LINK_TYPE_INFO);
-  ask_again(LINK_TYPE_HEARTBEAT, 151, NULL, 0);
+  repeat_request(LINK_TYPE_HEARTBEAT, 151, NULL, 0);
   CHECK(bench.answer.type == LINK_TYPE_STATUS && session()->lost_requests == 0);
 }
 
 /* If a copy of the hello reset the sequence, later requests would look overtaken. */
-static void a_copy_of_the_hello_is_answered_and_changes_nothing(void)
+static void copy_of_the_hello_is_answered_and_changes_nothing(void)
 {
   for (int late = 0; late < 300; late++) {
     bench_start();
     for (int i = 0; i < late; i++) {
-      ask_again(LINK_TYPE_HEARTBEAT, (uint8_t)i, NULL, 0);
+      repeat_request(LINK_TYPE_HEARTBEAT, (uint8_t)i, NULL, 0);
     }
     CHECK(bench_hello(255, LINK_VERSION, BENCH_SESSION) == LINK_TYPE_INFO);
     CHECK(bench.answer.sequence == 255);
-    ask_again(LINK_TYPE_HEARTBEAT, (uint8_t)late, NULL, 0);
+    repeat_request(LINK_TYPE_HEARTBEAT, (uint8_t)late, NULL, 0);
     CHECK(bench.answer.type == LINK_TYPE_STATUS && session()->lost_requests == 0);
   }
 }
 
-static void the_answer_before_a_copied_hello_can_still_be_asked_for(void)
+static void answer_before_a_copied_hello_can_be_repeated(void)
 {
   bench_start();
   bench_run();
@@ -182,19 +182,19 @@ static void the_answer_before_a_copied_hello_can_still_be_asked_for(void)
   CHECK(bench.answer.type == LINK_TYPE_STATUS && bench.answer.sequence == 50);
 }
 
-static void nothing_is_done_without_a_session(void)
+static void nothing_is_performed_without_a_session(void)
 {
   uint8_t arm[2];
   link_put_u16(arm, ANHYST_COMMAND_ARM);
   bench_power_on();
   bench_ticks(12);
-  ask_again(LINK_TYPE_COMMAND, 1, arm, 2);
+  repeat_request(LINK_TYPE_COMMAND, 1, arm, 2);
   CHECK(bench.answer.type == LINK_TYPE_NAK && bench_reason() == LINK_REASON_SESSION);
   CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_IDLE);
-  ask_again(LINK_TYPE_HELLO, 2, arm, 2);
+  repeat_request(LINK_TYPE_HELLO, 2, arm, 2);
   CHECK(bench_reason() == LINK_REASON_LENGTH && session()->is_open == 0);
   CHECK(bench_hello(3, LINK_VERSION, 1) == LINK_TYPE_INFO);
-  ask_again(LINK_TYPE_COMMAND, 4, arm, 2);
+  repeat_request(LINK_TYPE_COMMAND, 4, arm, 2);
   CHECK(bench.answer.type == LINK_TYPE_ACK);
 }
 
@@ -209,7 +209,7 @@ static void a_slow_line_loses_nothing(void)
   CHECK(bench.answers == 20 && bench.answer.sequence == 20);
 }
 
-static void status_names_the_tick_and_what_was_measured(void)
+static void status_contains_tick_and_measured_values(void)
 {
   bench_start();
   bench_run();
@@ -256,7 +256,7 @@ static void settings_keep_their_ranges(void)
 }
 
 /* Time may stand still while a board stores a block. Therefore, the current must be zero. */
-static void a_block_is_kept_at_rest_alone(void)
+static void block_is_stored_only_at_rest(void)
 {
   bench_start();
   CHECK(bench_request(LINK_TYPE_KEEP, NULL, 0) == LINK_TYPE_NAK);
@@ -278,7 +278,7 @@ static void a_block_is_kept_at_rest_alone(void)
   CHECK(bench_reason() == LINK_REASON_STATE && bench.kept == NULL);
 }
 
-static void the_status_tells_the_cycles(void)
+static void status_contains_the_cycles(void)
 {
   bench_start();
   bench.firmware.max_tick_cycles = 4711;
@@ -288,23 +288,23 @@ static void the_status_tells_the_cycles(void)
 
 int main(void)
 {
-  a_block_is_kept_at_rest_alone();
-  the_status_tells_the_cycles();
-  hello_tells_who_answers();
-  another_version_is_told_apart();
-  what_is_no_request_is_refused();
-  a_repeated_request_is_answered_again_and_done_once();
-  what_newer_requests_overtook_is_not_done();
-  the_same_number_with_other_contents_is_not_taken_for_a_repetition();
+  block_is_stored_only_at_rest();
+  status_contains_the_cycles();
+  hello_identifies_the_controller();
+  other_protocol_version_is_refused();
+  unknown_frame_is_refused();
+  repeated_request_is_answered_again_and_performed_once();
+  overtaken_request_is_not_performed();
+  same_number_with_other_contents_is_no_repetition();
   sequence_numbers_wrap();
-  lost_numbers_are_counted_and_told();
-  bad_frames_are_counted_and_told();
+  lost_numbers_are_counted_and_reported();
+  bad_frames_are_counted_and_reported();
   a_new_session_starts_the_sequence_again();
-  a_copy_of_the_hello_is_answered_and_changes_nothing();
-  the_answer_before_a_copied_hello_can_still_be_asked_for();
-  nothing_is_done_without_a_session();
+  copy_of_the_hello_is_answered_and_changes_nothing();
+  answer_before_a_copied_hello_can_be_repeated();
+  nothing_is_performed_without_a_session();
   a_slow_line_loses_nothing();
-  status_names_the_tick_and_what_was_measured();
+  status_contains_tick_and_measured_values();
   the_control_task_is_locked_out_in_pairs();
   settings_keep_their_ranges();
   return verdict();

@@ -45,13 +45,13 @@ static void sample(int ticks)
   bench_ticks(ticks);
 }
 
-static void a_command_that_has_no_answer_brings_none(void)
+static void command_without_an_answer_returns_nothing(void)
 {
   bench_start();
   CHECK(CARRY(0xFD) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 0); /* not connected */
 }
 
-static void samples_come_whole_and_none_is_lost(void)
+static void samples_arrive_complete_and_none_is_lost(void)
 {
   const int ticks = 40;
   connect_master();
@@ -76,7 +76,7 @@ static void samples_come_whole_and_none_is_lost(void)
 }
 
 /* The line lost the answer. A repetition gives the same bytes, and no sample is lost. */
-static void what_is_repeated_is_answered_with_the_same_bytes(void)
+static void repeated_request_is_answered_with_the_same_bytes(void)
 {
   uint8_t before[LINK_MAX_PAYLOAD];
   connect_master();
@@ -91,7 +91,7 @@ static void what_is_repeated_is_answered_with_the_same_bytes(void)
         memcmp(before, bench.payload, bench.answer.length) == 0);
 }
 
-static void who_looks_on_through_the_link_is_no_heartbeat(void)
+static void measuring_through_the_link_is_no_heartbeat(void)
 {
   connect_master();
   bench.firmware.control.silent_ticks = 7;
@@ -112,10 +112,10 @@ static void a_command_longer_than_a_packet_is_refused(void)
 
 int main(void)
 {
-  a_command_that_has_no_answer_brings_none();
-  samples_come_whole_and_none_is_lost();
-  what_is_repeated_is_answered_with_the_same_bytes();
-  who_looks_on_through_the_link_is_no_heartbeat();
+  command_without_an_answer_returns_nothing();
+  samples_arrive_complete_and_none_is_lost();
+  repeated_request_is_answered_with_the_same_bytes();
+  measuring_through_the_link_is_no_heartbeat();
   a_command_longer_than_a_packet_is_refused();
   return verdict();
 }

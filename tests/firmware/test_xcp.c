@@ -100,7 +100,7 @@ static void nothing_is_answered_before_connect(void)
   CHECK(answered == 0);
 }
 
-static void every_command_wants_its_bytes(void)
+static void too_short_command_is_refused(void)
 {
   uint8_t command[XCP_PACKET + 1] = {0};
   connect_master();
@@ -134,7 +134,7 @@ static void memory_ends_where_its_tables_end(void)
   CHECK(write_at((uint32_t)XCP_AREA_SETTING << 16, (const uint8_t[]){1, 0}, 2) == XCP_ERR_RANGE);
 }
 
-static void a_value_can_be_read_from_any_byte_on(void)
+static void value_can_be_read_from_any_byte(void)
 {
   uint8_t whole[8];
   connect_master();
@@ -148,7 +148,7 @@ static void a_value_can_be_read_from_any_byte_on(void)
   }
 }
 
-static void the_key_is_good_once_and_for_its_connection(void)
+static void key_is_valid_once_and_for_its_connection(void)
 {
   uint8_t command[6] = {0xF7, 4};
   connect_master();
@@ -166,7 +166,7 @@ static void the_key_is_good_once_and_for_its_connection(void)
   CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 5);
 }
 
-static void a_refusal_says_why(void)
+static void refusal_has_a_reason(void)
 {
   unlock();
   CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, ANHYST_COMMAND_RUN) == XCP_ERR_DENIED);
@@ -175,7 +175,7 @@ static void a_refusal_says_why(void)
   CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, 0x10001) == XCP_ERR_RANGE);
 }
 
-static void allocation_keeps_its_order_and_its_room(void)
+static void allocation_keeps_its_order_and_limits(void)
 {
   connect_master();
   CHECK(SEND(0xD4, 0, 0, 0, 1) == XCP_ERR_SEQUENCE &&
@@ -191,7 +191,7 @@ static void allocation_keeps_its_order_and_its_room(void)
   CHECK(SEND(0xD4, 0, 1, 0, 1) == XCP_ERR_SEQUENCE); /* parts are allocated before entries */
 }
 
-static void a_list_runs_once_all_its_entries_are_signals(void)
+static void list_starts_only_with_complete_entries(void)
 {
   connect_master();
   CHECK(SEND(0xD5, 0, 1, 0) == 0 && SEND(0xD4, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 0, 1) == 0);
@@ -207,7 +207,7 @@ static void a_list_runs_once_all_its_entries_are_signals(void)
   CHECK(SEND(0xD6) == 0 && SEND(0xFD) == 0 && (answer[1] & 0x40U) == 0U);
 }
 
-static void a_sample_is_of_one_tick(void)
+static void sample_belongs_to_one_tick(void)
 {
   uint8_t packet[XCP_PACKET];
   connect_master();
@@ -224,7 +224,7 @@ static void a_sample_is_of_one_tick(void)
   CHECK(xcp_take(&slave, packet, XCP_PACKET) == 0);
 }
 
-static void a_full_queue_drops_whole_samples_and_says_so(void)
+static void full_queue_drops_complete_samples_and_reports_it(void)
 {
   uint8_t packet[XCP_PACKET];
   const int fit = (XCP_QUEUE - 1) / (7 + 4 * 8);
@@ -244,7 +244,7 @@ static void a_full_queue_drops_whole_samples_and_says_so(void)
   }
 }
 
-static void address_and_value_go_in_one_command(void)
+static void short_download_writes_a_value(void)
 {
   const uint8_t setting = (uint8_t)XCP_AREA_SETTING;
   const uint8_t at = 4U * (uint8_t)LINK_SETTING_DEMAND_SLEW;
@@ -258,7 +258,7 @@ static void address_and_value_go_in_one_command(void)
   CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 12345);
 }
 
-static void who_looks_on_is_no_heartbeat(void)
+static void measuring_master_is_no_heartbeat(void)
 {
   connect_master();
   bench.firmware.control.silent_ticks = 7;
@@ -266,7 +266,7 @@ static void who_looks_on_is_no_heartbeat(void)
   CHECK(show_key(XCP_SECRET) == 0 && SEND(0xFD) == 0 && bench.firmware.control.silent_ticks == 0);
 }
 
-static void the_own_link_and_a_master_do_not_mix_their_blocks(void)
+static void link_and_master_do_not_mix_their_blocks(void)
 {
   uint8_t payload[LINK_SIZE_BLOCK_BEGIN] = {BENCH_WORDS, 0};
   const uint8_t word[2] = {7, 0};
@@ -277,7 +277,7 @@ static void the_own_link_and_a_master_do_not_mix_their_blocks(void)
   CHECK(SEND(0xEB, 1, 0, 1) == XCP_ERR_PAGE && link_get_u16(answer + 2) == LINK_REASON_ORDER);
 }
 
-static void an_edited_word_is_in_force_when_its_page_is_set(void)
+static void edited_word_is_active_after_page_change(void)
 {
   const uint8_t word[2] = {7, 0};
   const uint32_t place = BLOCK + 2 * ANHYST_WORD_GENERATION;
@@ -296,18 +296,18 @@ static void an_edited_word_is_in_force_when_its_page_is_set(void)
 int main(void)
 {
   nothing_is_answered_before_connect();
-  every_command_wants_its_bytes();
+  too_short_command_is_refused();
   memory_ends_where_its_tables_end();
-  a_value_can_be_read_from_any_byte_on();
-  the_key_is_good_once_and_for_its_connection();
-  a_refusal_says_why();
-  allocation_keeps_its_order_and_its_room();
-  a_list_runs_once_all_its_entries_are_signals();
-  a_sample_is_of_one_tick();
-  a_full_queue_drops_whole_samples_and_says_so();
-  address_and_value_go_in_one_command();
-  who_looks_on_is_no_heartbeat();
-  the_own_link_and_a_master_do_not_mix_their_blocks();
-  an_edited_word_is_in_force_when_its_page_is_set();
+  value_can_be_read_from_any_byte();
+  key_is_valid_once_and_for_its_connection();
+  refusal_has_a_reason();
+  allocation_keeps_its_order_and_limits();
+  list_starts_only_with_complete_entries();
+  sample_belongs_to_one_tick();
+  full_queue_drops_complete_samples_and_reports_it();
+  short_download_writes_a_value();
+  measuring_master_is_no_heartbeat();
+  link_and_master_do_not_mix_their_blocks();
+  edited_word_is_active_after_page_change();
   return verdict();
 }
