@@ -177,7 +177,7 @@ def test_the_fmu_is_valid_and_lists_ranges_and_parameters(
     assert (about["current"].unit, about["gap"].unit, about["force"].unit) == ("A", "m", "N")
     assert (float(about["gap"].min), float(about["gap"].max)) == RANGE.schedule
     assert float(about["M_s_A_per_m"].start) == model.parameters["M_s"]
-    assert "rho" not in about  # it depends on the gap, so that it is no constant
+    assert "rho" not in about  # it depends on the gap, so it is not a constant
     with slave(path, tmp_path) as made:
         assert made.read("M_s_A_per_m", "c") == [model.parameters["M_s"], model.parameters["c"]]
 

@@ -57,7 +57,7 @@ def part(begin: int, end: int) -> dict[str, FloatArray]:
 
 
 def is_like(rows: FloatArray, recording: Recording) -> bool:
-    """Whether outputs equal those of a simulation; the position is that of the next tick."""
+    """Return whether outputs equal those of a simulation, with the position of the next tick."""
     error, voltage, position = rows.T
     return (
         np.array_equal(error, recording["error_m"])

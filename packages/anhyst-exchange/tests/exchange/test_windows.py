@@ -1,4 +1,4 @@
-"""The libraries for Windows, which have no start-up code, are loaded and stepped on this machine."""
+"""Load the libraries for Windows, which have no start-up code, on this machine and step them."""
 
 from __future__ import annotations
 

@@ -186,7 +186,8 @@ def test_a_stored_block_is_used_after_the_next_start(chip: Chip, program: Path, 
 
 
 WORKS = {n: () if n in {0, 1, 2, 300, 538} else pytest.mark.campaign for n in range(539)}
-"""Words and sectors after which the power fails, of all that keeping a set takes."""
+"""Numbers of flash operations (words and erasures) after which the power fails while a set is
+stored."""
 
 
 @pytest.mark.parametrize("works", [pytest.param(n, marks=mark) for n, mark in WORKS.items()])
@@ -210,13 +211,13 @@ def test_a_power_failure_during_storing_keeps_the_previous_block(
 
 
 def block_of(parameters: Path) -> list[int]:
-    """Return the words of the block that is built in."""
+    """Return the words of the built-in block."""
     text = (parameters / "handmade_parameters.c").read_text()
     return [int(word) for word in text[text.index("{") + 1 : text.index("}")].split(",")]
 
 
 def send_block(chip: Chip, words: list[int], sequence: int) -> None:
-    """Send a block and put it in force."""
+    """Send a block and activate it."""
     generation = words[5]
     data = b"".join((word & 0xFFFF).to_bytes(2, "little") for word in words)
     begin = BlockBeginRequest(len(words), generation, zlib.crc32(data))
@@ -237,7 +238,8 @@ def bearing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def kept_set(position: tuple[int, ...], source: int) -> bytes:
-    """Return a flash with a set: calibrations, where the position comes from, no block."""
+    """Return a flash with a stored set: calibrations and source of the position, without a block.
+    """
     live_zero = (410, 327760, 0, 80, 4015)
     numbers = [1, *live_zero * 3, *position, source, 0]
     payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2 * MAX_BLOCK_WORDS)

@@ -36,7 +36,7 @@ TICK = b""
 
 
 def script(seed: int) -> list[bytes]:
-    """Return what happens to a controller: ticks, and frames that come in pieces between them."""
+    """Return a random script for a controller: ticks, and frames cut into pieces between them."""
     random = Random(seed)
     steps = [TICK] * 40
     requests: list[Message] = [
@@ -56,7 +56,7 @@ def script(seed: int) -> list[bytes]:
 
 
 class Scripted:
-    """A controller that goes through a script, and all that can be seen of it."""
+    """A controller that runs a script, and all its observable outputs."""
 
     def __init__(self, program: Path, seed: int) -> None:
         self.steps = script(seed)

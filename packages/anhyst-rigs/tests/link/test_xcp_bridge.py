@@ -87,7 +87,7 @@ def test_without_a_key_a_master_behind_the_link_only_looks_on(bridged: RunningFi
 
 
 def test_the_bridge_itself_keeps_no_run_alive(bridged: RunningFirmware) -> None:
-    """It asks for samples all the time; the master's own commands alone are signs of life."""
+    """The bridge always requests samples; only commands of the master count as signs of life."""
     with master_on(bridged, unlocked=True) as master:
         write(master, "command", Command.ARM)
         write(master, "command", Command.RUN)

@@ -29,7 +29,7 @@ __all__ = ["chip"]
 def test_the_nucleo_is_measured_and_commanded_over_its_second_serial_port(chip: Chip) -> None:
     with terminal_of(chip) as port, closing(XcpMaster(port)) as master:
         assert master.name == "handmade"
-        assert master.tick_interval == 3  # at 4 kHz ten signals of every third tick, of 92 kB/s
+        assert master.tick_interval == 3  # ten signals of every third tick at 4 kHz; the line carries 92 kB/s
         assert RATE == 4000
         rows = master.take_samples(0)
         while len(rows) < 40:
