@@ -14,7 +14,7 @@
 
 static int16_t watched;
 
-#define TURN(i, low, high)                                                                         \
+#define SELECT_ANY_ITERATION(i, low, high)                                                         \
   (i) = watched;                                                                                   \
   ASSUME((i) >= (low) && (i) < (high));
 
@@ -31,7 +31,7 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
 #ifndef TABLE
-/* Returns any result, because a solver cannot handle its products. */
+/* Returns any result, because a solver cannot handle the products of this function. */
 static int does_current_rise(const int16_t *words)
 {
   (void)words;

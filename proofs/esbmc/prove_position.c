@@ -11,7 +11,7 @@
 
 static anhyst_position_limits_q31 limits;
 static anhyst_position_settings_q31 settings;
-static anhyst_position_settings_q31 other; /* with other gains */
+static anhyst_position_settings_q31 other; /* settings with other gains */
 
 static int is_current(int32_t current)
 {
@@ -219,7 +219,7 @@ int main(void)
   ASSUME(anhyst_position_init_q31(&c, &limits, &settings, &first,
                                   nondet_i16() != 0 ? &second : NULL) == ANHYST_OK);
   show_state(&c);
-  /* from any state */
+  /* a tick from any state */
   c.levitation.phase = nondet_u16();
   c.state = any_state();
   c.candidate.next = any_state();

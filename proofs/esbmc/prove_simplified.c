@@ -55,7 +55,7 @@ static inline int32_t anhyst_value_at(anhyst_spot spot)
   return any_within(0, ANHYST_Q15_MAX * 32768);
 }
 
-static void prove_state_of(void)
+static void prove_state_at_distance(void)
 {
   int16_t words[WORDS];
   any_words(words);
@@ -79,7 +79,7 @@ static void prove_step(void)
   SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 }
 
-static void prove_distance_of(void)
+static void prove_distance_at_state(void)
 {
   int16_t words[WORDS];
   any_words(words);

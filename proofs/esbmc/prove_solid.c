@@ -84,7 +84,7 @@ static void prove_surface(void)
   SHOW(line_at_surface(&tick).slope >= 0);
 }
 
-static void prove_owed(void)
+static void prove_owed_flux(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_compensator c;

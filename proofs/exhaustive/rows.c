@@ -4,11 +4,11 @@
    position. Both are linear in the entries, so that the extreme entries are sufficient. */
 #include "compensator/cells_fixed.h"
 
-#define MOST ((int32_t)ANHYST_Q15_MAX * 32768)
+#define MAX_VALUE ((int32_t)ANHYST_Q15_MAX * 32768)
 
-static int is_within(int32_t a) { return a >= -MOST && a <= MOST; }
+static int is_within(int32_t a) { return a >= -MAX_VALUE && a <= MAX_VALUE; }
 
-/* Two entries with this rise. */
+/* Checks two entries with this rise. */
 static int value_is_within(int32_t low, int32_t rise, int32_t part)
 {
   const int16_t entries[2] = {(int16_t)low, (int16_t)(low + rise)};
@@ -16,7 +16,8 @@ static int value_is_within(int32_t low, int32_t rise, int32_t part)
   return is_within(anhyst_value_at(spot));
 }
 
-/* Two rows with a difference at one entry, and a change of the difference up to the next entry. */
+/* Checks two rows with a difference at one entry, and a change of the difference up to the next
+   entry. */
 static int difference_is_within(int32_t low, int32_t change, int32_t part)
 {
   const int32_t half = low / 2; /* no entry exceeds 16 bits */

@@ -56,7 +56,7 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
     "changed",
     [
         {"unwind": 7},
-        {"defines": ["PART=prove_forgotten"]},
+        {"defines": ["PART=prove_decayed_share"]},
         {"functions": ["quotient"], "tool": "frama-c"},
         {"harness": PROOFS / "esbmc" / "prove_closed.c"},
         {"contracts": ["src/compensator/full_fixed.h:decayed_share"]},
