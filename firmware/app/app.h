@@ -68,7 +68,7 @@ void app_tick(app *a);
 void app_poll(app *a);
 
 /* Performs a request and writes the payload of its answer (up to LINK_MAX_PAYLOAD bytes). Returns
-   the type of the answer, and in *length the size of its payload. Every request has an answer. */
+   the type of the answer, and in *length the bytes of its payload. Every request has an answer. */
 uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t *length);
 
 #endif

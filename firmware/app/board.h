@@ -8,8 +8,8 @@
 
 /* Limits of a plausible sensor value, q30.
 
-   Rule for a stuck sensor: a working converter shows noise. A sensor counts as stuck if its code
-   stayed equal for stuck_ticks ticks while the driven current moved by at least
+   Rule for a stuck sensor: noise of a working converter changes its code. A sensor counts as stuck
+   if its code stayed equal for stuck_ticks ticks while the driven current moved by at least
    app_limits.stuck_current. A constant gap does not matter, because noise still changes its code.
    Choose stuck_ticks from the noise floor: if a sample repeats the previous code with probability
    p, the probability of a false alarm in a window is p^stuck_ticks. 0 disables the rule, for a

@@ -12,7 +12,7 @@ void app_current_start(app_current *current)
 }
 
 /* Moves the expected current towards the driven current by one tick; both q30. */
-static int32_t next_expected(int32_t expected, int32_t drive, const int32_t *settings)
+static int32_t next_expected_current(int32_t expected, int32_t drive, const int32_t *settings)
 {
   const int32_t step = anhyst_sub_q31(drive, expected);
   const int32_t limit = PORT_ONE / settings[LINK_SETTING_CURRENT_SWEEP_TICKS];
@@ -26,10 +26,11 @@ static int32_t distance_from_interval(int32_t value, int32_t a, int32_t b)
   return anhyst_abs_q31(anhyst_sub_q31(value, nearest));
 }
 
-static void compare_drive(app_current *current, const int32_t *settings, int is_new, int32_t drive)
+static void compare_with_drive(app_current *current, const int32_t *settings, int is_new,
+                               int32_t drive)
 {
   const int32_t value = current->sensor.value;
-  current->expected_current = next_expected(current->expected_current, drive, settings);
+  current->expected_current = next_expected_current(current->expected_current, drive, settings);
   if (!is_new) {
     return;
   }
@@ -48,7 +49,7 @@ uint16_t app_current_judge(app_current *current, const app_limits *limits, const
     current->expected_current = current->sensor.value;
   }
   if (limits->has_current_sensor != 0U) {
-    compare_drive(current, settings, current->sensor.missing_ticks == 0U, drive / 2);
+    compare_with_drive(current, settings, current->sensor.missing_ticks == 0U, drive / 2);
     if (current->failed_samples > settings[LINK_SETTING_CURRENT_OFF_TICKS]) {
       return ANHYST_FAULT_CURRENT_MISMATCH;
     }

@@ -37,8 +37,8 @@ typedef struct {
 void link_receiver_start(link_receiver *receiver);
 
 /* Processes one byte; every byte is allowed. Returns 1 if it completed a valid frame, now in
-   *frame. The payload points into the receiver and is valid until the next call. Returns 0
-   otherwise; *frame is then unchanged. A frame of another protocol version is valid. */
+   `frame`. The payload points into the receiver and is valid until the next call. Otherwise returns
+   0 and leaves `frame` unchanged. A frame of another protocol version is valid. */
 int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame);
 
 /* Writes an encoded frame with checksum to wire (LINK_MAX_ENCODED_FRAME bytes) and returns its

@@ -60,7 +60,7 @@ struct port {
 
   /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Called once by
      each app_tick, also in the state FAULT. state: controller state + 256*fault reason. A board may
-     display it. In the state FAULT, it may switch its power stage off if both currents are 0. */
+     display the state. At zero currents in the state FAULT, it may switch its power stage off. */
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
   /* Reads up to `size` received bytes of the link in order, and returns their number; 0 if there

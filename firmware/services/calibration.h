@@ -12,7 +12,7 @@
 /* Result for a code outside low..high, which has no valid value. Equal to PORT_RESERVED. */
 #define CALIBRATION_NONE INT32_MIN
 
-#define CALIBRATION_MAX_MANTISSA ((int32_t)1073741824) /* 2^30, for either sign */
+#define CALIBRATION_MAX_MANTISSA ((int32_t)1073741824) /* largest magnitude of a mantissa, 2^30 */
 #define CALIBRATION_MAX_SHIFT 46
 
 typedef struct {

@@ -4,7 +4,7 @@
 #define MIN_MANTISSA ((uint32_t)536870912) /* smallest mantissa, 2^29 */
 
 /* Returns the square of a current of either sign; at most 2^62. */
-static uint64_t square(int32_t current)
+static uint64_t squared_size(int32_t current)
 {
   const uint64_t magnitude = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;
   return magnitude * magnitude;
@@ -30,8 +30,8 @@ int thermal_prepare(thermal_plan *plan, uint32_t ticks, int32_t trip_current, in
   }
   plan->mantissa = quotient;
   plan->shift = (uint16_t)(bits - 30U);
-  plan->trip_warmth = square(trip_current);
-  plan->clear_warmth = square(clear_current);
+  plan->trip_warmth = squared_size(trip_current);
+  plan->clear_warmth = squared_size(clear_current);
   return 1;
 }
 
@@ -49,7 +49,7 @@ static uint64_t scale_by_share(const thermal_plan *plan, uint64_t difference)
 
 int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
 {
-  const uint64_t squared_current = square(current);
+  const uint64_t squared_current = squared_size(current);
   if (squared_current >= t->warmth) {
     t->warmth += scale_by_share(plan, squared_current - t->warmth);
   } else {

@@ -11,7 +11,7 @@
 typedef struct {
   const uint8_t *command;
   uint16_t count;  /* bytes of the received command */
-  uint8_t *answer; /* answer, starts with the packet identifier; unused bytes of its head are 0 */
+  uint8_t *answer; /* the answer; unused bytes of its head are 0 */
   uint16_t length;
   uint16_t reason; /* LINK_REASON_... if the firmware refused */
 } xcp_request;

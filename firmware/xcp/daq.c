@@ -16,16 +16,16 @@ void xcp_daq_free(xcp_daq *d)
   d->lists = 0;
   d->parts = 0;
   d->entries = 0;
-  d->at_list = 0;
-  d->at_part = 0;
-  d->at_entry = 0;
+  d->next_list = 0;
+  d->next_part = 0;
+  d->next_entry = 0;
 }
 
 void xcp_daq_start(xcp_daq *d)
 {
   xcp_daq_free(d);
   port_lock(d->port);
-  d->lost = 0;
+  d->dropped_samples = 0;
   d->head = 0;
   d->tail = 0;
   port_unlock(d->port);
@@ -103,7 +103,7 @@ static void queue_sample(xcp_daq *d, uint8_t number, uint32_t tick, const int32_
     needed_bytes = (uint16_t)(needed_bytes + 1U + packet_size(d, number, part));
   }
   if (needed_bytes > free_bytes(d)) {
-    d->lost++;
+    d->dropped_samples++;
     return;
   }
   for (uint8_t part = 0; part < list->parts.count; part++) {
@@ -226,9 +226,9 @@ uint8_t xcp_daq_set_position(xcp_daq *d, uint16_t list, uint8_t part, uint8_t en
       entry >= d->part[d->list[list].parts.first + part].count) {
     return XCP_ERR_RANGE;
   }
-  d->at_list = (uint8_t)list;
-  d->at_part = (uint8_t)(d->list[list].parts.first + part);
-  d->at_entry = entry;
+  d->next_list = (uint8_t)list;
+  d->next_part = (uint8_t)(d->list[list].parts.first + part);
+  d->next_entry = entry;
   return XCP_OK;
 }
 
@@ -237,11 +237,11 @@ uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal)
   if (xcp_daq_is_running(d)) {
     return XCP_ERR_DAQ_ACTIVE;
   }
-  if (d->at_part >= d->parts || d->at_entry >= d->part[d->at_part].count) {
+  if (d->next_part >= d->parts || d->next_entry >= d->part[d->next_part].count) {
     return XCP_ERR_DAQ_CONFIG;
   }
-  d->signal[d->part[d->at_part].first + d->at_entry] = signal;
-  d->at_entry++;
+  d->signal[d->part[d->next_part].first + d->next_entry] = signal;
+  d->next_entry++;
   return XCP_OK;
 }
 

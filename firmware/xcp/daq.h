@@ -57,12 +57,12 @@ typedef struct {
   uint8_t lists;
   uint8_t parts;
   uint8_t entries;
-  uint8_t at_list; /* position of the next written entry */
-  uint8_t at_part;
-  uint8_t at_entry;
-  uint16_t lost; /* dropped samples, modulo 65536 */
-  uint16_t head; /* write position of the tick */
-  uint16_t tail; /* read position of the poll */
+  uint8_t next_list; /* position of the next written entry */
+  uint8_t next_part;
+  uint8_t next_entry;
+  uint16_t dropped_samples; /* dropped samples, modulo 65536 */
+  uint16_t head;            /* write position of the tick */
+  uint16_t tail;            /* read position of the poll */
   uint8_t queue[XCP_QUEUE];
 } xcp_daq;
 

@@ -6,7 +6,7 @@
 void xcp_line_disconnect(xcp_line *line)
 {
   xcp_disconnect(&line->slave);
-  line->is_ignoring = 0;
+  line->ignores_bytes = 0;
   line->in_count = 0;
   line->out_count = 0;
   line->sent_count = 0;
@@ -65,8 +65,8 @@ static void process_command(xcp_line *line)
   const uint16_t length = link_get_u16(line->in);
   const uint16_t end = packet_end(line, length);
   const uint16_t tail = (line->has_checksum != 0U) ? XCP_LINE_CHECKSUM_BYTES : 0U;
-  line->is_ignoring = ((length == 0U) || (length > (uint16_t)XCP_PACKET)) ? 1U : 0U;
-  if ((line->is_ignoring == 0U) && (line->in_count == (uint16_t)(end + tail))) {
+  line->ignores_bytes = ((length == 0U) || (length > (uint16_t)XCP_PACKET)) ? 1U : 0U;
+  if ((line->ignores_bytes == 0U) && (line->in_count == (uint16_t)(end + tail))) {
     line->in_count = 0;
     if ((line->has_checksum == 0U) ||
         (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
@@ -78,7 +78,7 @@ static void process_command(xcp_line *line)
 
 static void receive_byte(xcp_line *line, uint8_t byte)
 {
-  if (line->is_ignoring == 0U) {
+  if (line->ignores_bytes == 0U) {
     line->in[line->in_count] = byte;
     line->in_count++;
     if (line->in_count >= XCP_LINE_HEADER_BYTES) {
@@ -95,7 +95,7 @@ static void reset_after_silence(xcp_line *line)
   const uint32_t silence = now - line->last_received_tick;
   line->last_received_tick = now;
   if (silence > app_board_ticks(firmware->board, XCP_LINE_SILENCE_MS)) {
-    line->is_ignoring = 0;
+    line->ignores_bytes = 0;
     line->in_count = 0;
   }
 }

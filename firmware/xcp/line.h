@@ -26,9 +26,9 @@
 
 typedef struct {
   xcp_slave slave;
-  uint8_t has_checksum; /* whether packets have checksums */
-  uint8_t is_ignoring;  /* whether bytes are ignored until a silence of the line */
-  uint16_t in_count;    /* received bytes of the command */
+  uint8_t has_checksum;  /* whether packets have checksums */
+  uint8_t ignores_bytes; /* whether bytes are ignored until a silence of the line */
+  uint16_t in_count;     /* received bytes of the command */
   uint16_t out_count;
   uint16_t sent_count;         /* number of sent bytes of the member `out` */
   uint16_t counter;            /* number of sent packets */

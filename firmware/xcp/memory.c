@@ -10,7 +10,7 @@ static uint16_t address_area(uint32_t address) { return (uint16_t)(address >> 16
 static uint16_t address_offset(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
 
 /* Returns the number of bytes per value of an area. */
-static uint16_t value_width(uint16_t area)
+static uint16_t bytes_per_value(uint16_t area)
 {
   switch (area) {
   case XCP_AREA_SIGNAL:
@@ -111,7 +111,7 @@ static uint8_t read_value(const xcp_slave *x, uint16_t area, uint16_t number, ui
 uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t count)
 {
   const uint16_t area = address_area(address);
-  const uint16_t width = value_width(area);
+  const uint16_t width = bytes_per_value(area);
   uint32_t value = 0;
   if (count > 0x10000U - address_offset(address)) {
     return XCP_ERR_RANGE;
@@ -156,7 +156,7 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
                   uint16_t *reason)
 {
   const uint16_t area = address_area(address);
-  const uint16_t width = value_width(area);
+  const uint16_t width = bytes_per_value(area);
   const uint16_t number = address_offset(address) / width;
   uint16_t state = 0;
   *reason = LINK_REASON_NONE;

@@ -13,8 +13,8 @@
 #define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* the packet number has two bytes before a sample */
 #define STAMP_IS_FIXED_4_BYTES 0x0CU
 #define EVENT_IS_DAQ 0x04U
-#define EVENT_WHOLE 0x80U /* all signals of a sample belong to one tick */
-#define LIST_STIM_OR_NO_HEAD 0x23U
+#define EVENT_IS_CONSISTENT 0x80U /* all signals of a sample belong to one tick */
+#define LIST_UNSUPPORTED_MODES 0x23U
 
 /* Returns the tick period as a rounded number, at most `max_value`, times 10^power ns. */
 static uint16_t find_tick_period(uint32_t rate, uint16_t max_value, uint8_t *power)
@@ -60,7 +60,7 @@ static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
   }
   const uint16_t cycle = find_tick_period(x->firmware->board->rate, 255, &power);
   x->address = (uint32_t)XCP_AREA_EVENT << 16;
-  r->answer[1] = EVENT_IS_DAQ | EVENT_WHOLE;
+  r->answer[1] = EVENT_IS_DAQ | EVENT_IS_CONSISTENT;
   r->answer[2] = XCP_LISTS;
   r->answer[3] = (uint8_t)(sizeof XCP_EVENT - 1U);
   r->answer[4] = (uint8_t)cycle;
@@ -120,7 +120,7 @@ static uint8_t on_daq_clear(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 {
-  if ((r->command[1] & LIST_STIM_OR_NO_HEAD) != 0U) {
+  if ((r->command[1] & LIST_UNSUPPORTED_MODES) != 0U) {
     return XCP_ERR_MODE;
   }
   if (link_get_u16(r->command + 4) != 0U) {

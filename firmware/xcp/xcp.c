@@ -54,7 +54,7 @@ void xcp_tick(xcp_slave *x)
 uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t size)
 {
   port_lock(x->firmware->port);
-  const uint16_t lost = x->daq.lost;
+  const uint16_t lost = x->daq.dropped_samples;
   port_unlock(x->firmware->port);
   if ((lost != x->reported_losses) && (size >= 2U)) {
     x->reported_losses = lost;

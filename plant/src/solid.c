@@ -10,9 +10,9 @@
 #define MAX_BISECTIONS 12
 /* Flux density tolerance, T: the last step is the first one with smaller changes in all volumes. */
 #define FLUX_TOLERANCE 1e-8
-/* Flux density tolerance of the laminations, T, and a small coefficient for a unique field. */
+/* Flux density tolerance of the laminations, T, and a small coefficient for a unique solution. */
 #define LAMINATIONS_TOLERANCE 1e-11
-#define LAMINATIONS_FIELD (1e-9 * ANHYST_PLANT_MU0)
+#define LAMINATIONS_FIELD_WEIGHT (1e-9 * ANHYST_PLANT_MU0)
 
 typedef struct {
   const anhyst_plant_iron *iron;
@@ -20,7 +20,7 @@ typedef struct {
   const anhyst_plant_memory *volume;
   const anhyst_plant_memory *sheets;
   const anhyst_plant_asked *asked;
-  double before[VOLUMES]; /* flux S_j, T */
+  double before[VOLUMES]; /* mean flux density S_j, T */
 } slab_problem;
 
 typedef struct {
@@ -28,10 +28,10 @@ typedef struct {
   double density[VOLUMES];
   double field_slope[VOLUMES];
   double density_slope[VOLUMES];
-  double flux[VOLUMES];     /* flux S_j, T */
+  double flux[VOLUMES];     /* mean flux density S_j, T */
   double residual[VOLUMES]; /* residual H_j + drag_j*dS_j/dt - H_(j-1), A/m */
   double surface;           /* field at the surface */
-  double sheets_slope;      /* slope of the field of the laminations over the flux */
+  double sheets_slope;      /* slope of the laminations' field over the flux */
 } slab_state;
 
 static double drag_per_step(const slab_problem *slab, int j)
@@ -42,9 +42,9 @@ static double drag_per_step(const slab_problem *slab, int j)
 /* Solves for the field of the laminations, which carry the whole flux. */
 static void solve_laminations(const slab_problem *slab, double flux, anhyst_plant_soaked *found)
 {
-  anhyst_plant_field(slab->iron, slab->sheets, LAMINATIONS_FIELD, 1.0,
-                     flux + LAMINATIONS_FIELD * slab->sheets->field, LAMINATIONS_TOLERANCE, NULL,
-                     &found->sheets);
+  anhyst_plant_field(slab->iron, slab->sheets, LAMINATIONS_FIELD_WEIGHT, 1.0,
+                     flux + LAMINATIONS_FIELD_WEIGHT * slab->sheets->field, LAMINATIONS_TOLERANCE,
+                     NULL, &found->sheets);
 }
 
 static void evaluate_slab(const slab_problem *slab, anhyst_plant_soaked *found, slab_state *state)

@@ -121,11 +121,11 @@ static void invalid_length_stops_the_line_until_a_silence(void)
   const uint8_t *const wrong[] = {too_long, nothing};
   for (int i = 0; i < 2; i++) {
     start(0);
-    CHECK(xcp_line_take(&line, wrong[i], 4) == 4 && line.is_ignoring == 1);
+    CHECK(xcp_line_take(&line, wrong[i], 4) == 4 && line.ignores_bytes == 1);
     CHECK(RECEIVE_BYTES(hello) == sizeof hello && line.slave.is_connected == 0);
     bench_ticks(SILENCE + 1);
     CHECK(RECEIVE_BYTES(hello) == sizeof hello && line.slave.is_connected == 1 &&
-          line.is_ignoring == 0);
+          line.ignores_bytes == 0);
   }
 }
 

@@ -108,7 +108,7 @@ static int transfer_bytes(void)
   }
   const uint16_t taken = xcp_line_take(&line, in + in_at, (uint16_t)(in_count - in_at));
   in_at = (uint16_t)(in_at + taken);
-  if (line.is_ignoring != 0U) {
+  if (line.ignores_bytes != 0U) {
     close_connection();
     return 0;
   }

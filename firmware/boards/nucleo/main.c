@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board ST Nucleo-F446RE (STM32F446RE, Cortex-M4F at 166 MHz), registers only.
 
-   Timer 2 starts a tick. Its update starts three ADCs at the same instant (gap, force, current) and
-   outputs the current of the last tick, both in hardware, so that neither jitters. The
+   Timer 2 starts a tick. The update of the timer starts three ADCs at the same instant (gap, force,
+   current) and outputs the current of the last tick, both in hardware, so that neither jitters. The
    end-of-conversion interrupt computes the tick. The main loop handles frames between ticks.
 
        PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
@@ -66,7 +66,7 @@ static memory_set stored_set = {
     .force = LIVE_ZERO,
     .current = LIVE_ZERO,
     .position = {0, 32768, 0, -65535, 65535},
-    .position_source = PLACE_ENCODER,
+    .position_source = POSITION_FROM_ENCODER,
 };
 
 static app_board active_board;
@@ -75,9 +75,9 @@ static thermal windings[PORT_CURRENTS];
 
 static void sense_position(port_sample *sample)
 {
-  int32_t code = place_encoder(); /* read in every tick; otherwise edges are lost */
-  if (stored_set.position_source == PLACE_CONVERTER) {
-    code = place_converter();
+  int32_t code = read_encoder_position(); /* read in every tick; otherwise edges are lost */
+  if (stored_set.position_source == POSITION_FROM_CONVERTER) {
+    code = read_converter_position();
     if (code < 0) {
       sample->status |= PORT_NO_SAMPLE;
     }
@@ -204,8 +204,7 @@ __attribute__((section(".vectors"), used)) static const startup_vector vectors[]
     [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
 
-/* Starts the clocks. Waits forever, with the current off, if the clock from the ST-Link is missing:
-   no timing would be right. */
+/* Starts the clocks. Waits forever, current off, if the clock from the ST-Link is missing. */
 static void start_clocks(void)
 {
   RCC_CR |= RCC_CR_HSEBYP;
@@ -306,7 +305,7 @@ int main(void)
   start_services();
   start_app();
   power_stage_start();
-  place_start();
+  position_input_start();
   serial_start();
   start_watchdog();
   start_ticks();

@@ -17,11 +17,11 @@ uint16_t serial_read(void *context, uint8_t *bytes, uint16_t size)
 {
   serial *s = context;
   const uint16_t write_at =
-      (uint16_t)((SERIAL_RING_BYTES - DMA_NDTR(s->stream)) % SERIAL_RING_BYTES);
+      (uint16_t)((SERIAL_RING_BYTES - DMA_NDTR(s->dma_stream)) % SERIAL_RING_BYTES);
   uint16_t count = 0;
-  while (count < size && s->read_at != write_at) {
-    bytes[count++] = s->received[s->read_at];
-    s->read_at = (uint16_t)((s->read_at + 1U) % SERIAL_RING_BYTES);
+  while (count < size && s->read_index != write_at) {
+    bytes[count++] = s->received[s->read_index];
+    s->read_index = (uint16_t)((s->read_index + 1U) % SERIAL_RING_BYTES);
   }
   return count;
 }
@@ -34,18 +34,18 @@ uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count)
     s->to_send[s->send_head % SERIAL_RING_BYTES] = bytes[taken++];
     ++s->send_head;
   }
-  USART_CR1(s->port) = PORT_ENABLED | USART_CR1_TXEIE;
+  USART_CR1(s->port_registers) = PORT_ENABLED | USART_CR1_TXEIE;
   return taken;
 }
 
 static void send_next_byte(serial *s)
 {
   if (s->send_tail == s->send_head) {
-    USART_CR1(s->port) = PORT_ENABLED;
+    USART_CR1(s->port_registers) = PORT_ENABLED;
     return;
   }
-  if ((USART_SR(s->port) & USART_SR_TXE) != 0U) {
-    USART_DR(s->port) = s->to_send[s->send_tail % SERIAL_RING_BYTES];
+  if ((USART_SR(s->port_registers) & USART_SR_TXE) != 0U) {
+    USART_DR(s->port_registers) = s->to_send[s->send_tail % SERIAL_RING_BYTES];
     ++s->send_tail;
   }
 }
@@ -56,15 +56,15 @@ void serial_xcp_ready(void) { send_next_byte(&serial_xcp); }
 /* Starts a port. Both ports receive on channel 4 of their streams. */
 static void start_port(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
 {
-  s->port = port;
-  s->stream = stream;
-  DMA_PAR(s->stream) = USART_DR_ADDRESS(s->port);
-  DMA_M0AR(s->stream) = (uint32_t)(uintptr_t)s->received;
-  DMA_NDTR(s->stream) = SERIAL_RING_BYTES;
-  DMA_CR(s->stream) = DMA_CR_CHANNEL(4U) | DMA_CR_MINC | DMA_CR_CIRC | DMA_CR_EN;
-  USART_BRR(s->port) = (APB1_HZ + BAUD / 2U) / BAUD;
-  USART_CR3(s->port) = USART_CR3_DMAR;
-  USART_CR1(s->port) = PORT_ENABLED;
+  s->port_registers = port;
+  s->dma_stream = stream;
+  DMA_PAR(s->dma_stream) = USART_DR_ADDRESS(s->port_registers);
+  DMA_M0AR(s->dma_stream) = (uint32_t)(uintptr_t)s->received;
+  DMA_NDTR(s->dma_stream) = SERIAL_RING_BYTES;
+  DMA_CR(s->dma_stream) = DMA_CR_CHANNEL(4U) | DMA_CR_MINC | DMA_CR_CIRC | DMA_CR_EN;
+  USART_BRR(s->port_registers) = (APB1_HZ + BAUD / 2U) / BAUD;
+  USART_CR3(s->port_registers) = USART_CR3_DMAR;
+  USART_CR1(s->port_registers) = PORT_ENABLED;
   NVIC_PRIORITY(irq) = INTERRUPT_PRIORITY;
   NVIC_ENABLE(irq) = NVIC_BIT(irq);
 }

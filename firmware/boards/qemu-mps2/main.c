@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board Arm MPS2 (AN385, Cortex-M3) in QEMU. UART0 is the link, UART1 the bus of the virtual plant,
-   which gives the ticks, and UART2 carries XCP (XCP on TCP if QEMU connects it to a socket). Static
-   memory; the processor sleeps while idle. */
+   which gives the ticks, and UART2 carries XCP (XCP on TCP if QEMU connects it to a socket). All
+   memory is static. The processor sleeps while idle. */
 #include <stdint.h>
 
 #include "lockstep.h"
@@ -34,7 +34,7 @@
 #define IRQ_XCP_RX 4
 #define IRQ_XCP_TX 5
 
-#define RING_BYTES 1024U /* a power of two, because indices wrap around */
+#define RING_BYTES 1024U /* ring size: a power of two, because indices wrap around */
 
 /* Written by an interrupt, read by the main loop. */
 typedef struct {
@@ -115,8 +115,7 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
   return count;
 }
 
-/* Sends the bytes that the UART accepts without waiting. The interrupt wakes main for the
-   others. */
+/* Sends the bytes that the UART accepts now. The interrupt wakes main for the remaining bytes. */
 static uint16_t write_available(uint32_t uart, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;

@@ -11,7 +11,7 @@ extern "C" {
 #endif
 
 /* Initialises a controller in double precision that calls a force controller in single precision.
-   The inner controller must live as long. force_coded_real.h is the same for fixed point. */
+   The inner controller must live as long as this one. For fixed point see force_coded_real.h. */
 void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_controller_f32 *force);
 
 /* Returns the state of a controller and its lost magnets: 16*(state of states.h) + phase +

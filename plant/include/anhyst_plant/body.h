@@ -84,7 +84,7 @@ typedef struct {
 
 typedef struct {
   double at[3];     /* attachment point on the body, m */
-  double stiffness; /* N/m; 0: no cable */
+  double stiffness; /* stiffness, N/m; 0: no cable */
   double damping;   /* N s/m */
 } anhyst_plant_cable;
 
@@ -94,7 +94,7 @@ typedef struct {
   double damping;        /* damping from the load's controller, N s/m */
   double stiffness;      /* stiffness from the load's controller, N/m */
   double rest;           /* position at which the stiffness gives no force, m */
-  double encoder_step;   /* m; 0: none */
+  double encoder_step;   /* resolution, m; 0: ideal */
   double velocity_share; /* fraction of a velocity step that its filter passes in a tick */
 } anhyst_plant_load;
 
@@ -102,7 +102,7 @@ typedef struct {
 typedef struct {
   int axis;        /* 0..5 */
   double rest;     /* position of the body without currents, m or rad */
-  double damping;  /* of the guide */
+  double damping;  /* damping of the guide */
   double stop_low; /* lower and upper position of the end stops */
   double stop_high;
   double stop_stiffness;
@@ -112,10 +112,10 @@ typedef struct {
 /* The arrays belong to the caller and have the lengths stated here. */
 typedef struct {
   int coordinates;                                       /* 1..6 */
-  anhyst_plant_coordinate coordinate[ANHYST_PLANT_AXES]; /* in ascending order of their axes */
+  anhyst_plant_coordinate coordinate[ANHYST_PLANT_AXES]; /* sorted by axis */
   double mass;                                           /* kg */
   double centre[3];                                      /* centre of mass, m */
-  double inertia[3][3];                                  /* inertia about centre, kg m^2 */
+  double inertia[3][3];                                  /* inertia about the centre, kg m^2 */
   double gravity[3];                                     /* m/s^2 */
   int magnets;
   const anhyst_plant_actuator *actuator;
@@ -165,8 +165,7 @@ typedef struct {
   double wrench[ANHYST_PLANT_AXES];                  /* total wrench of the magnets, N, N m */
   double force;                                      /* magnets' force along the sensor, N */
   double load;                                       /* force of the load drive, N */
-  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per half sub-step and
-                                                        force */
+  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per force in a half-step */
   double tie[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES];  /* cable force per N/m and coordinate */
   double weight[ANHYST_PLANT_AXES];                  /* force and moment of gravity, N, N m */
   int can_turn;                                      /* whether a rotation is a free coordinate */
@@ -174,7 +173,7 @@ typedef struct {
   anhyst_plant_head_state *head;                     /* array of the caller, one for each head */
   unsigned char due[ANHYST_PLANT_MAX_DELAY]; /* whether new outputs take effect in each sub-step */
   unsigned at;                               /* sub-step modulo ANHYST_PLANT_MAX_DELAY */
-  double load_velocity;                      /* estimated by the load drive, m/s */
+  double load_velocity;                      /* velocity that the load drive estimates, m/s */
   double load_position;                      /* last encoder reading of the load's controller, m */
   anhyst_plant_sensing force_sensing;
   anhyst_plant_noise noise;
@@ -196,7 +195,7 @@ void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
 void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state, int magnet,
                        double current);
 
-/* Reads all sensors. Call this function once per tick, because every reading contains new noise. */
+/* Reads all sensors. Call this once per tick, because every reading contains new noise. */
 void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
                        anhyst_plant_readings *readings);
 

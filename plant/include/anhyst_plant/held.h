@@ -28,7 +28,7 @@ typedef struct {
   double share; /* fraction of the control error that the amplifier removes in one tick */
   double most;  /* maximum change of the current per tick, A */
   double zero;  /* reading of the amplifier's shunt without current, A */
-  anhyst_plant_sensor sensor[ANHYST_HELD_SENSORS]; /* each tick supplies their noise */
+  anhyst_plant_sensor sensor[ANHYST_HELD_SENSORS]; /* noise is an input of each tick */
 } anhyst_plant_held;
 
 /* All zeros: demagnetised, no current. */

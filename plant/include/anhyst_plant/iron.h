@@ -2,8 +2,8 @@
 /* Irons of several families with one interface. None of them is a Jiles-Atherton material. An iron
    consists of its steel (parameters) and its memory (state). Every family computes the end of a
    monotone path of one coordinate: the field and the flux density, which both rise with the
-   coordinate, and their slopes at the end. For cells and the Duhem iron, the coordinate is the
-   field of the anhysteretic curve. For the Preisach iron, it is the field of the relays. */
+   coordinate, and their slopes at the end. The coordinate is the field of the anhysteretic curve
+   for cells and the Duhem iron, and the field of the relays for the Preisach iron. */
 #ifndef ANHYST_PLANT_IRON_H
 #define ANHYST_PLANT_IRON_H
 
@@ -35,8 +35,8 @@ typedef struct {
   double at;            /* A/m */
   double field;         /* A/m */
   double density;       /* flux density at this end, T */
-  double field_slope;   /* slope of the field over the coordinate, 1 */
-  double density_slope; /* of the flux density over the coordinate, T m/A */
+  double field_slope;   /* slope of the field over the coordinate, no unit */
+  double density_slope; /* slope of the flux density over the coordinate, T m/A */
   union {
     anhyst_plant_cells_goal cells;
     anhyst_plant_preisach_goal preisach;

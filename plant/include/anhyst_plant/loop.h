@@ -16,7 +16,7 @@ extern "C" {
 #endif
 
 /* Digital current controller of an amplifier that takes a voltage: u = resistance*reference +
-   gain*(reference - read) + integral. It is not used if its gain is 0. */
+   gain*(reference - read) + integral. With gain 0, it is not used. */
 typedef struct {
   double resistance; /* ohm */
   double gain;       /* V/A */

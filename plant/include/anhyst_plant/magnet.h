@@ -99,7 +99,7 @@ typedef struct {
   double gap_ratio; /* rho */
   double gain;      /* c_out, N/T^2 */
   double offset;    /* output without flux, N */
-  double zero;      /* current without drive, A */
+  double zero;      /* current at which the drive is zero, A */
   double density;   /* ratio of the flux density in the gap to that of the law (free scale) */
 } anhyst_plant_row;
 
@@ -116,7 +116,7 @@ typedef struct {
 
 typedef struct {
   const anhyst_iron_f64 *iron;
-  const anhyst_plant_row *rows; /* at equal steps of the table's gaps, interpolated linearly */
+  const anhyst_plant_row *rows; /* at equal gap steps of the table, interpolated linearly */
   int row_count;                /* >= 2 */
   double eddy;                  /* eddy-current coefficient gamma, A s/(m T) */
   anhyst_plant_flux_table table;
@@ -136,7 +136,7 @@ typedef struct {
   double gain;      /* V/A, >= 0 */
   double reset;     /* integral gain of reference - current, V/(A s) */
   double voltage;   /* V */
-  double limit;     /* largest |u|, V */
+  double limit;     /* voltage limit: largest |u|, V */
 } anhyst_plant_source;
 
 /* All zeros: demagnetised, no current. */
@@ -166,7 +166,7 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap, double per_second);
 
-/* Moves linearly to a current in `seconds`, divided into eight of these steps. */
+/* Moves linearly to a current in `seconds`, divided into eight equal steps. */
 void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                               double current, double gap, double seconds);
 

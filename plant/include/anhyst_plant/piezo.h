@@ -23,9 +23,9 @@ extern "C" {
 #define ANHYST_PIEZO_MAX_CREEP_TERMS 8 /* maximum number of creep terms */
 
 typedef struct {
-  double stroke_per_volt; /* d of the free stack without hysteresis, m/V */
+  double stroke_per_volt; /* slope of the stack without hysteresis, m/V */
   double bend;            /* b, m/V^2 */
-  double slope;           /* a: slope of the hysteretic part at a reversal, m/V */
+  double slope;           /* slope of the hysteretic part at a reversal, m/V */
   double beta;            /* 1/V */
   double gamma;           /* 1/V */
   double creep_time[ANHYST_PIEZO_MAX_CREEP_TERMS];  /* T_j, s */

@@ -15,7 +15,7 @@ extern "C" {
 /* Scales of the signals. */
 typedef struct {
   double gap_middle; /* gap at position 0, m */
-  double position;   /* full scales, which only fixed point needs; position, m */
+  double position;   /* full scale of the position, m; only fixed point needs full scales */
   double current;    /* A */
   double demand;     /* N */
   double load;       /* N */

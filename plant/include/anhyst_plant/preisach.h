@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A moving Preisach iron: relays with a density over their two switching fields, and a reversible
-   part parallel to them. Their input is the field plus a term in proportion to the polarisation:
+   part parallel to them. Relays and reversible part depend on the field plus a part of the
+   polarisation:
 
         x = H + feedback*J,   J = relays(x) + curve(x),   B = mu0*H + J
 
@@ -12,8 +13,7 @@
    density in each cell of the table. Relays in cells on the diagonal are reversible.
 
    The memory contains the nested reversal points that no larger loop has deleted. If it is full,
-   paths within its last loop run back and forth on one branch without losses. A larger loop deletes
-   them. */
+   paths within its last loop stay on one branch without losses; a larger loop deletes them. */
 #ifndef ANHYST_PLANT_PREISACH_H
 #define ANHYST_PLANT_PREISACH_H
 

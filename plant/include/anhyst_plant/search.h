@@ -33,7 +33,7 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
     if (fabs(residual) <= tolerance) {
       return;
     }
-    /* The left side rises by at least a per A/m of field, which gives a bracket. */
+    /* The left side rises by at least `a` per A/m of field, which gives a bracket. */
     if (residual > 0.0) {
       const double end = at + residual / a + iron->slack;
       low = at;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Sensors. Their effects in this order: bandwidth, delay, gain and offset, noise, and converter. */
+/* Sensors, with these effects in order: bandwidth, delay, gain and offset, noise, converter. */
 #ifndef ANHYST_PLANT_SENSOR_H
 #define ANHYST_PLANT_SENSOR_H
 

@@ -21,7 +21,7 @@ typedef struct {
   int volumes;                            /* >= 1 */
   double part;                            /* solid fraction of the path, 0 < part <= 1 */
   double share[ANHYST_PLANT_MAX_VOLUMES]; /* shares of the cross-section, surface first; sum 1 */
-  double drag[ANHYST_PLANT_MAX_VOLUMES];  /* eddy coefficient outside each volume, A s/(m T) */
+  double drag[ANHYST_PLANT_MAX_VOLUMES];  /* eddy-current drag of each volume, A s/(m T) */
 } anhyst_plant_solid;
 
 /* Equation of the whole path: a*H + b*B = r. per_second: 1/s of the step; 0: infinitely long. */
