@@ -17,8 +17,8 @@ enum {
      open, the frame is answered and has no effect. */
   LINK_TYPE_HELLO = 1,
   LINK_TYPE_HEARTBEAT = 2, /* Requests the status. */
-  /* The demanded force, valid from the next tick on. No effect outside the state run and on a
-     position controller. */
+  /* The demanded force, valid from the next tick on. It has no effect outside the state run, or on
+     a position controller. */
   LINK_TYPE_DEMAND = 3,
   LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the new state. */
   LINK_TYPE_SETTING_READ = 5, /* Requests a setting. */
@@ -57,7 +57,7 @@ enum {
   LINK_REASON_NONE = 0,
   LINK_REASON_VERSION = 1, /* different protocol version; detail: the controller's version */
   LINK_REASON_TYPE = 2, /* unknown request */
-  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: its length */
+  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: length of the payload */
   /* the sequence number is older than the last one; detail: 1 if a request with this number was
      answered, otherwise 0 */
   LINK_REASON_OLD = 4,
@@ -67,7 +67,8 @@ enum {
   LINK_REASON_ORDER = 7,
   LINK_REASON_CHECKSUM = 8, /* the received block does not have the announced checksum */
   LINK_REASON_BLOCK = 9, /* the block is invalid, or has a different kind or layout */
-  LINK_REASON_GENERATION = 10, /* the block has a different generation; detail: its generation */
+  /* the block has a different generation; detail: generation of the block */
+  LINK_REASON_GENERATION = 10,
   LINK_REASON_SESSION = 11, /* no session is open: send hello first */
   LINK_REASON_CURRENT = 12, /* current still flows; repeat the request at zero current */
   /* the block has different full scales, gaps, rate or units; detail: the first word that differs
@@ -163,20 +164,20 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_HEARTBEAT 0
 
 #define LINK_SIZE_DEMAND 4
-/* force: q31 of the full-scale force */
+/* force: demanded force, q31 of the full scale */
 static inline int32_t link_get_demand(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_COMMAND 2
-/* command: one of command */
+/* command: number of the command */
 static inline uint16_t link_get_command(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_READ 2
-/* setting: one of setting */
+/* setting: number of the setting */
 static inline uint16_t link_get_setting_read(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_WRITE 6
 typedef struct {
-  uint16_t setting; /* one of setting */
+  uint16_t setting; /* number of the setting */
   int32_t value;
 } link_setting_write;
 static inline void link_get_setting_write(link_setting_write *m, const uint8_t *p)
@@ -189,7 +190,7 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 typedef struct {
   uint16_t words; /* length of the block */
   uint16_t generation; /* generation of the block */
-  uint32_t checksum; /* CRC-32 of all its words, low byte first */
+  uint32_t checksum; /* CRC-32 of all words of the block, low byte first */
 } link_block_begin;
 static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 {
@@ -218,7 +219,7 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_TARGET 4
-/* position: q31 of the position controller's full scale */
+/* position: target position, q31 of the controller's full scale */
 static inline int32_t link_get_target(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_KEEP 0
@@ -236,7 +237,7 @@ typedef struct {
   uint16_t ramp; /* time from full current to zero in the safe state, ms */
   uint32_t model; /* first 32 bits of the model's hash */
   uint32_t rate; /* ticks per second */
-  uint16_t body; /* controlled quantity, one of body */
+  uint16_t body; /* number of the controlled quantity */
   uint16_t magnets; /* number of magnets: 1, or an opposing pair */
 } link_info;
 static inline void link_put_info(uint8_t *p, const link_info *m)
@@ -256,9 +257,9 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
 
 #define LINK_SIZE_STATUS 54
 typedef struct {
-  uint8_t state; /* one of state */
-  uint8_t fault; /* latched reason, one of fault */
-  uint16_t flags; /* bits of flag */
+  uint8_t state; /* number of the state */
+  uint8_t fault; /* latched reason of a fault, as a number */
+  uint16_t flags; /* bit mask of the flags */
   int32_t demand; /* active demand, q31 */
   int32_t force; /* measured force, q30 */
   int32_t gap; /* measured gap, q30 */
@@ -268,7 +269,7 @@ typedef struct {
   uint16_t bad_frames; /* damaged frames, modulo 65536 */
   uint16_t lost_frames; /* missing sequence numbers, modulo 65536 */
   uint16_t missed_ticks; /* missed ticks since power-on, modulo 65536 */
-  uint16_t phase; /* one of phase */
+  uint16_t phase; /* number of the phase */
   int32_t position; /* last plausible position, q31 */
   int32_t reference; /* reference position, q31 */
   uint32_t cycles; /* processor cycles of the longest tick; 0: not counted */
@@ -298,7 +299,7 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
 #define LINK_SIZE_ACK 4
 typedef struct {
   uint16_t request; /* type of the request */
-  uint16_t detail; /* see the request */
+  uint16_t detail; /* meaning as described for the request */
 } link_ack;
 static inline void link_put_ack(uint8_t *p, const link_ack *m)
 {
@@ -309,8 +310,8 @@ static inline void link_put_ack(uint8_t *p, const link_ack *m)
 #define LINK_SIZE_NAK 6
 typedef struct {
   uint16_t request; /* type of the request */
-  uint16_t reason; /* one of reason */
-  uint16_t detail; /* see the reason */
+  uint16_t reason; /* number of the reason */
+  uint16_t detail; /* meaning as described for the reason */
 } link_nak;
 static inline void link_put_nak(uint8_t *p, const link_nak *m)
 {
@@ -321,7 +322,7 @@ static inline void link_put_nak(uint8_t *p, const link_nak *m)
 
 #define LINK_SIZE_SETTING 6
 typedef struct {
-  uint16_t setting; /* one of setting */
+  uint16_t setting; /* number of the setting */
   int32_t value;
 } link_setting;
 static inline void link_put_setting(uint8_t *p, const link_setting *m)
@@ -339,10 +340,10 @@ static inline void link_put_block_words(uint8_t *p, uint16_t offset) { link_put_
 #define LINK_SIZE_PLANT_SAMPLE 32
 /* Plant to controller: the sensor readings at the beginning of a tick. */
 typedef struct {
-  uint32_t tick; /* counts from 1 */
-  int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
-  int32_t force; /* q30 of the full-scale force */
-  int32_t position; /* q31 of the position controller's full scale */
+  uint32_t tick; /* tick number, starts at 1 */
+  int32_t gap; /* gap, q30: 0 and 1.0 are the ends of the model's gap range */
+  int32_t force; /* force, q30 of the full scale */
+  int32_t position; /* position, q31 of the controller's full scale */
   /* current of the first magnet, q30 of full scale; current of the second magnet, q30 of full scale
      */
   int32_t current[2];
@@ -368,12 +369,12 @@ typedef struct {
   /* commanded current of the first magnet, q31 of full scale; commanded current of the second
      magnet, q31 of full scale */
   int32_t drive[2];
-  uint32_t state; /* state + 256*fault */
-  uint32_t mode; /* flags + 65536*phase */
+  uint32_t state; /* number of the state + 256*(reason of the fault) */
+  uint32_t mode; /* bit mask of the flags + 65536*phase */
   int32_t demand; /* active demand, q31 of the full-scale force */
   int32_t reference; /* reference position, q31 of the controller's full scale */
   int32_t flux; /* flux of the first magnet's model after the commit, q30 */
-  int32_t expected; /* force of this model, q31 */
+  int32_t expected; /* force of the first magnet's model, q31 */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {

@@ -64,7 +64,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 def payloads() -> list[bytes]:
     """Payloads of every length, with many zeros and without zeros."""
     draw = random.Random(1)
-    lengths = range(frames.PAYLOAD_MOST + 1)
+    lengths = range(frames.MAX_PAYLOAD_BYTES + 1)
     dense = [bytes(draw.choice((0, 0, 1, 255)) for _ in range(n)) for n in lengths]
     return dense + [draw.randbytes(n) for n in lengths] + [b"\x01" * n for n in lengths]
 

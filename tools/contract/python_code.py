@@ -79,13 +79,13 @@ class PlantRecord:
         cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
-        """Return the record with its check."""
+        """Return the bytes of the record, with its check word."""
         body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod
     def unpack(cls, record: bytes) -> Self:
-        """Return what the record says; ValueError where length or check are wrong."""
+        """Return the record in these bytes; raise ValueError if length or check word are wrong."""
         body = record[:-4]
         if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
             raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
@@ -154,7 +154,7 @@ def frames_module(frames: Entry, signals: Entry) -> str:
     """Return the contents of frames.py."""
     protocol, plant = frames["protocol"], frames["plant"]
     parts = [
-        f"VERSION = {protocol['version']}\nPAYLOAD_MOST = {protocol['payload_most']}\n"
+        f"VERSION = {protocol['version']}\nMAX_PAYLOAD_BYTES = {protocol['payload_most']}\n"
         f"PLANT_MAGIC = 0x{plant['magic']:08X}\n"
     ]
     parts += [f"{enum_class(e, 'IntEnum', numbers(e))}\n" for e in link_enums(frames, signals)]
@@ -164,9 +164,9 @@ def frames_module(frames: Entry, signals: Entry) -> str:
         for s in signals["setting"]
     ]
     parts.append(
-        'class SettingRange(NamedTuple):\n    """What a setting may be."""\n\n'
+        'class SettingRange(NamedTuple):\n    """Range and default value of a setting."""\n\n'
         "    low: int\n    high: int\n    start: int\n"
-        "    start_ms: int  # the same of a setting in ticks, else 0\n    while_running: bool\n"
+        "    start_ms: int  # default of a setting in ticks, ms; otherwise 0\n    while_running: bool\n"
     )
     parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASES)
     by_name = {frame["name"]: frame for frame in frames["frame"]}
