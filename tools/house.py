@@ -133,7 +133,7 @@ def count_upward_imports(graph: Graph) -> int:
 
 
 def find_cycles(graph: Graph) -> list[set[str]]:
-    """Return the groups of names that reach each other."""
+    """Return the groups of names that reach each other in the graph of imports."""
     reachable = {name: _find_reachable(graph, name) for name in graph}
     groups = {frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph}
     return [set(group) for group in groups if len(group) > 1]

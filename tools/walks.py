@@ -29,7 +29,7 @@ class FileTrace:
         self._entered_functions: set[CodeType] = set()
 
     def trace(self, job: Callable[[], object]) -> dict[str, int]:
-        """Run a job; return the number of files and of returns."""
+        """Run a job; return the number of files that it visits and of returns to a file."""
         sys.setprofile(self._record_call)
         try:
             job()

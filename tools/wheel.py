@@ -248,7 +248,7 @@ def main() -> int:
             wheel = wheels[tag(version_of(python), os.uname().machine)]
             with tempfile.TemporaryDirectory(prefix="anhyst-") as name:
                 inside = empty_environment(python, wheel, Path(name) / "environment")
-                say(f"{wheel.name}: installed into an empty environment of {python}")
+                say(f"{wheel.name}: is installed into a new environment of {python}")
                 say(f"{megabytes(inside):.0f} MB with what it depends on")
                 try_tutorial(inside, others, Path(name), say)
     except RuntimeError as error:

@@ -51,7 +51,7 @@ static inline int is_table_rising(const entry *words, entry first, int32_t entri
 
 #ifdef IN_UNIT
 
-/* Proved in prove_map.c. */
+/* This contract is proved in prove_map.c. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
 {
   SHOW(numerator >= 0 && numerator < denominator);
@@ -71,7 +71,7 @@ int main(void)
 
 #ifdef TABLE
 
-/* Nothing beyond the words is read from any table that a block names. */
+/* Proves that no table of a block is read beyond the words. */
 int main(void)
 {
   const uint16_t capacity = nondet_u16();

@@ -39,7 +39,7 @@
 static int16_t block_words[ANHYST_BLOCK_MOST_WORDS]; /* any */
 static int32_t rested[ANHYST_CELLS];                 /* any plays */
 
-/* A block of words that passed its check. */
+/* Fills the words of a block that passed its check. */
 static void any_block(int16_t *words)
 {
   const int32_t bits = any_within(2, 8);

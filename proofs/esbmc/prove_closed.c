@@ -29,7 +29,7 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
 #include "compensator/generic/simplified.h"
 #endif
 
-/* A memory after any step. */
+/* Returns any memory after a step. */
 static int is_memory(const anhyst_simplified_memory *memory)
 {
   return IS_WITHIN_ONE(memory->flux) && IS_WITHIN_ONE(memory->u) && IS_WITHIN_ONE(memory->turn) &&

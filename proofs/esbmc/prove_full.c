@@ -51,7 +51,7 @@ static const int16_t *const inverse_words = block_words + INVERSE_AT;
 
 static int32_t steepest(uint16_t n) { return ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U); }
 
-/* The head of a block that passed its check; no table is read. */
+/* Fills the head of a block that passed its check; no table is read. */
 static void fill_words(int16_t *words)
 {
   words[ANHYST_WORD_FULL_CURVE] = CURVE_AT;
@@ -78,7 +78,7 @@ static anhyst_full_memory any_memory(void)
   return any;
 }
 
-/* Properties of a path after init_path(). */
+/* Whether a path has the properties that init_path() gives it. */
 static int has_begun(const branch_path *path)
 {
   return is_in_unit_range(path->x) && is_in_unit_range(path->y) && is_in_unit_range(path->p) &&
@@ -91,7 +91,7 @@ static int has_departed(const branch_path *path)
   return is_in_unit_range(path->departure) && path->offset > -2 * UNIT && path->offset < 2 * UNIT;
 }
 
-/* A path after find_departure(). */
+/* Returns any path after find_departure(). */
 static branch_path any_path(void)
 {
   branch_path path;
@@ -280,7 +280,7 @@ static int solve_from_last_step(compensator *c, number target)
 #endif
 
 #ifdef UNIT_BY_CONTRACT
-/* Proved in prove_block.c. */
+/* This contract is proved in prove_block.c. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int16_t word)
 {
@@ -459,7 +459,7 @@ static void prove_transfer_state(void)
   SHOW(is_memory(&c.memory.full));
 }
 
-/* A compensator before a call of its kernel. */
+/* Returns any compensator before a call of its kernel. */
 static anhyst_compensator any_compensator(void)
 {
   anhyst_compensator c;

@@ -20,8 +20,8 @@ static int is_current(int32_t current)
 
 /* ---- contracts ---- */
 
-/* Everything except that the range is a multiple of the converter's step, which only round_to_grid
-   needs. */
+/* Whether settings are valid. The range need not be a multiple of the converter's step, because
+   only round_to_grid needs that. */
 static int are_settings_valid(const anhyst_position_limits_q31 *of,
                               const anhyst_position_settings_q31 *to)
 {

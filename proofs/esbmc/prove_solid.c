@@ -7,7 +7,7 @@
 
 #include "compensator/lookup.h"
 
-#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
+#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* the scale of prove_cells.c */
 
 static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 {
@@ -31,7 +31,7 @@ static number solve_current(const entry *words, const cells_memory *from, const 
 
 static number flux_of_candidate(const entry *words, const candidate *at) { return nondet_i32(); }
 
-/* A block that passed its check. */
+/* Fills the words of a block that passed its check. */
 static void any_block(int16_t *words)
 {
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks the rows of the play-cell law: the value between two entries, and the difference between
    two rows there, are below 1. Tries every rise and every change of the difference at every
-   position. Both are linear in the entries, so that the extreme entries are sufficient. */
+   position. Value and difference are linear in the entries, so that the extreme entries are
+   sufficient. */
 #include "compensator/cells_fixed.h"
 
 #define MAX_VALUE ((int32_t)ANHYST_Q15_MAX * 32768)

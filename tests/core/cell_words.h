@@ -13,7 +13,7 @@ enum { CELLS = 3, BITS = 6, OUTER = 32, STRIDE = (2 << BITS) + 2 * OUTER + 1 };
 static const double THRESHOLDS[CELLS + 1] = {0.0, 0.05, 0.11, 0.2};
 static const double WEIGHTS[CELLS + 1] = {0.1, 0.3, 0.35, 0.2};
 static const double WIDTH = 0.2;
-static const double AIR = 0.1; /* h: flux of a field of 1 without iron */
+static const double AIR = 0.1; /* h, the flux of a field of 1 without iron */
 static int16_t words[1024];
 
 static inline double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }

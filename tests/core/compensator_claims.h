@@ -14,7 +14,7 @@
 typedef FORMAT(anhyst_compensator) compensator_type;
 typedef FORMAT(anhyst_kernel) law_type;
 
-/* ---- a law: field = flux ---- */
+/* ---- law for which the field equals the flux ---- */
 
 static int field_calls;
 static int flux_calls;

@@ -12,7 +12,7 @@
 
 enum { FIRST = ANHYST_BLOCK_LEAST_WORDS, MOST_ENTRIES = MOST_COLUMNS * MOST_ROWS };
 
-/* One block in three formats: the same numbers, with a full scale of 1 in floating point. */
+/* One block in three formats, with the same numbers. The full scale is 1 in floating point. */
 typedef struct {
   uint16_t count; /* of words */
   anhyst_map_q31 map;

@@ -41,7 +41,7 @@ static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
     const int some = i == 0 || random_bits(seed) % 3 == 0;
     s->weight[i] = some ? 1e4 * log_uniform(seed, 0.01, 1.0) : 0.0;
   }
-  /* Half of the samples have centres for all curves except the first. */
+  /* Half of the sampled laws have centres for all curves except the first. */
   const int has_centres = (int)(random_bits(seed) % 2);
   for (int j = 0; j < WIDTHS; j++) {
     s->centre[j] = j > 0 && has_centres ? scale * log_uniform(seed, 0.1, 2.0) : 0.0;

@@ -264,8 +264,8 @@ static void change_of_gains_is_bumpless(void)
   CHECK(same > 10000);
 }
 
-/* A new method, as another project would write it. It calls a force controller with any other
-   method. */
+/* A new method, as another project would write it. The method calls a force controller with any
+   other method. */
 static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, int32_t gap,
                               int32_t flux)
 {

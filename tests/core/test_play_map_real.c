@@ -92,7 +92,7 @@ static void block_with_a_flipped_bit_is_refused(void)
       memcpy(&bits, &right, sizeof bits);
       bits ^= (uint32_t)1 << bit;
       memcpy(&made.single[word], &bits, sizeof bits);
-      const int is_same = !is_counted(word) && made.single[word] == right; /* -0 for 0 */
+      const int is_same = !is_counted(word) && made.single[word] == right; /* -0 instead of 0 */
       CHECK(is_same ||
             anhyst_play_map_init_f32(&c, made.single, made.count) == ANHYST_BAD_PARAMETER);
       made.single[word] = right;

@@ -16,7 +16,7 @@ typedef struct {
   port_sample sample;   /* sensor values of the next tick */
   int32_t drive;        /* last driven current, q31 */
   uint32_t drive_state; /* controller state that was passed with the current */
-  uint8_t wire[2048];   /* bytes to the firmware */
+  uint8_t wire[2048];   /* bytes on the way to the firmware */
   uint16_t wire_count;
   uint16_t wire_index;
   uint16_t max_accepted_bytes; /* bytes that the port accepts in one call */

@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 #define FAKE_EXTRA_CURRENT                                                                         \
-  ANHYST_WORD_FULL_AIR /* word: current in addition to half the demand, q15 */
+  ANHYST_WORD_FULL_AIR /* word of the block: current in addition to half the demand, q15 */
 #define FAKE_CYCLES 2
 #define FAKE_CYCLE_TICKS 4
 #define FAKE_CONDITION_STEP ((int32_t)0x00010000)

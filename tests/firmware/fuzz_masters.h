@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The XCP masters of fuzz_firmware.c: on the slave itself, in frames of the link, and on a serial
-   line. This file is included there after the functions that it uses. */
+   line. fuzz_firmware.c includes this file after the functions that the masters use. */
 #ifndef ANHYST_FUZZ_MASTERS_H
 #define ANHYST_FUZZ_MASTERS_H
 

@@ -326,7 +326,7 @@ static void lost_link_ends_run_but_not_idle(void)
   begin_at_full_current();
   (void)bench_demand(INT32_MAX);
   bench_ticks(100);
-  CHECK(states()->state == ANHYST_STATE_RUN); /* 100 ms are allowed */
+  CHECK(states()->state == ANHYST_STATE_RUN); /* a silence of 100 ms is allowed */
   bench_ticks(1);
   check_safe_ramp(ANHYST_FAULT_LINK_LOST);
   check_return_after_clear();

@@ -22,7 +22,7 @@ CODES = st.integers(NONE, MOST)
 
 
 class Calibration(ctypes.Structure):
-    """C structure of calibration.h."""
+    """The C structure of calibration.h."""
 
     _fields_ = tuple((name, ctypes.c_int32) for name in ("zero", "mantissa", "shift", "low", "high"))
 

@@ -14,9 +14,9 @@ def map_header(xcp: Entry, signals: Entry) -> str:
     )
     sizes = [
         ("PACKET", "maximum size of a command, an answer and a sample, bytes", str(xcp["packet"])),
-        ("LISTS", "number of sample lists", str(xcp["lists"])),
-        ("ODTS", "number of parts of lists", str(xcp["odts"])),
-        ("ENTRIES", "number of signals in all lists", str(xcp["entries"])),
+        ("LISTS", "maximum number of sample lists", str(xcp["lists"])),
+        ("ODTS", "total number of parts (ODTs) of all lists", str(xcp["odts"])),
+        ("ENTRIES", "total number of signals in all lists", str(xcp["entries"])),
         ("QUEUE", "size of the transmit queue of samples, bytes", str(xcp["queue"])),
         ("EVENT", "name of the event", f'"{xcp["event"]}"'),
     ]
@@ -26,7 +26,7 @@ def map_header(xcp: Entry, signals: Entry) -> str:
         f"#define XCP_SECRET UINT32_C(0x{xcp['secret']:08X}) /* initial value of the key for a seed */"
     )
     lines.append("#endif")
-    areas = {"doc": "Areas: the upper half of an address.", "values": xcp["area"]}
+    areas = {"doc": "Areas. The number of an area is the upper half of an address.", "values": xcp["area"]}
     inputs = {"doc": "Inputs that can be written.", "values": signals["input"]}
     parts = [
         "\n".join(lines),

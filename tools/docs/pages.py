@@ -68,7 +68,7 @@ def index() -> str:
 
 
 def chapters() -> dict[str, str]:
-    """Return the page of each chapter, which lists its pages, by name."""
+    """Return one page for each chapter, by name. It lists the pages of the chapter."""
     found = {slug(title): f"# {title}\n\n{_tree(pages)}" for title, pages in CHAPTERS.items()}
     pages = tuple(f"reference/{name}" for name in REFERENCE)
     return found | {"reference": f"# Reference\n\n{_tree(pages)}"}

@@ -10,7 +10,7 @@ PARTS = ("anhyst", "anhyst_rigs", "anhyst_exchange")
 
 def python_names() -> str:
     """Return a page of directives that include the docstrings."""
-    page = ["# Python\n", "What each package gives; see [anhyst in Python](../python.md).\n"]
+    page = ["# Python\n", "The public names of each package; see [anhyst in Python](../python.md).\n"]
     for part in PARTS:
         package = import_module(part)
         found = {name: getattr(package, name) for name in package.__all__ if name[0] != "_"}
