@@ -35,7 +35,7 @@ exec "{python}" -m ziglang c++ "$@"
 """
 
 
-def missing() -> str:
+def find_missing_requirement() -> str:
     """Return what the machine lacks, with the remedy; an empty string if nothing is missing."""
     if sys.version_info < (3, 11):  # noqa: UP036 - run before the right Python is chosen
         found = ".".join(map(str, sys.version_info[:3]))
@@ -52,7 +52,7 @@ def missing() -> str:
     return ""
 
 
-def settings(folder: Path) -> dict[str, Any]:
+def read_project(folder: Path) -> dict[str, Any]:
     """Return the contents of a folder's pyproject.toml."""
     import tomllib
 
@@ -64,16 +64,16 @@ def requirements(listed: list[str]) -> list[str]:
     found = []
     for one in listed:
         if inner := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", one):
-            extras = settings(ROOT / "packages" / inner[1])["project"]["optional-dependencies"]
+            extras = read_project(ROOT / "packages" / inner[1])["project"]["optional-dependencies"]
             found += [needed for name in inner[2].split(",") for needed in extras[name]]
         elif not one.startswith("anhyst"):
             found.append(one)
     return found
 
 
-def step(what: str, work: Callable[[], None]) -> None:
+def run_step(name: str, work: Callable[[], None]) -> None:
     """Print the name of a step, run the step, and print its duration."""
-    print(f"make: {what} ...", end="", flush=True)
+    print(f"make: {name} ...", end="", flush=True)
     began = time.monotonic()
     try:
         work()
@@ -83,22 +83,22 @@ def step(what: str, work: Callable[[], None]) -> None:
     print(f" {time.monotonic() - began:.0f} s", flush=True)
 
 
-def own_index() -> bool:
+def uses_other_index() -> bool:
     """Whether pip uses a package index other than PyPI. uv does not read that setting of pip."""
     listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
     return bool(re.search(r"index[-_]url|no[-_]index", listed.stdout))
 
 
-def create() -> None:
+def create_environment() -> None:
     """Create .venv, and install uv if possible: it needs a tenth of pip's time."""
     subprocess.run([sys.executable, "-m", "venv", str(BIN.parent)], check=True)
-    if not own_index():
+    if not uses_other_index():
         # Without a wheel of uv for this machine, pip would compile it for minutes.
         wanted = ["--quiet", "--only-binary", ":all:", "uv"]
         subprocess.run([*PIP, "install", *wanted], capture_output=True, check=False)
 
 
-def install(packages: list[str]) -> None:
+def install_packages(packages: list[str]) -> None:
     """Install packages into .venv with uv, or with pip if uv fails."""
     uv = [str(BIN / "uv"), "pip", "install", "--quiet", "--python", str(BIN / "python")]
     if (BIN / "uv").exists():
@@ -110,15 +110,15 @@ def install(packages: list[str]) -> None:
     subprocess.run([*PIP, "install", "--quiet", "--no-compile", *packages], check=True)
 
 
-def prepare() -> None:
+def prepare_environment() -> None:
     """Create .venv and install the packages. Without a C++ compiler, zig compiles the binding."""
-    step("1 of 3: .venv; nothing is installed outside this folder", create)
-    parts = [settings(ROOT / "packages" / part) for part in PARTS]
+    run_step("1 of 3: .venv; nothing is installed outside this folder", create_environment)
+    parts = [read_project(ROOT / "packages" / part) for part in PARTS]
     wanted = [one for part in parts for one in part["build-system"]["requires"]]
     wanted += [one for part in parts for one in part["project"]["dependencies"]] + DEMO_EXTRAS
     packages = list(dict.fromkeys([*requirements(wanted), *BUILD_TOOLS]))
     names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
-    step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install(packages))
+    run_step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install_packages(packages))
     if not any(map(shutil.which, ("c++", "g++", "clang++"))):
         compiler = BIN / "c++"
         compiler.write_text(ZIG_AS_CPP.format(python=BIN / "python"), encoding="utf-8")
@@ -137,19 +137,19 @@ def install_package() -> None:
 
 def main() -> int:
     """Run the step that the arguments select; return the exit code."""
-    problem = missing()
+    problem = find_missing_requirement()
     if problem:
         print(f"make: {problem}", file=sys.stderr)
         return 2
     try:
         if sys.argv[1:2] == ["--group"]:
             name = sys.argv[2]
-            group = settings(ROOT)["dependency-groups"][name]
-            step(f"what '{name}' needs", lambda: install(requirements(group)))
+            group = read_project(ROOT)["dependency-groups"][name]
+            run_step(f"what '{name}' needs", lambda: install_packages(requirements(group)))
         elif sys.argv[1:2] == ["--package"]:
-            step("3 of 3: compile the core, install anhyst into .venv", install_package)
+            run_step("3 of 3: compile the core, install anhyst into .venv", install_package)
         else:
-            prepare()
+            prepare_environment()
     except subprocess.CalledProcessError as error:
         return error.returncode or 1
     return 0

@@ -67,7 +67,7 @@ def make_good_files(folder: Path) -> dict[str, list[bytes]]:
     return contents
 
 
-def damage(content: bytes, generator: random.Random) -> bytes:
+def damage_content(content: bytes, generator: random.Random) -> bytes:
     """Damage a file at one to eight positions. Half of the positions are in the first 2048 bytes."""
     data = bytearray(content)
     for _ in range(generator.choice((1, 1, 1, 2, 4, 8))):
@@ -102,7 +102,7 @@ def damage_archive(content: bytes, generator: random.Random) -> bytes:
         chosen = generator.choice(old.namelist())
         for name in old.namelist():
             member = old.read(name)
-            new.writestr(name, damage(member, generator) if name == chosen else member)
+            new.writestr(name, damage_content(member, generator) if name == chosen else member)
     return packed.getvalue()
 
 
@@ -112,7 +112,7 @@ def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
     content = generator.choice(seeds)
     if suffix == ".xlsx" and generator.random() < 0.7:
         return damage_archive(content, generator)
-    return damage(content, generator)
+    return damage_content(content, generator)
 
 
 def try_file(path: Path) -> str:

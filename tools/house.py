@@ -63,7 +63,7 @@ ROUNDING_STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
 ROUNDING_STEPS |= {"C core": 100, "C rigs": 100, "C parts": 100, "changelog": 100, "architecture": 100}
 """Metrics that change with every commit are recorded as multiples of these steps, rounded up."""
 
-Graph = dict[str, set[str]]
+ImportGraph = dict[str, set[str]]
 
 
 def count_metrics() -> dict[str, int]:
@@ -73,8 +73,8 @@ def count_metrics() -> dict[str, int]:
     trees = {name: ast.parse(text) for name, text in texts.items()}
     modules = find_imports(trees)
     packages = {name for name, path in files.items() if path.name == "__init__.py"}
-    folders = _merge(modules, lambda name: name if name in packages else name.rpartition(".")[0])
-    rooms = _merge(modules, lambda name: ".".join(name.split(".")[:2]))
+    folders = _merge_groups(modules, lambda name: name if name in packages else name.rpartition(".")[0])
+    rooms = _merge_groups(modules, lambda name: ".".join(name.split(".")[:2]))
     return {
         "rooms": len(rooms),
         "pairs": sum(map(len, rooms.values())),
@@ -111,18 +111,20 @@ def measure_walks() -> dict[str, int]:
     return {f"{way}, {what}": n for way, each in measured.items() for what, n in each.items()}
 
 
-def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool = False) -> Graph:
+def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool = False) -> ImportGraph:
     """Return the modules that each module imports, with or without the top packages."""
     return {
         name: {
-            one for one in _find_targets(tree, trees) if one != name and (include_top_packages or "." in one)
+            one
+            for one in _find_imported_modules(tree, trees)
+            if one != name and (include_top_packages or "." in one)
         }
         for name, tree in trees.items()
         if include_top_packages or "." in name
     }
 
 
-def count_upward_imports(graph: Graph) -> int:
+def count_upward_imports(graph: ImportGraph) -> int:
     """Return the number of imports from a part into a part that depends on it."""
     rank = {part.replace("-", "_"): at for at, part in enumerate(PARTS)}
     return sum(
@@ -132,7 +134,7 @@ def count_upward_imports(graph: Graph) -> int:
     )
 
 
-def find_cycles(graph: Graph) -> list[set[str]]:
+def find_cycles(graph: ImportGraph) -> list[set[str]]:
     """Return the groups of names that reach each other in the graph of imports."""
     reachable = {name: _find_reachable(graph, name) for name in graph}
     groups = {frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph}
@@ -176,7 +178,7 @@ def _module_name(path: Path, source: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _find_targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
+def _find_imported_modules(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in known)
@@ -186,14 +188,14 @@ def _find_targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
                 yield full if full in known else node.module
 
 
-def _merge(graph: Graph, group_of: Callable[[str], str]) -> Graph:
-    merged: Graph = {}
+def _merge_groups(graph: ImportGraph, group_of: Callable[[str], str]) -> ImportGraph:
+    merged: ImportGraph = {}
     for name, targets in graph.items():
         merged.setdefault(group_of(name), set()).update({group_of(one) for one in targets} - {group_of(name)})
     return merged
 
 
-def _find_reachable(graph: Graph, start: str) -> set[str]:
+def _find_reachable(graph: ImportGraph, start: str) -> set[str]:
     visited, waiting = {start}, [start]
     while waiting:
         unvisited = graph.get(waiting.pop(), set()) - visited

@@ -16,8 +16,8 @@ from pathlib import Path
 from types import CodeType, FrameType
 
 ROOT = Path(__file__).resolve().parents[1]
-MODEL = ROOT / "packages" / "anhyst" / "tests" / "kept_models" / "electromagnet.toml"
-RIG = ROOT / "examples" / "bearing" / "rig.toml"
+MODEL_FILE = ROOT / "packages" / "anhyst" / "tests" / "kept_models" / "electromagnet.toml"
+RIG_FILE = ROOT / "examples" / "bearing" / "rig.toml"
 
 
 class FileTrace:
@@ -28,7 +28,7 @@ class FileTrace:
         self.visited_files: list[str] = []
         self._entered_functions: set[CodeType] = set()
 
-    def trace(self, job: Callable[[], object]) -> dict[str, int]:
+    def trace_job(self, job: Callable[[], object]) -> dict[str, int]:
         """Run a job; return the number of files that it visits and of returns to a file."""
         sys.setprofile(self._record_call)
         try:
@@ -60,7 +60,7 @@ def trace_model_to_c() -> dict[str, int]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "c"
         file_trace = FileTrace("anhyst.model", "anhyst.compensate", "anhyst.compilation")
-        return file_trace.trace(lambda: anhyst.compile(MODEL, out, rate=20_000.0))
+        return file_trace.trace_job(lambda: anhyst.compile(MODEL_FILE, out, rate=20_000.0))
 
 
 def trace_rig_to_recording() -> dict[str, int]:
@@ -72,14 +72,14 @@ def trace_rig_to_recording() -> dict[str, int]:
     from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
     def job() -> None:
-        rig, controller = read_files(RIG, None)
+        rig, controller = read_files(RIG_FILE, None)
         ready = check_inputs(rig, controller)
         variant = controller.settings.compensation.variant
         setup = make_setups(ready.rig, controller, ready.identify_magnet(), (variant,))[variant]
         steps, *_ = plan_recorded_run(ready.rig, setup.controller)
         assert levitation_fault(setup, SimulatedLoop(setup).run(steps), steps) is None
 
-    return FileTrace("anhyst_rigs").trace(job)
+    return FileTrace("anhyst_rigs").trace_job(job)
 
 
 if __name__ == "__main__":

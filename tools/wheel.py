@@ -25,30 +25,30 @@ from tools.environment import PARTS
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
-OTHERS = PARTS[1:]
+PURE_PYTHON_PARTS = PARTS[1:]
 """The parts that contain no compiled code."""
-ALONE = 6
+LAST_STEP_WITH_ANHYST_ALONE = 6
 """The last step of the tutorial that needs only the part anhyst."""
 
 MACHINES = ("x86_64", "aarch64")
-GLIBC = (2, 17)
+MIN_GLIBC = (2, 17)
 """Oldest supported glibc, of 2012, as in manylinux2014."""
 
-_STABLE = (3, 12)
+_FIRST_STABLE_ABI = (3, 12)
 """First version of Python whose stable ABI contains the functions that nanobind needs."""
-_BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
+_CODE_BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
 
 
-def tag(version: tuple[int, int], machine: str) -> str:
+def wheel_tag(version: tuple[int, int], machine: str) -> str:
     """Return the compatibility tag of a wheel: interpreter, ABI and platform."""
-    platform = f"manylinux_{GLIBC[0]}_{GLIBC[1]}_{machine}"
-    if version >= _STABLE:
-        return f"cp{_STABLE[0]}{_STABLE[1]}-abi3-{platform}"
+    platform = f"manylinux_{MIN_GLIBC[0]}_{MIN_GLIBC[1]}_{machine}"
+    if version >= _FIRST_STABLE_ABI:
+        return f"cp{_FIRST_STABLE_ABI[0]}{_FIRST_STABLE_ABI[1]}-abi3-{platform}"
     own = f"cp{version[0]}{version[1]}"
     return f"{own}-{own}-{platform}"
 
 
-def build(python: Path, machine: str, dist: Path) -> Path:
+def build_wheel(python: Path, machine: str, dist: Path) -> Path:
     """Build the wheel for a version of Python and a machine.
 
     Parameters
@@ -66,13 +66,13 @@ def build(python: Path, machine: str, dist: Path) -> Path:
     Path
         The wheel.
     """
-    version = version_of(python)
+    version = python_version(python)
     zig = f"{sys.executable} -m ziglang"
-    target = f"-target {machine}-linux-gnu.{GLIBC[0]}.{GLIBC[1]}"
-    wanted = tag(version, machine)
+    target = f"-target {machine}-linux-gnu.{MIN_GLIBC[0]}.{MIN_GLIBC[1]}"
+    tag_text = wheel_tag(version, machine)
     settings = {
-        "build-dir": str(ROOT / "build" / f"wheel-{wanted}"),
-        "env._PYTHON_HOST_PLATFORM": wanted.split("-")[2],
+        "build-dir": str(ROOT / "build" / f"wheel-{tag_text}"),
+        "env._PYTHON_HOST_PLATFORM": tag_text.split("-")[2],
         "env.SETUPTOOLS_EXT_SUFFIX": f".cpython-{version[0]}{version[1]}-{machine}-linux-gnu.so",
         "cmake.define.CMAKE_SYSTEM_NAME": "Linux",
         "cmake.define.CMAKE_SYSTEM_PROCESSOR": machine,
@@ -93,22 +93,22 @@ def build(python: Path, machine: str, dist: Path) -> Path:
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         },
     )
-    (wheel,) = dist.glob(f"anhyst-*-{wanted}.whl")
+    (wheel,) = dist.glob(f"anhyst-*-{tag_text}.whl")
     return wheel
 
 
 def build_others(dist: Path) -> list[Path]:
     """Build the wheels of the other parts into a folder; return the wheels."""
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "wheel"]
-    folders = [str(ROOT / "packages" / part) for part in OTHERS]
+    folders = [str(ROOT / "packages" / part) for part in PURE_PYTHON_PARTS]
     run(
         [*pip, "--no-build-isolation", "--no-deps", "--wheel-dir", str(dist), *folders],
         variables={"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"},
     )
-    return [next(dist.glob(f"{part.replace('-', '_')}-*.whl")) for part in OTHERS]
+    return [next(dist.glob(f"{part.replace('-', '_')}-*.whl")) for part in PURE_PYTHON_PARTS]
 
 
-def check(wheel: Path) -> None:
+def check_wheel(wheel: Path) -> None:
     """Check that a wheel needs no newer glibc, and only the stable ABI, as its name promises.
 
     Raises
@@ -127,9 +127,9 @@ def check(wheel: Path) -> None:
 def empty_environment(python: Path, wheel: Path, folder: Path) -> Path:
     """Install a wheel and its dependencies into a new environment; return its Python."""
     run([str(python), "-m", "venv", str(folder)])
-    inside = folder / "bin" / "python"
-    install(inside, [wheel])
-    return inside
+    environment_python = folder / "bin" / "python"
+    install(environment_python, [wheel])
+    return environment_python
 
 
 def install(python: Path, wheels: Sequence[Path]) -> None:
@@ -138,7 +138,7 @@ def install(python: Path, wheels: Sequence[Path]) -> None:
     run([str(python), "-m", "pip", "--quiet", "install", "--no-compile", *map(str, wheels)])
 
 
-def megabytes(python: Path) -> float:
+def installed_megabytes(python: Path) -> float:
     """Return the size of the packages in the environment of a Python, without pip, MB."""
     (packages,) = (python.parents[1] / "lib").glob("python*/site-packages")
     files = (path for path in packages.rglob("*") if path.is_file() and not path.is_symlink())
@@ -146,7 +146,7 @@ def megabytes(python: Path) -> float:
     return sum(path.stat().st_size for path in own) / 1e6
 
 
-def up_to_step(page: str, last: int) -> str:
+def page_up_to_step(page: str, last: int) -> str:
     """Return a page up to the end of a numbered step."""
     return page.partition(f"\n## {last + 1}. ")[0]
 
@@ -173,7 +173,7 @@ def run_page(page: str, python: Path, place: Path) -> int:
     RuntimeError
         If a block fails.
     """
-    blocks = [(language, code) for shown, language, code in _BLOCK.findall(page) if not shown]
+    blocks = [(language, code) for shown, language, code in _CODE_BLOCK.findall(page) if not shown]
     for language, code in blocks:
         if language == "sh":
             command = ["bash", "-e", "-o", "pipefail", "-c", code]
@@ -206,7 +206,7 @@ def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str,
     return done.stdout
 
 
-def version_of(python: Path) -> tuple[int, int]:
+def python_version(python: Path) -> tuple[int, int]:
     """Return the major and minor version of a Python."""
     said = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
     major, minor = map(int, said.split())
@@ -216,7 +216,7 @@ def version_of(python: Path) -> tuple[int, int]:
 def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]) -> None:
     """Run the first steps of the tutorial with anhyst alone, then all steps with all wheels."""
     page = TUTORIAL.read_text(encoding="utf-8")
-    for name, steps in (("alone", up_to_step(page, ALONE)), ("all", page)):
+    for name, steps in (("alone", page_up_to_step(page, LAST_STEP_WITH_ANHYST_ALONE)), ("all", page)):
         place = folder / name
         place.mkdir()
         count = run_page(steps, python, place)
@@ -228,29 +228,29 @@ def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callab
 def main() -> int:
     """Build wheels for each Python that the arguments name, then test them; return the exit code."""
     pythons = [Path(name) for name in sys.argv[1:]] or [Path(sys.executable)]
-    begun = time.monotonic()
+    start_time = time.monotonic()
 
     def say(what: str) -> None:
-        print(f"wheel: {time.monotonic() - begun:.0f} s: {what}", flush=True)
+        print(f"wheel: {time.monotonic() - start_time:.0f} s: {what}", flush=True)
 
     wheels: dict[str, Path] = {}
     try:
         for python in pythons:
             for machine in MACHINES:
-                wanted = tag(version_of(python), machine)
+                wanted = wheel_tag(python_version(python), machine)
                 if wanted not in wheels:
-                    wheels[wanted] = build(python, machine, DIST)
-                    check(wheels[wanted])
+                    wheels[wanted] = build_wheel(python, machine, DIST)
+                    check_wheel(wheels[wanted])
                     say(f"{wheels[wanted].name}: built and checked")
         others = build_others(DIST)
         say(f"{', '.join(wheel.name for wheel in others)}: built")
         for python in pythons:
-            wheel = wheels[tag(version_of(python), os.uname().machine)]
+            wheel = wheels[wheel_tag(python_version(python), os.uname().machine)]
             with tempfile.TemporaryDirectory(prefix="anhyst-") as name:
-                inside = empty_environment(python, wheel, Path(name) / "environment")
+                environment_python = empty_environment(python, wheel, Path(name) / "environment")
                 say(f"{wheel.name}: is installed into a new environment of {python}")
-                say(f"{megabytes(inside):.0f} MB with what it depends on")
-                try_tutorial(inside, others, Path(name), say)
+                say(f"{installed_megabytes(environment_python):.0f} MB with what it depends on")
+                try_tutorial(environment_python, others, Path(name), say)
     except RuntimeError as error:
         print(f"wheel: {error}", file=sys.stderr)
         return 1

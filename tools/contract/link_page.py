@@ -8,7 +8,7 @@ BEGIN = "<!-- made by tools/contract -->"
 END = "<!-- end of what tools/contract made -->"
 
 
-def fields_of(entry: Entry) -> str:
+def list_fields(entry: Entry) -> str:
     """Return the fields in the order of their bytes."""
     names = [f"{field['name']} {field['type']}" for field in entry["fields"]]
     if tail := entry.get("tail"):
@@ -16,7 +16,7 @@ def fields_of(entry: Entry) -> str:
     return ", ".join(names) or "none"
 
 
-def values_of(title: str, entry: Entry, shift: bool) -> list[str]:
+def value_table(title: str, entry: Entry, shift: bool) -> list[str]:
     """Return the table of an enum, or of flags."""
     lines = ["", f"| number | {title} | meaning |", "| --- | --- | --- |"]
     for number, value in enumerate(entry["values"]):
@@ -25,17 +25,17 @@ def values_of(title: str, entry: Entry, shift: bool) -> list[str]:
     return lines
 
 
-def page(frames: Entry, signals: Entry, controller: Entry) -> str:
+def link_tables(frames: Entry, signals: Entry, controller: Entry) -> str:
     """Return the tables of docs/link.md."""
     lines = ["| type | request | payload | answer | meaning |", "| --- | --- | --- | --- | --- |"]
     requests = [frame for frame in frames["frame"] if is_request(frame)]
     answers = [frame for frame in frames["frame"] if not is_request(frame)]
     for f in requests:
-        payload = fields_of(f)
+        payload = list_fields(f)
         lines.append(f"| {f['type']:#04x} | `{f['name']}` | {payload} | `{f['answer']}` | {f['doc']} |")
     lines += ["", "| type | answer | payload | meaning |", "| --- | --- | --- | --- |"]
     for f in answers:
-        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {fields_of(f)} | {f['doc']} |")
+        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {list_fields(f)} | {f['doc']} |")
     lines += ["", "| setting | from | to | at the start | in run | meaning |"]
     lines.append("| --- | --- | --- | --- | --- | --- |")
     for s in signals["setting"]:
@@ -50,9 +50,9 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
     }
     for entry in [*controller["enum"], *frames["enum"]]:
         if entry["name"] in titles:
-            lines += values_of(titles[entry["name"]], entry, shift=False)
+            lines += value_table(titles[entry["name"]], entry, shift=False)
     for entry in controller["flags"]:
-        lines += values_of("bit of the flags", entry, shift=True)
+        lines += value_table("bit of the flags", entry, shift=True)
     return "\n".join(lines)
 
 

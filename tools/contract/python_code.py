@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from tables import Entry, bits, is_request, link_enums, numbers
+from tables import Entry, enum_numbers, flag_bits, is_request, link_enums
 
 CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "i32": "i"}
 
@@ -33,7 +33,7 @@ from enum import IntEnum, IntFlag
 
 '''
 
-BASES = '''
+BASE_CLASSES = '''
 @dataclass(frozen=True)
 class Message:
     """A payload: fixed fields, followed in some types by an array of numbers."""
@@ -124,7 +124,7 @@ def enum_class(entry: Entry, base: str, values: list[int]) -> str:
     return "\n".join(lines)
 
 
-def dataclass_of(entry: Entry, name: str, base: str) -> str:
+def dataclass_code(entry: Entry, name: str, base: str) -> str:
     """Return the dataclass of a frame or record; `base` is its base class."""
     tail = entry.get("tail")
     code = "<" + "".join(CODES[field["type"]] for field in entry["fields"])
@@ -157,7 +157,7 @@ def frames_module(frames: Entry, signals: Entry) -> str:
         f"VERSION = {protocol['version']}\nMAX_PAYLOAD_BYTES = {protocol['payload_most']}\n"
         f"PLANT_MAGIC = 0x{plant['magic']:08X}\n"
     ]
-    parts += [f"{enum_class(e, 'IntEnum', numbers(e))}\n" for e in link_enums(frames, signals)]
+    parts += [f"{enum_class(e, 'IntEnum', enum_numbers(e))}\n" for e in link_enums(frames, signals)]
     rows = [
         f"    Setting.{s['name'].upper()}: SettingRange({s['low']}, {s['high']}, "
         f"{s.get('default', 0)}, {s.get('default_ms', 0)}, {s['run']}),"
@@ -168,16 +168,16 @@ def frames_module(frames: Entry, signals: Entry) -> str:
         "    low: int\n    high: int\n    start: int\n"
         "    start_ms: int  # default of a setting in ticks, ms; otherwise 0\n    while_running: bool\n"
     )
-    parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASES)
+    parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASE_CLASSES)
     by_name = {frame["name"]: frame for frame in frames["frame"]}
     for frame in frames["frame"]:
         base = f"Message, code=0x{frame['type']:02X}"
         if is_request(frame):
             base += f", answer=0x{by_name[frame['answer']]['type']:02X}"
-        parts.append(dataclass_of(frame, class_name(frame), base) + "\n")
+        parts.append(dataclass_code(frame, class_name(frame), base) + "\n")
     for record in plant["record"]:
         name = "".join(word.capitalize() for word in record["name"].split("_"))
-        parts.append(dataclass_of(record, name, "PlantRecord") + "\n")
+        parts.append(dataclass_code(record, name, "PlantRecord") + "\n")
     names = [class_name(frame) for frame in frames["frame"] if not is_request(frame)]
     listed = "".join(f"        {name},\n" for name in names)
     parts.append(
@@ -189,6 +189,6 @@ def frames_module(frames: Entry, signals: Entry) -> str:
 
 def states_module(controller: Entry) -> str:
     """Return the contents of states.py."""
-    parts = [enum_class(entry, "IntEnum", numbers(entry)) for entry in controller["enum"]]
-    parts += [enum_class(entry, "IntFlag", bits(entry)) for entry in controller["flags"]]
+    parts = [enum_class(entry, "IntEnum", enum_numbers(entry)) for entry in controller["enum"]]
+    parts += [enum_class(entry, "IntFlag", flag_bits(entry)) for entry in controller["flags"]]
     return STATES_PREAMBLE + "\n" + "\n\n\n".join(parts) + "\n"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from c_code import enum, guarded
-from tables import Entry, numbers
+from c_code import enum, guarded_header
+from tables import Entry, enum_numbers
 
 
 def map_header(xcp: Entry, signals: Entry) -> str:
@@ -31,6 +31,6 @@ def map_header(xcp: Entry, signals: Entry) -> str:
     parts = [
         "\n".join(lines),
         enum("XCP_AREA", areas, [area["number"] for area in xcp["area"]]),
-        enum("XCP_INPUT", inputs, numbers(inputs)),
+        enum("XCP_INPUT", inputs, enum_numbers(inputs)),
     ]
-    return guarded("ANHYST_XCP_MAP_H", about, parts)
+    return guarded_header("ANHYST_XCP_MAP_H", about, parts)

@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT))
 
 from tools.docs.c_reference import c_reference  # noqa: E402
 from tools.docs.command_line import command_line  # noqa: E402
-from tools.docs.pages import chapters, decisions, index, without_outside_links  # noqa: E402
+from tools.docs.pages import chapter_pages, decision_navigation, landing_page, without_outside_links  # noqa: E402
 from tools.docs.python_names import python_names  # noqa: E402
 
 SOURCE, SITE = ROOT / "build" / "site-source", ROOT / "build" / "site"
@@ -35,10 +35,10 @@ def assemble(place: Path) -> None:
         text = without_outside_links(page.read_text(encoding="utf-8"), len(name.parts) - 1)
         (place / name).write_text(text, encoding="utf-8")
     with (place / "decisions" / "index.md").open("a", encoding="utf-8") as notes:
-        notes.write(decisions(ROOT / "docs" / "decisions"))
+        notes.write(decision_navigation(ROOT / "docs" / "decisions"))
     pages = {
-        "index": index(),
-        **chapters(),
+        "index": landing_page(),
+        **chapter_pages(),
         "reference/python-names": python_names(),
         "reference/command-line": command_line(),
         "reference/c": c_reference(ROOT / "core" / "include"),

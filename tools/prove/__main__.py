@@ -15,8 +15,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from tools.prove.inputs import content_hash
 from tools.prove.listing import PROOFS, Proof, read_proofs
 from tools.prove.provers import install, version
-from tools.prove.record import Entry, entry_of, is_valid, read_record, write_record
-from tools.prove.running import Evidence, Outcome, run
+from tools.prove.record import Entry, is_valid, make_entry, read_record, write_record
+from tools.prove.running import Evidence, Outcome, run_prover
 from tools.prove.verdict import PROVED, REFUTED
 
 RECORD = PROOFS / "proved.toml"
@@ -49,7 +49,7 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
     held_count = 0
     with ThreadPoolExecutor(2) as pool:
         pending = {
-            pool.submit(run, proof, broken=broken): (proof, broken)
+            pool.submit(run_prover, proof, broken=broken): (proof, broken)
             for proof in proofs
             for broken in (False, True)
         }
@@ -65,7 +65,7 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
             # Meanwhile, an editor may have changed the files.
             is_unchanged = current_hash(proof) == contents[proof.name]
             if evidence.holds and evidence.seconds >= MIN_RECORDED_S and is_unchanged:
-                record[proof.name] = entry_of(evidence, contents[proof.name])
+                record[proof.name] = make_entry(evidence, contents[proof.name])
             write_record(RECORD, record)
     return held_count
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from tools.prove.listing import Proof
 
 
-def replace_once(file: Path, right: str, wrong: str) -> None:
+def replace_once(file: Path, old_text: str, new_text: str) -> None:
     """Replace a text in a copy. The text must occur exactly once."""
     text = file.read_text(encoding="utf-8")
-    if text.count(right) != 1:
-        raise ValueError(f"{file.name}: {right!r} does not occur exactly once; adapt proofs.toml")
-    file.write_text(text.replace(right, wrong), encoding="utf-8")
+    if text.count(old_text) != 1:
+        raise ValueError(f"{file.name}: {old_text!r} does not occur exactly once; adapt proofs.toml")
+    file.write_text(text.replace(old_text, new_text), encoding="utf-8")
 
 
 def replace_by_contract(file: Path, function: str) -> None:
