@@ -3,7 +3,7 @@
 
 #define MIN_MANTISSA ((uint32_t)536870912) /* smallest mantissa, 2^29 */
 
-/* Returns the square of a current of either sign; at most 2^62. */
+/* Returns the square of a current of either sign, at most 2^62. */
 static uint64_t squared_size(int32_t current)
 {
   const uint64_t magnitude = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;

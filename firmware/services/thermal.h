@@ -8,10 +8,10 @@
    square of the continuous current limit and clears below the square of a lower current. The
    explicit Euler step leads the exact exponential by less than half a tick.
 
-   - Format: currents are any q30 of full scale; the warmth is q60, 0..4.0.
-   - Rounding: towards the present warmth. Each step is too small by less than 2^-30*share, so a
-   constant current ends within 2^-30 of its square.
-   - Saturation: not needed, because the warmth stays between 0 and the largest square. */
+   Currents are any q30 of full scale, and the warmth is q60, 0..4.0. Each step rounds towards the
+   present warmth and is too small by less than 2^-30*share. Therefore, a constant current ends
+   within 2^-30 of its square. The warmth cannot saturate, because it stays between 0 and the
+   largest square. */
 #ifndef ANHYST_SERVICES_THERMAL_H
 #define ANHYST_SERVICES_THERMAL_H
 
@@ -19,10 +19,10 @@
 
 /* Step size and limits; filled by thermal_prepare. */
 typedef struct {
-  uint32_t mantissa;    /* share = mantissa/2^(30 + shift), mantissa 2^29..2^30 */
-  uint16_t shift;       /* 0..32 */
-  uint64_t trip_warmth; /* warmth at which the protection trips and clears, q60 */
-  uint64_t clear_warmth;
+  uint32_t mantissa;     /* share = mantissa/2^(30 + shift), mantissa 2^29..2^30 */
+  uint16_t shift;        /* 0..32 */
+  uint64_t trip_warmth;  /* limit of the warmth at which the protection trips, q60 */
+  uint64_t clear_warmth; /* limit below which the protection clears, q60 */
 } thermal_plan;
 
 typedef struct {
