@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The arc tangent as an inline function, for loops in which a call would cost too much time.
+/* The arc tangent as an inline function, for loops in which a call would take too much time.
    elementary.h states its error. */
 #ifndef ANHYST_ARCTANGENT_H
 #define ANHYST_ARCTANGENT_H
@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-/* A constant in two parts: the nearest double, and the constant minus that double. */
+/* A constant as the sum of the nearest double and a remainder. */
 typedef struct {
   double value, rest;
 } anhyst_pair;
@@ -26,20 +26,20 @@ static inline double anhyst_arctangent(double x)
   double u;
   double value;
   double rest;
-  if (!(t < 64.0)) { /* NaN also takes this branch, and the result is NaN */
+  if (!(t < 64.0)) { /* a NaN also takes this branch, and the result is NaN */
     value = 0x1.921fb54442d18p+0;
     rest = 0x1.1a62633145c07p-54;
     u = -1.0 / t;
   } else {
     /* atan(t) = atan(c) + atan((t - c)/(1 + t*c)) */
-    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* bits of 1/32 */
+    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* top bits of the double 1/32 */
     const anhyst_pair *at = anhyst_angles;
     double c = 0.0;
     uint64_t bits;
     uint64_t eighths;
     memcpy(&bits, &t, sizeof bits);
     eighths = bits >> 49U;
-    if (eighths >= first) { /* A branch instead of a table entry for c = 0: it is predicted well, so
+    if (eighths >= first) { /* Uses a branch instead of an entry for 0. It is predicted well, so
                                that for |x| < 1/32 the quotient does not wait for the table. */
       bits = (2U * eighths + 1U) << 48U;
       memcpy(&c, &bits, sizeof c);
