@@ -78,7 +78,8 @@
 #define ANHYST_COMMAND_LIFT 3U
 /* position controller: lowers the armature under control, then from `run` to `ready` */
 #define ANHYST_COMMAND_LAND 4U
-/* ends conditioning; from `run` to `ready` (force), or to `fault` and landing (position) */
+/* ends conditioning. From `run`, a force controller changes to `ready`, a position controller to
+   `fault` */
 #define ANHYST_COMMAND_STOP 5U
 #define ANHYST_COMMAND_CLEAR 6U /* from `fault` to `selftest`, if the current is zero */
 /* to `idle` from `ready`, from conditioning, or from `run` of a force controller */

@@ -78,7 +78,7 @@ class Command(IntEnum):
     # position controller: from `ready` to `run`, if the current is 0 and the position plausible
     LIFT = 3
     LAND = 4  # position controller: lowers the armature under control, then from `run` to `ready`
-    # ends conditioning; from `run` to `ready` (force), or to `fault` and landing (position)
+    # ends conditioning. From `run`, a force controller changes to `ready`, a position controller to `fault`
     STOP = 5
     CLEAR = 6  # from `fault` to `selftest`, if the current is zero
     IDLE = 7  # to `idle` from `ready`, from conditioning, or from `run` of a force controller
