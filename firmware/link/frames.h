@@ -17,8 +17,8 @@ enum {
      open, the frame is answered and has no effect. */
   LINK_TYPE_HELLO = 1,
   LINK_TYPE_HEARTBEAT = 2, /* Requests the status. */
-  /* Sets the demanded force, valid from the next tick on. It has an effect only in the state `run`
-     of a force controller. */
+  /* Sets the demanded force, valid from the next tick on. It has an effect only in the state RUN of
+     a force controller. */
   LINK_TYPE_DEMAND = 3,
   LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the new state. */
   LINK_TYPE_SETTING_READ = 5, /* Requests a setting. */
@@ -35,8 +35,8 @@ enum {
      position outside the range is rejected, and a force controller rejects every target. */
   LINK_TYPE_TARGET = 14,
   /* Stores the active block for the next start, if the board has non-volatile memory. Allowed only
-     in `idle` or `ready` at zero current, because the board may stop its ticks for seconds. Detail:
-     the generation of the block. */
+     in IDLE or READY at zero current, because the board may stop its ticks for seconds. Detail: the
+     generation of the block. */
   LINK_TYPE_KEEP = 15,
   /* Contains an XCP command; an empty frame requests only samples. Only a command of an unlocked
      master counts as a heartbeat, not the frame itself. */

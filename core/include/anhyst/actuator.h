@@ -5,10 +5,10 @@
 #ifndef ANHYST_ACTUATOR_NAMES_H
 #define ANHYST_ACTUATOR_NAMES_H
 
-#define ACTUATOR_JOINED(name, part) name##part
-#define ACTUATOR_JOIN(name, part) ACTUATOR_JOINED(name, part)
-#define ACTUATOR_TEXT(words) #words
-#define ACTUATOR_FILE(name) ACTUATOR_TEXT(name)
+#define ACTUATOR_PASTE_TOKENS(name, part) name##part
+#define ACTUATOR_JOIN(name, part) ACTUATOR_PASTE_TOKENS(name, part)
+#define ACTUATOR_MAKE_STRING(words) #words
+#define ACTUATOR_FILE(name) ACTUATOR_MAKE_STRING(name)
 
 #include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _parameters).h)
 

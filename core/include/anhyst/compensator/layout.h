@@ -47,7 +47,7 @@ enum {
   /* Header, the same for every kind. */
   ANHYST_WORD_MAGIC = 0, /* unsigned: marks the start of a block, two words */
   ANHYST_WORD_LAYOUT = 2, /* integer: version of the layout; the code must support it */
-  /* 1..5: kind of compensator: 1 full, 2 simplified, 3 Euler, 4 cells, 5 play */
+  /* 1..5: kind of compensator (1 full, 2 simplified, 3 Euler, 4 cells, 5 play) */
   ANHYST_WORD_KIND = 3,
   /* 64..2048: length of the whole block, words (unsigned, up to 33474 for the kind play) */
   ANHYST_WORD_LENGTH = 4,
@@ -77,9 +77,9 @@ enum {
   ANHYST_WORD_GAP_FIELD_ARM = 23, /* table over the gap, weight: current for a field of 1.0 */
 
   /* Conditioning sequence at start-up, the same for every kind. */
-  /* 0..64: conditioning: number of current triangles (the triangles erase the unknown history) */
+  /* 0..64: number of current triangles of conditioning (the triangles erase the unknown history) */
   ANHYST_WORD_CONDITION_CYCLES = 24,
-  ANHYST_WORD_CONDITION_TICKS = 25, /* 2..32767: conditioning: number of ticks of one ramp */
+  ANHYST_WORD_CONDITION_TICKS = 25, /* 2..32767: number of ticks of one ramp of conditioning */
 
   /* Square root of the demand, the same for every kind. */
   /* 2..8: below 2^(-2*this) of full scale, a straight line replaces the square root */
@@ -122,7 +122,7 @@ enum {
      negative; divided by 2^shift) */
   ANHYST_WORD_SIMPLE_HOLD = 34,
   ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12: shift of simple_hold */
-  ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu of the closed form */
+  ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu, see closed_form.h */
   ANHYST_WORD_SIMPLE_ITERATIONS = 37, /* 2..16: maximum number of evaluations of a commit */
 
   /* Kind simplified only. */

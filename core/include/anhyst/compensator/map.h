@@ -26,7 +26,8 @@ typedef struct {
   uint16_t gap_segments;   /* m, 0..6 */
 } anhyst_map_q31;
 
-/* Checks a map: ANHYST_OK or ANHYST_BAD_PARAMETER. Slow: must not be called from an ISR. */
+/* Returns ANHYST_OK for a valid map, otherwise ANHYST_BAD_PARAMETER. Reads every entry: must not be
+   called from an ISR. */
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map);
 
 /* Returns the value of the map, q31. A force or a gap below 0 counts as 0. */

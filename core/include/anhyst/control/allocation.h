@@ -2,11 +2,11 @@
 /* Allocation of a net force to drives that only pull, in fixed point. A pair is two drives that
    pull against each other. Its net force is F = F_1 - F_2.
 
-     single     drives without a partner: each gets its net force
+     single     there are no pairs: each drive gets its net force
      by halves  class A: F_1 = idle + F/2, F_2 = idle - F/2. A constant linearisation instead of a
                 curve requires this kind
-     class AB   F_1*F_2 = idle^2: both drives always pull. For a large net force, the force of the
-                other drive decreases smoothly towards zero
+     class AB   F_1*F_2 = idle^2: both drives always pull. For a large net force, the smaller of the
+                two forces decreases smoothly towards zero
 
    Without a net force, both drives of a pair pull with the idle force. Forces are q31 of the full
    scale of the drives' force, and saturate. The error of class AB against exact arithmetic without

@@ -29,8 +29,7 @@
    until the body is at rest. All other commands are refused.
 
    Head readings are relative to the readings at the target. Single precision resolves 1 nm only in
-   a range of 8 mm, so subtract integers or doubles before rounding. Declarations: generic/axes.h.
- */
+   a range of 8 mm, so subtract integers or doubles first. Declarations: generic/axes.h. */
 #ifndef ANHYST_AXES_H
 #define ANHYST_AXES_H
 

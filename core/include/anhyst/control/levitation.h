@@ -85,7 +85,8 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
 void anhyst_levitation_start(anhyst_levitation *levitation);
 
 /* Executes a command between two ticks. If this is not possible, returns the reason,
-   ANHYST_REFUSED_..., and changes nothing. at_zero: whether the last tick drove no current. */
+   ANHYST_REFUSED_..., and changes nothing. at_zero states whether the last tick drove no current.
+ */
 uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
                                    uint16_t at_zero);
 

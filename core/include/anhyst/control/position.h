@@ -16,8 +16,8 @@
 
    Signals are q31 of their full scales: position, load, force, current and flux density. Demand and
    force have the same full scale, so that the code of a demand is also the code of a force. No
-   function allocates memory or waits. No loop exceeds a bound that is independent of the signals.
-   Declarations: generic/position.h. */
+   function allocates memory or waits. Every loop has an upper bound that does not depend on the
+   signals. Declarations: generic/position.h. */
 #ifndef ANHYST_POSITION_H
 #define ANHYST_POSITION_H
 

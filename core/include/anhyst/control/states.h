@@ -30,7 +30,7 @@
 #define ANHYST_PHASE_CONDITION 7U /* the currents follow the conditioning sequence */
 #define ANHYST_PHASE_COUNT 8U
 
-/* Reason for the state `fault`; the first reason is latched. */
+/* Reason for the state FAULT; the first reason is latched. */
 #define ANHYST_FAULT_NONE 0U
 #define ANHYST_FAULT_BLOCK 1U /* the built-in parameter block is invalid */
 /* no new request for heartbeat_ticks ticks while current may flow */
@@ -57,7 +57,7 @@
 /* the position showed no noise although the current changed */
 #define ANHYST_FAULT_POSITION_STUCK 20U
 #define ANHYST_FAULT_NO_LIFT 21U /* the largest force did not lift the armature */
-#define ANHYST_FAULT_STOPPED 22U /* the command `stop` was executed during levitation */
+#define ANHYST_FAULT_STOPPED 22U /* the command STOP was executed during levitation */
 #define ANHYST_FAULT_AMPLIFIER 23U /* an amplifier reports a fault or does not respond */
 #define ANHYST_FAULT_EMERGENCY_STOP 24U /* the emergency stop is open */
 #define ANHYST_FAULT_OVER_CURRENT 25U /* the over-current protection of the hardware tripped */
@@ -70,22 +70,22 @@
 
 /* Commands. */
 #define ANHYST_COMMAND_NONE 0U /* no command */
-/* from `idle` or `ready` at zero current: runs the conditioning sequence, then `ready` */
+/* from IDLE or READY at zero current: runs the conditioning sequence, then READY */
 #define ANHYST_COMMAND_CONDITION 1U
-/* from `idle` or `ready` at zero current: sets the state of demagnetised iron, then `ready` */
+/* from IDLE or READY at zero current: sets the state of demagnetised iron, then READY */
 #define ANHYST_COMMAND_DEMAGNETISED 2U
-/* position controller: from `ready` to `run`, if the current is 0 and the position plausible */
+/* position controller: from READY to RUN, if the current is 0 and the position plausible */
 #define ANHYST_COMMAND_LIFT 3U
-/* position controller: lowers the armature under control, then from `run` to `ready` */
+/* position controller: lowers the armature under control, then from RUN to READY */
 #define ANHYST_COMMAND_LAND 4U
-/* ends conditioning. From `run`, a force controller changes to `ready`, a position controller to
-   `fault` */
+/* ends conditioning. From RUN, a force controller changes to READY. A position controller changes
+   to FAULT and lands */
 #define ANHYST_COMMAND_STOP 5U
-#define ANHYST_COMMAND_CLEAR 6U /* from `fault` to `selftest`, if the current is zero */
-/* to `idle` from `ready`, from conditioning, or from `run` of a force controller */
+#define ANHYST_COMMAND_CLEAR 6U /* from FAULT to SELFTEST, if the current is zero */
+/* to IDLE from READY, from conditioning, or from RUN of a force controller */
 #define ANHYST_COMMAND_IDLE 7U
-#define ANHYST_COMMAND_ARM 8U /* from `idle` to `ready`, with the present hysteresis state */
-/* force controller: from `ready` to `run` with zero demand, if the current is zero */
+#define ANHYST_COMMAND_ARM 8U /* from IDLE to READY, with the present hysteresis state */
+/* force controller: from READY to RUN with zero demand, if the current is zero */
 #define ANHYST_COMMAND_RUN 9U
 #define ANHYST_COMMAND_COUNT 10U
 

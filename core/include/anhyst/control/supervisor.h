@@ -49,7 +49,7 @@ void anhyst_supervisor_start(anhyst_supervisor *s);
 /* Starts a tick: leaves the state INIT. */
 void anhyst_supervisor_begin(anhyst_supervisor *s);
 
-/* Counts a sample. wrong: the fault of the sample, or ANHYST_FAULT_NONE. In the state SELFTEST,
+/* Counts a sample. The argument `wrong` is its fault or ANHYST_FAULT_NONE. In the state SELFTEST,
    `selftest` consecutive plausible samples lead to IDLE. More than `max_missing_samples`
    consecutive implausible samples cause a fault, and the function returns 1. */
 int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t max_missing_samples,

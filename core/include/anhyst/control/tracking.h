@@ -10,8 +10,8 @@
    The PID controller is a second-order filter without limits. The applied output is committed to
    the force controller immediately. The input is the error instead of two positions, because
    positions in a long stroke need more digits than their difference. No function allocates memory
-   or waits. No loop exceeds a bound that is independent of the signals. For a body between magnets,
-   see axes.h. */
+   or waits. Every loop has an upper bound that does not depend on the signals. For a body between
+   magnets, see axes.h. */
 #ifndef ANHYST_TRACKING_H
 #define ANHYST_TRACKING_H
 

@@ -6,7 +6,7 @@
 #include "anhyst/law/branch.h"
 #include "anhyst/numeric/status.h"
 
-/* Largest alpha*c*M_s/a of the law of 1986. At 3, the irreversible part of this law becomes
+/* Largest alpha*c*M_s/a of the Jiles-Atherton law of 1986. At 3, its irreversible part becomes
    vertical. Above 2.85, its sub-steps of kappa/8*(1 - eps/3) may be unstable. */
 #define ANHYST_EPS_MAX 2.85
 

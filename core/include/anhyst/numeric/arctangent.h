@@ -31,30 +31,31 @@ static inline double anhyst_arctangent(double x)
     rest = 0x1.1a62633145c07p-54;
     u = -1.0 / t;
   } else {
-    /* atan(t) = atan(c) + atan((t - c)/(1 + t*c)) */
-    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* top bits of the double 1/32 */
-    const anhyst_pair *at = anhyst_angles;
-    double c = 0.0;
+    /* atan(t) = atan(centre) + atan((t - centre)/(1 + t*centre)) */
+    const uint64_t first_eighth = UINT64_C(0x3FA0000000000000) >> 49U; /* of the double 1/32 */
+    const anhyst_pair *angle = anhyst_angles;
+    double centre = 0.0;
     uint64_t bits;
     uint64_t eighths;
     memcpy(&bits, &t, sizeof bits);
     eighths = bits >> 49U;
-    if (eighths >= first) { /* Uses a branch instead of an entry for 0. It is predicted well, so
-                               that for |x| < 1/32 the quotient does not wait for the table. */
+    /* A branch instead of an entry for 0: it is predicted well, so that for |x| < 1/32 the quotient
+       does not wait for the table. */
+    if (eighths >= first_eighth) {
       bits = (2U * eighths + 1U) << 48U;
-      memcpy(&c, &bits, sizeof c);
-      at += eighths - first + 1U;
+      memcpy(&centre, &bits, sizeof centre);
+      angle += eighths - first_eighth + 1U;
     }
-    value = at->value;
-    rest = at->rest;
-    u = (t - c) / (1.0 + t * c);
+    value = angle->value;
+    rest = angle->rest;
+    u = (t - centre) / (1.0 + t * centre);
   }
   const double u2 = u * u;
   const double u3 = u * u2;
   const double u4 = u2 * u2;
-  const double low = 1.0 / 3.0 - u2 * (1.0 / 5.0);
-  const double high = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
-  return copysign(value + (u + ((rest - u3 * low) - (u3 * u4) * high)), x);
+  const double low_terms = 1.0 / 3.0 - u2 * (1.0 / 5.0);
+  const double high_terms = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
+  return copysign(value + (u + ((rest - u3 * low_terms) - (u3 * u4) * high_terms)), x);
 }
 
 #ifdef __cplusplus

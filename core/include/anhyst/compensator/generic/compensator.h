@@ -31,8 +31,8 @@ typedef struct {
 } anhyst_full_memory_x;
 
 /* State of the simplified law. The law follows a path from the flux `turn` to the flux `peak`. If
-   both are equal, no path is stored. u, the bounded state, is hysteresis field / its largest
-   value. */
+   both are equal, no path is stored. The bounded state u is the ratio of the hysteresis field to
+   its largest value. */
 typedef struct {
   ANHYST_REAL flux;
   ANHYST_REAL u;     /* bounded state u at the peak */
@@ -51,7 +51,7 @@ typedef struct {
   ANHYST_REAL joined; /* field where the last cell started to move, mirrored */
 } anhyst_cells_memory_x;
 
-/* Hysteresis state of the iron. All zeros is the demagnetised state, as in compensator.h. */
+/* Hysteresis state of the iron. If all members are 0, the iron is demagnetised. */
 typedef union {
   anhyst_full_memory_x full;
   anhyst_simplified_memory_x simplified;
@@ -61,8 +61,8 @@ typedef union {
 /* Magnetisation and slopes at the end of a trial step, from which the next search starts. */
 typedef struct {
   ANHYST_REAL m;       /* magnetisation */
-  ANHYST_REAL y_slope; /* derivative of the irreversible part with respect to the field */
-  ANHYST_REAL m_slope; /* derivative of the magnetisation with respect to the field */
+  ANHYST_REAL y_slope; /* d(irreversible part)/d(field) */
+  ANHYST_REAL m_slope; /* d(magnetisation)/d(field) */
   int16_t direction;   /* direction of the field. 1: it rises; -1: it falls; 0: it is constant */
 } anhyst_full_candidate_x;
 
@@ -142,7 +142,7 @@ typedef struct anhyst_compensator_x {
   int32_t conditioned;             /* number of completed ticks of the conditioning sequence */
   ANHYST_REAL gap;                 /* gap of the last solve or commit, in the unit of the model */
   uint16_t flags;                  /* flags of the last solve and its commit, see flags.h */
-  uint16_t stage;                  /* see stage.h; unless UNKNOWN, `next` is valid and `arms` fits
+  uint16_t stage;                  /* meaning of `next` (stage.h); unless UNKNOWN, `arms` fits
                                       `gap` */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
@@ -164,7 +164,7 @@ static inline anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
 /* Sets the state to that of demagnetised iron. */
 void anhyst_compensator_demagnetise_x(anhyst_compensator_x *c);
 
-/* Returns ANHYST_OK if a block is valid and of the kind of the kernel, otherwise
+/* Returns ANHYST_OK if a block is valid and has the kind of the kernel, otherwise
    ANHYST_BAD_PARAMETER. Reads at most `capacity` words. Must not be called from an ISR. */
 anhyst_status anhyst_block_check_x(const anhyst_kernel_x *kernel, const ANHYST_REAL *words,
                                    uint32_t capacity);
@@ -203,7 +203,7 @@ ANHYST_REAL anhyst_conditioning_x(const anhyst_compensator_x *c, int32_t tick);
 /* Works as anhyst_conditioning_step of compensator.h. */
 ANHYST_REAL anhyst_conditioning_step_x(anhyst_compensator_x *c);
 
-/* Works as anhyst_compensator_follows of compensator.h. Returns 0 for a measured NaN. */
+/* Works as anhyst_compensator_follows of compensator.h. Returns 0 for a measured current of NaN. */
 int anhyst_compensator_follows_x(const anhyst_compensator_x *c, ANHYST_REAL measured,
                                  ANHYST_REAL tolerance);
 

@@ -6,7 +6,7 @@ typedef struct {
   ANHYST_REAL value;   /* value of the map, i */
   ANHYST_REAL half;    /* half the width of the loop */
   ANHYST_REAL side;    /* bounded((i - b)/radius); -1: descending branch, 1: ascending branch */
-  ANHYST_REAL current; /* i + half*side */
+  ANHYST_REAL current; /* current i + half*side */
 } anhyst_play_point_x;
 
 /* A map with one play operator. */
@@ -31,7 +31,8 @@ typedef struct {
 ANHYST_REAL anhyst_play_map_solve_x(anhyst_play_map_x *c, ANHYST_REAL demand, ANHYST_REAL gap);
 
 /* Moves the play with the applied current at the actual gap. Returns the expected force: exactly
-   the demand, if both equal those of the solve. Adds to the flags of the solve:
+   the demand, if current and gap equal those of the solve. Adds to the flags of the solve:
    ANHYST_CURRENT_LIMITED if the current exceeds the limits by more than 2^-15 of full scale or is
-   NaN, ANHYST_GAP_LIMITED as in solve. Without a solve before it, the flags are its own. */
+   NaN, ANHYST_GAP_LIMITED as in solve. Without a solve since the last commit, only this function
+   sets the flags. */
 ANHYST_REAL anhyst_play_map_commit_x(anhyst_play_map_x *c, ANHYST_REAL applied, ANHYST_REAL gap);

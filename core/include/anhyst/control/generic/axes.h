@@ -13,17 +13,17 @@ typedef struct {
   ANHYST_REAL current_high;
   ANHYST_REAL current_step; /* step of their D/A converters, A, > 0 */
   /* Detection of lost drives, and the reaction to a loss. */
-  ANHYST_REAL follow;      /* fraction of a current step that is reached one tick later, 0..1 */
-  ANHYST_REAL slew;        /* slowest change of a current per tick after a step, A */
-  ANHYST_REAL off;         /* smallest current deviation of a lost drive, A; 0: no detection */
-  uint16_t off_ticks;      /* number of consecutive ticks with this deviation, > 0 */
-  uint16_t spare;          /* bit mask of drives; the body can continue without one of them */
+  ANHYST_REAL follow; /* fraction of a current step that is reached one tick later, 0..1 */
+  ANHYST_REAL slew;   /* slowest change of a current per tick after a step, A */
+  ANHYST_REAL off;    /* smallest current deviation of a lost drive, A; 0: no detection */
+  uint16_t off_ticks; /* consecutive ticks with this deviation before a drive counts as lost, > 0 */
+  uint16_t spare;     /* bit mask of drives; the body can continue without one of them */
   uint16_t land_ticks;     /* duration of a landing, ticks */
   const ANHYST_REAL *land; /* change of the reference of each axis per tick of a landing */
   const ANHYST_REAL *lift; /* largest change of the reference of each axis per tick of a lift-off */
   /* Detection of lost heads, and the reaction to a loss. */
-  anhyst_rows_x without; /* a matrix `see` for the loss of each head, whose column is zero */
-  uint16_t spare_heads;  /* bit mask of heads; the pose is measured without one of them */
+  anhyst_rows_x without; /* a matrix for each lost head, as `see`, with zeros in its column */
+  uint16_t spare_heads;  /* bit mask of heads; without one of them, the others give the pose */
   ANHYST_REAL jump;      /* largest plausible change of a reading per tick, m; 0: no detection */
   uint16_t doubt;        /* doubt count at which a head is lost, > 0; a tick without a change adds
                             1, a tick with a jump or NaN adds ANHYST_AXES_ODD */
@@ -61,7 +61,7 @@ typedef struct {
   ANHYST_REAL asked[ANHYST_WRENCH_AXES];       /* accelerations for the last plausible errors */
   ANHYST_REAL commanded[ANHYST_WRENCH_DRIVES]; /* commanded currents, A */
   ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* currents expected to flow, A */
-  uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* number of consecutive deviations */
+  uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* consecutive ticks with a deviation */
   ANHYST_REAL away[ANHYST_WRENCH_AXES];        /* reference minus target, for each axis */
   ANHYST_REAL seen[ANHYST_AXES_HEADS];         /* last accepted reading of each head */
   uint16_t doubt[ANHYST_AXES_HEADS];           /* doubt counter of each head */

@@ -22,7 +22,7 @@ typedef struct {
 
 /* Inputs of one tick. */
 typedef struct {
-  ANHYST_REAL position;                         /* rises when the armature rises */
+  ANHYST_REAL position;                         /* upward position of the armature */
   ANHYST_REAL target;                           /* target of the position */
   ANHYST_REAL load;                             /* feedforward load */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* measured current of each magnet */

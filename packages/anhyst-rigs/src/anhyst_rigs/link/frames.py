@@ -181,7 +181,7 @@ class HeartbeatRequest(Message, code=0x02, answer=0x82, form="<"):
 class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
     """Sets the demanded force, valid from the next tick on.
 
-    It has an effect only in the state `run` of a force controller.
+    It has an effect only in the state RUN of a force controller.
     """
 
     force: int  # q31 of the full-scale force
@@ -265,8 +265,8 @@ class TargetRequest(Message, code=0x0E, answer=0x82, form="<i"):
 class KeepRequest(Message, code=0x0F, answer=0x83, form="<"):
     """Stores the active block for the next start, if the board has non-volatile memory.
 
-    Allowed only in `idle` or `ready` at zero current, because the board may stop its ticks for
-    seconds. Detail: the generation of the block.
+    Allowed only in IDLE or READY at zero current, because the board may stop its ticks for seconds.
+    Detail: the generation of the block.
     """
 
 

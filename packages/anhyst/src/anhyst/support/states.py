@@ -34,7 +34,7 @@ class Phase(IntEnum):
 
 
 class Fault(IntEnum):
-    """Reason for the state `fault`; the first reason is latched."""
+    """Reason for the state FAULT; the first reason is latched."""
 
     NONE = 0
     BLOCK = 1  # the built-in parameter block is invalid
@@ -58,7 +58,7 @@ class Fault(IntEnum):
     POSITION_STEP = 19  # the position changed faster than is possible
     POSITION_STUCK = 20  # the position showed no noise although the current changed
     NO_LIFT = 21  # the largest force did not lift the armature
-    STOPPED = 22  # the command `stop` was executed during levitation
+    STOPPED = 22  # the command STOP was executed during levitation
     AMPLIFIER = 23  # an amplifier reports a fault or does not respond
     EMERGENCY_STOP = 24  # the emergency stop is open
     OVER_CURRENT = 25  # the over-current protection of the hardware tripped
@@ -71,19 +71,18 @@ class Command(IntEnum):
     """Commands."""
 
     NONE = 0  # no command
-    # from `idle` or `ready` at zero current: runs the conditioning sequence, then `ready`
-    CONDITION = 1
-    # from `idle` or `ready` at zero current: sets the state of demagnetised iron, then `ready`
+    CONDITION = 1  # from IDLE or READY at zero current: runs the conditioning sequence, then READY
+    # from IDLE or READY at zero current: sets the state of demagnetised iron, then READY
     DEMAGNETISED = 2
-    # position controller: from `ready` to `run`, if the current is 0 and the position plausible
+    # position controller: from READY to RUN, if the current is 0 and the position plausible
     LIFT = 3
-    LAND = 4  # position controller: lowers the armature under control, then from `run` to `ready`
-    # ends conditioning. From `run`, a force controller changes to `ready`, a position controller to `fault`
+    LAND = 4  # position controller: lowers the armature under control, then from RUN to READY
+    # ends conditioning. From RUN, a force controller changes to READY. A position controller changes to FAULT and lands
     STOP = 5
-    CLEAR = 6  # from `fault` to `selftest`, if the current is zero
-    IDLE = 7  # to `idle` from `ready`, from conditioning, or from `run` of a force controller
-    ARM = 8  # from `idle` to `ready`, with the present hysteresis state
-    RUN = 9  # force controller: from `ready` to `run` with zero demand, if the current is zero
+    CLEAR = 6  # from FAULT to SELFTEST, if the current is zero
+    IDLE = 7  # to IDLE from READY, from conditioning, or from RUN of a force controller
+    ARM = 8  # from IDLE to READY, with the present hysteresis state
+    RUN = 9  # force controller: from READY to RUN with zero demand, if the current is zero
 
 
 class Flag(IntFlag):
