@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A force controller that applies a calibration, in floating point. The inner controller may use
    any method. If it was identified on another magnet, this controller converts gap, flux density
-   and current between the two magnets. It also compensates the eddy-current lag.
+   and current between the two magnets. The eddy-current lag is compensated.
 
      current = (inner(demand, gap - zero, flux*density) + lead*(sqrt(demand) - sqrt(before)))/scale
 

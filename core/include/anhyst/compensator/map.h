@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A single-valued map over force and gap in fixed point. It contains the current without a
+/* A single-valued map over force and gap in fixed point. The map contains the current without a
    hysteresis model, or the flux density for a force.
 
    The table has equal segments: 2^n over a force of 0..1.0 and 2^m over a gap of 0..1.0. Values are
@@ -26,8 +26,8 @@ typedef struct {
   uint16_t gap_segments;   /* m, 0..6 */
 } anhyst_map_q31;
 
-/* Returns ANHYST_OK for a valid map, otherwise ANHYST_BAD_PARAMETER. Reads every entry: must not be
-   called from an ISR. */
+/* Returns ANHYST_OK for a valid map, otherwise ANHYST_BAD_PARAMETER. Must not be called from an
+   ISR. */
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map);
 
 /* Returns the value of the map, q31. A force or a gap below 0 counts as 0. */

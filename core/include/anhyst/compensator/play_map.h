@@ -36,7 +36,7 @@ extern "C" {
 #define ANHYST_PLAY_NEAR 1024 /* current error that counts as zero, LSB of q31 */
 
 /* The parameters, read from a block (layout.h). Along the force, map + half and map - half never
-   fall. Both stay within the format. */
+   fall, and stay within the format. */
 typedef struct {
   anhyst_map_q31 map;  /* map of the current i */
   const int16_t *half; /* q15: half the loop width, >= 0; as many entries as the map, may fall */

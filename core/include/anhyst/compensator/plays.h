@@ -8,8 +8,8 @@
 #define ANHYST_CELLS 12
 
 /* Number of hysteresis states in a compensator; a compiler option, the same for all files of a
-   program. Laminated iron, whose field is uniform, needs 1. Solid iron needs one for each layer,
-   and one more if a part of its flux path is laminated. */
+   program. Laminated iron, whose field is uniform, needs 1. Solid iron needs one state for each
+   layer, and one more if a part of its flux path is laminated. */
 #ifndef ANHYST_MEMORIES
 #define ANHYST_MEMORIES 1
 #endif

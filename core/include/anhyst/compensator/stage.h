@@ -16,7 +16,7 @@
 
 enum { ANHYST_STAGE_UNKNOWN = 0, ANHYST_STAGE_AHEAD = 1, ANHYST_STAGE_HERE = 2 };
 
-/* With ANHYST_ASSERT (port.h), set in the flags of a compensator during a call, to detect nested
+/* With ANHYST_ASSERT (port.h), set in the flags of a compensator during a call: detects nested
    calls. */
 #define ANHYST_FLAG_BUSY 0x8000U
 

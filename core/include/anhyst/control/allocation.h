@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Allocation of a net force to drives that only pull, in fixed point. A pair is two drives that
-   pull against each other. Its net force is F = F_1 - F_2.
+   pull against each other, with the net force F = F_1 - F_2.
 
      single     there are no pairs: each drive gets its net force
      by halves  class A: F_1 = idle + F/2, F_2 = idle - F/2. A constant linearisation instead of a

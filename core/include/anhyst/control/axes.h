@@ -17,11 +17,11 @@
    demand is kept, and ANHYST_SAMPLE_IMPLAUSIBLE is set. Therefore, wrong readings never cause
    integrator windup. The caller decides how many such ticks are too many.
 
-   A drive is lost if its current deviates from the command for too long. It gets no more commands,
-   and the other drives make the wrench. The body can continue without one of the drives in the bit
-   mask `spare`. After the loss of any other drive, or of a second one, the body lands. A head is
-   lost if it reads NaN, jumps or does not change. The body then lands with the other heads if they
-   are sufficient for the pose. Otherwise, all drives are switched off.
+   A drive is lost if its current deviates from the command for too long. A lost drive gets no more
+   commands, and the other drives make the wrench. The body can continue without one of the drives
+   in the bit mask `spare`. After the loss of any other drive, or of a second one, the body lands. A
+   head is lost if it reads NaN, jumps or does not change. The body then lands with the other heads
+   if they are sufficient for the pose. Otherwise, all drives are switched off.
 
    The body is levitated from the first tick. Three commands of states.h are accepted. IDLE switches
    the drives off immediately. LIFT moves the body from its rest position to the target, each axis

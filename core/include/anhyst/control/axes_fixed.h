@@ -8,8 +8,8 @@
    has 64 bits, is rounded to nearest once, and saturates. A missing head reading or current is
    ANHYST_Q31_MIN, a missing flux density ANHYST_NO_FLUX.
 
-   The PID controller of an axis is stored as partial fractions. It has second order with one pole
-   at zero frequency:
+   The PID controller of an axis is stored as partial fractions. The controller has second order
+   with one pole at zero frequency:
 
      demand   = direct*e + sum + lag
      sum'     = sum + summed*e                 exactly; limited to full scale of the acceleration

@@ -36,8 +36,8 @@ typedef struct {
   int32_t low; /* lowest plausible position, below `high` */
   int32_t high;
   int32_t step;                 /* largest plausible change per tick, > 0 */
-  uint16_t max_missing_samples; /* maximum number of consecutive missing or implausible samples,
-                                   which the last plausible sample replaces */
+  uint16_t max_missing_samples; /* maximum number of consecutive bad samples; each is replaced by
+                                   the last plausible one */
   uint16_t hold;                /* number of ticks of FALL in which a position may return */
   uint16_t selftest;            /* number of consecutive plausible samples for the self-test, > 0 */
 } anhyst_levitation_limits;
@@ -68,7 +68,7 @@ typedef struct {
   int32_t rest;      /* position of the armature before it was lifted */
   int32_t reference; /* reference of the position control */
   int32_t demand;    /* demanded force in the phases BREAKAWAY and SET_DOWN */
-  int32_t tick;      /* tick of the phase BREAKAWAY or FALL */
+  int32_t tick;      /* number of ticks in the phase BREAKAWAY or FALL */
   uint16_t phase;
   uint16_t flags;  /* flags of this tick: ANHYST_SAMPLE_IMPLAUSIBLE or 0 */
   uint16_t begins; /* whether position control starts in this tick, with the last demand */
@@ -85,8 +85,7 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
 void anhyst_levitation_start(anhyst_levitation *levitation);
 
 /* Executes a command between two ticks. If this is not possible, returns the reason,
-   ANHYST_REFUSED_..., and changes nothing. at_zero states whether the last tick drove no current.
- */
+   ANHYST_REFUSED_..., and changes nothing. at_zero is true if the last tick drove no current. */
 uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
                                    uint16_t at_zero);
 

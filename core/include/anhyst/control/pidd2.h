@@ -38,15 +38,15 @@ typedef struct {
   anhyst_factor second;       /* DD: K_dd/T^2*Y/U/4 */
   anhyst_factor load;         /* L: K_l*L/U/8 */
   anhyst_factor back;         /* 4*B, >= 0; B: fraction of applied - u that corrects I per tick */
-  anhyst_factor smoothing;    /* filter of the first derivative; shift 0 or 1 */
-  anhyst_factor smoothing_2;  /* filter of the second derivative; shift 0 or 1 */
+  anhyst_factor smoothing;    /* filter factor of the first derivative; its shift is 0 or 1 */
+  anhyst_factor smoothing_2;  /* filter factor of the second derivative; its shift is 0 or 1 */
   int16_t unweighted;         /* -(1 - b)*32768: 0 for b = 1, -32768 for b = 0 */
   int16_t reserved;           /* 0 */
   int32_t low;                /* lowest output, q31 */
   int32_t high;               /* highest output, q31, not below low */
 } anhyst_pidd2_gains_q31;
 
-/* State of the controller, 12 bytes. It has the same meaning for all gains of one tick rate and one
+/* State of the controller, 12 bytes. Its meaning is the same for all gains of one tick rate and one
    set of full scales. Invariant: -2^30 <= position < 2^30. The other members may have any value. */
 typedef struct {
   int32_t position; /* filtered position, q30 */
@@ -78,7 +78,7 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
                                int32_t position, int32_t load,
                                anhyst_pidd2_candidate_q31 *candidate);
 
-/* Advances the state to the candidate. Its integral is corrected by the unapplied output. */
+/* Advances the state to the candidate, and corrects the integral by the unapplied output. */
 void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
                              const anhyst_pidd2_candidate_q31 *candidate, int32_t applied);
 

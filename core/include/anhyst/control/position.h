@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The controller of a levitating armature, in fixed point: from its position to the coil currents.
-   It combines three controllers: levitation (the sequence), PIDD2 (position to force), and a force
-   controller for each magnet (force to current). Either one magnet pulls against a load, or two
-   magnets pull against each other around a bias:
+   The controller combines three others: levitation (the sequence), PIDD2 (position to force), and a
+   force controller for each magnet (force to current). Either one magnet pulls against a load, or
+   two magnets pull against each other around a bias:
 
      F_1 = bias + u/2, F_2 = F_1 - u
 
-   In each tick, it solves PIDD2 and the force controllers, limits the currents and rounds them to
-   the converter's grid. It then commits the applied currents to the force controllers. If a limit
-   applied, the integral of PIDD2 uses the force that the force controllers expect. Rounding does
-   not count as a limit, because the model error would then appear as an error of the position.
+   In each tick, the controller solves PIDD2 and the force controllers, limits the currents and
+   rounds them to the converter's grid. The controller then commits the applied currents to the
+   force controllers. If a limit applied, the integral of PIDD2 uses the force that the force
+   controllers expect. Rounding does not count as a limit, because the model error would then appear
+   as an error of the position.
 
    The applied current is the driven current or, if the settings request it, the current that is
    measured in the next tick.

@@ -66,7 +66,7 @@ uint16_t anhyst_supervisor_obstacle(const anhyst_supervisor *s, uint16_t command
 void anhyst_supervisor_command(anhyst_supervisor *s, uint16_t command, const anhyst_body *body);
 
 /* Advances the conditioning sequence of `length` ticks. Returns 1 while it runs, with its tick
-   number in s->step. One tick after the last of these ticks, the state is READY. */
+   number in s->step. One tick after the end of the sequence, the state is READY. */
 int anhyst_supervisor_condition(anhyst_supervisor *s, int32_t length);
 
 /* Reports that the body has come to rest by itself: ends the state RUN. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The controller of a drive that follows a set-point, in double precision: from the control error
-   to the input of an amplifier. It combines filters (a notch at a resonance), a PID controller, a
-   feedforward demand, and a force controller. For a piezo stack, the "force" is a displacement and
-   the "current" a voltage.
+   to the input of an amplifier. The controller combines filters (a notch at a resonance), a PID
+   controller, a feedforward demand, and a force controller. For a piezo stack, the "force" is a
+   displacement and the "current" a voltage.
 
      demand = PID(filters(error)) + forward
      output = result of the force controller, limited and rounded to the converter's grid

@@ -2,12 +2,12 @@
 /* Allocation of a wrench (forces and moments on a body) to drives that only pull or that act in
    both directions; in floating point.
 
-   Two drives that pull against each other on one line are a pair. Its net force may have either
-   sign; allocation.h divides it between the two drives. A single drive pulls with at least a given
-   force, which is negative if the drive also pushes. The result is the forces with the least sum of
-   squares that make the wrench. A drive below its minimum is set to the minimum, and the others are
-   solved again, as long as they can still make any wrench. This takes at most ANHYST_WRENCH_PASSES
-   passes. Each pass solves as many equations as there are axes.
+   Two drives that pull against each other on one line are a pair. The net force of a pair may have
+   either sign; allocation.h divides this force between the two drives. A single drive pulls with at
+   least a given force, which is negative if the drive also pushes. The result is the forces with
+   the least sum of squares that make the wrench. A drive below its minimum is set to the minimum,
+   and the others are solved again, as long as they can still make any wrench. The search takes at
+   most ANHYST_WRENCH_PASSES passes. Each pass solves as many equations as there are axes.
 
    A lost drive has no force, and the other drive of its pair becomes a single drive. If the
    remaining drives cannot make the wrench within their bounds, the axes with the largest `yields`

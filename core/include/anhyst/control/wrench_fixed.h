@@ -2,11 +2,11 @@
 /* Allocation of a wrench as in wrench.h, in fixed point.
 
    No matrix is factorised at run time. The layout contains a matrix for the least-squares forces
-   with all drives free, one row for each drive. It also contains the projection of any forces onto
-   those that make no wrench. One elimination step in this projection fixes the force of a drive.
-   The others compensate its change along its column, and its row and column are removed. All
-   numbers of the projection stay within -1..1. If axes may be given up, a second pair of matrices
-   is used, in which the missing wrench counts as one drive for each axis.
+   with all drives free, one row for each drive. The layout also contains the projection of any
+   forces onto those that make no wrench. One elimination step in this projection fixes the force of
+   a drive. The others compensate its change along its column, and its row and column are removed.
+   All numbers of the projection stay within -1..1. If axes may be given up, a second pair of
+   matrices is used, in which the missing wrench counts as one drive for each axis.
 
    Force codes are q31 of the full scale of the force controllers, which use the same codes.
    Internally, forces are q28 (-8..8). Wrench codes have full scales of their own, which the matrix

@@ -16,7 +16,7 @@ typedef struct {
   size_t sets;
   const double *kappa;  /* k/a > 0 */
   const double *c;      /* 0..1 */
-  const double *omega;  /* w*M_s/a; requires 1 + omega/3 > 0: the batch follows no jumps */
+  const double *omega;  /* w*M_s/a; requires 1 + omega/3 > 0, which excludes jumps */
   const double *scale;  /* scale factor of the drive: r = scale*(drive - offset) */
   const double *offset; /* offset of the drive, in its unit */
 } anhyst_batch_sets;
@@ -47,8 +47,8 @@ anhyst_batch_level anhyst_batch_best(void);
 
 /* Simulates n samples of one drive with every set, without a play. x and y (one entry for each set)
    are the initial states and are replaced by the final states. m_out and x_out have n rows of
-   `sets` entries. They may be null, if the run only brings a cycle to its steady state. Errors of
-   the inline functions: exp 1e-11 relative, Langevin 4.4e-9 absolute.
+   `sets` entries. Both outputs may be null if the run only brings a cycle to its steady state.
+   Errors of the inline functions: exp 1e-11 relative, Langevin 4.4e-9 absolute.
 
    Returns ANHYST_OK, or ANHYST_BAD_PARAMETER if one set is out of range or the processor lacks the
    instruction set. After an error, nothing is changed. */

@@ -22,16 +22,16 @@
 extern "C" {
 #endif
 
-/* A function of x as quintic polynomials. Each row has the coefficients of the powers of the
-   position in an interval, 0 to 1. */
+/* A function of x as quintic polynomials. Each row has the polynomial coefficients of an interval.
+   The variable is the position in it, 0 to 1. */
 typedef struct {
   double inner[ANHYST_BRANCH_INNER][6]; /* intervals of x, -30 <= x <= 30 */
   double left[ANHYST_BRANCH_OUTER][6];  /* intervals of ln(-x/30), x < -30 */
   double right[ANHYST_BRANCH_OUTER][6]; /* intervals of ln(x/30), x > 30 */
 } anhyst_pieces_f64;
 
-/* The steady-state ascending branch A(x) of the law for M_s = a = 1. It is the bounded solution of
-   kappa*A' = L(x) - A. The caller provides the storage, about 48 kB. */
+/* The steady-state ascending branch A(x) of the law for M_s = a = 1. A(x) is the bounded solution
+   of kappa*A' = L(x) - A. The caller provides the storage, about 48 kB. */
 typedef struct {
   double kappa;
   anhyst_pieces_f64 value;
@@ -51,7 +51,7 @@ anhyst_status anhyst_branch_build_f64(anhyst_branch_f64 *branch, double kappa);
 /* Tabulates dA/dkappa for the same range of kappa. The error is 1e-9/kappa. */
 anhyst_status anhyst_branch_slope_build_f64(anhyst_branch_slope_f64 *slope, double kappa);
 
-/* Return A(x), and dA/dkappa at x. Both are constant above |x| = ANHYST_X_MAX. */
+/* Return A(x), and dA/dkappa at x. The result is constant above |x| = ANHYST_X_MAX. */
 double anhyst_branch_at_f64(const anhyst_branch_f64 *branch, double x);
 double anhyst_branch_slope_at_f64(const anhyst_branch_slope_f64 *slope, double x);
 

@@ -71,7 +71,7 @@ typedef struct {
   double slope, curve, third;
 } anhyst_cells_bend_f64;
 
-/* Hysteresis state, and data that shorten the next step. All zeros is the demagnetised state. */
+/* Hysteresis state, and data that shorten the next step. All members are 0 if demagnetised. */
 typedef struct {
   double x;         /* effective field */
   double m;         /* magnetisation */
@@ -120,11 +120,11 @@ void anhyst_cells_numbers_f64(const anhyst_cells_f64 *cells, const anhyst_cells_
 
 /* Solves x + omega*m(x) = r (omega dimensionless, r in A/m) for the first x that a monotone path
    from the state reaches. Does not change the state. With 1 + omega*steepest > 0, the solution is
-   unique. Otherwise m may jump: the search follows the row interval by interval and returns the
-   first solution. If 1 + omega*reversible <= 0, every reversal would jump, and the result is
-   ANHYST_REFUSED. Error: |x + omega*m - r| is within 8 ulp of |x| + |r| + |omega|*saturation.
-   Returns ANHYST_OK, ANHYST_REFUSED, ANHYST_OUT_OF_RANGE or ANHYST_NOT_CONVERGED. The candidate is
-   valid only with ANHYST_OK. */
+   unique. If this sum is 0 or less, m may jump: the search follows the row interval by interval and
+   returns the first solution. If 1 + omega*reversible <= 0, every reversal would jump, and the
+   result is ANHYST_REFUSED. Error: |x + omega*m - r| is within 8 ulp of |x| + |r| +
+   |omega|*saturation. Returns ANHYST_OK, ANHYST_REFUSED, ANHYST_OUT_OF_RANGE or
+   ANHYST_NOT_CONVERGED. The candidate is valid only with ANHYST_OK. */
 anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
                                      const anhyst_cells_state_f64 *state, double omega, double r,
                                      anhyst_cells_candidate_f64 *candidate);

@@ -33,7 +33,7 @@ typedef struct {
   double laminated;       /* laminated fraction of the flux path (no eddy currents), 0 to below 1 */
 } anhyst_iron_f64;
 
-/* The circuit around the core at one sample. All zeros: the drive is the field itself. */
+/* The circuit around the core at one sample. If both members are 0, the drive is the field. */
 typedef struct {
   double gap_ratio; /* rho: reluctance of the gap / that of an air-filled iron path, >= 0 */
   /* gamma/dt, A/(m T), >= 0: field, summed from the surface to the middle of the solid part, that
@@ -106,10 +106,10 @@ anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double *found, double *field, size_t *index);
 
-/* Repeats a cycle of n samples until it is periodic. It is periodic if no number of the state
-   changes by more than tol*iron->grain in one repetition. If a law drifts slowly, every fourth
-   repetition is extrapolated. The state is then that of the steady-state cycle before its first
-   sample; *cycles counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles of them. */
+/* Repeats a cycle of n samples until the state is periodic: no number of the state then changes by
+   more than tol*iron->grain in one repetition. If a law drifts slowly, every fourth repetition is
+   extrapolated. The state is then that of the steady-state cycle before its first sample; *cycles
+   counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles of them. */
 anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double tol, int most_cycles, int *cycles,

@@ -21,7 +21,7 @@ typedef enum {
 extern "C" {
 #endif
 
-/* Parameters of a law in its own units, M_s = a = 1. They are constant along a path. */
+/* Parameters of a law in its own units, M_s = a = 1. The parameters are constant along a path. */
 typedef struct {
   anhyst_step step;
   double kappa; /* k/a, ANHYST_KAPPA_MIN..ANHYST_KAPPA_MAX */

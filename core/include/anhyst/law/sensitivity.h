@@ -32,8 +32,8 @@ typedef struct {
    of `directions` values. The state and the tangents are advanced. branch_slope is required for the
    exact step, and may be null otherwise. The relative error is 1e-9 against the derivative of the
    computed path, except at jumps, where there is no derivative. Returns a status like anhyst_solve,
-   with the sample in *index. Returns ANHYST_BAD_PARAMETER for the law of 1986, whose sub-steps are
-   not differentiated. */
+   with the sample in *index. Returns ANHYST_BAD_PARAMETER for the law of 1986, which is not
+   differentiated. */
 anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
                                      const anhyst_branch_slope_f64 *branch_slope,
                                      const anhyst_differentiated_drive_f64 *drive,

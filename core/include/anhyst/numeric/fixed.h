@@ -166,8 +166,8 @@ static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
 /* Rounds a q31 to the nearest q15 (halves upwards). Saturates. */
 static inline int16_t anhyst_round_q31(int32_t a) { return anhyst_sat_q15(((a >> 15) + 1) >> 1); }
 
-/* Returns the number of leading zeros after the sign bit, 0..30. This is the largest left shift
-   that does not change the sign. Requires a > 0. */
+/* Returns the number of leading zeros after the sign bit, 0..30: the largest left shift that does
+   not change the sign. Requires a > 0. */
 static inline uint16_t anhyst_headroom(int32_t a)
 {
 #ifdef ANHYST_PORT_LEADING_ZEROS

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Processor-specific instructions, and the requirements on every compiler.
 
-   The fixed-point core needs 16- and 32-bit two's complement integers. It uses no 8-bit type and,
-   except in wide.h, no 64-bit type. It makes no assumption about the width of int. The option
+   The fixed-point core needs 16- and 32-bit two's complement integers. The core uses no 8-bit type
+   and, except in wide.h, no 64-bit type. It does not depend on the width of int. The option
    -DANHYST_PORT_HEADER='"anhyst_port_cortex_m4.h"' makes the compiler use special instructions of a
    processor (folder core/port). Such a header may define any of these macros:
 
@@ -23,7 +23,7 @@
 #include ANHYST_PORT_HEADER
 #endif
 
-/* An optional check of the order of calls. It is off unless the compiler option
+/* An optional check of the order of calls. The check is off unless the compiler option
    -D'ANHYST_ASSERT(is_true)=assert(is_true)' defines an assertion. The check detects an interrupt
    that calls solve, commit or swap during another such call for the same compensator. */
 #ifdef ANHYST_ASSERT

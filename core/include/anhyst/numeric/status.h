@@ -17,7 +17,7 @@ typedef enum {
   ANHYST_REFUSED = -3,
   /* The solution is beyond |x| = ANHYST_X_MAX, or an input was not finite. */
   ANHYST_OUT_OF_RANGE = -4,
-  /* The iteration limit was reached. This does not happen with valid parameters. */
+  /* The iteration limit was reached. This cannot happen with valid parameters. */
   ANHYST_NOT_CONVERGED = -5,
   /* A cycle did not reach its steady state within the given number of repetitions. */
   ANHYST_NOT_SETTLED = -6,

@@ -31,8 +31,8 @@ typedef struct {
 } anhyst_full_memory_x;
 
 /* State of the simplified law. The law follows a path from the flux `turn` to the flux `peak`. If
-   both are equal, no path is stored. The bounded state u is the ratio of the hysteresis field to
-   its largest value. */
+   both are equal, no path is stored. The bounded state u is the hysteresis field relative to its
+   maximum. */
 typedef struct {
   ANHYST_REAL flux;
   ANHYST_REAL u;     /* bounded state u at the peak */
@@ -69,7 +69,7 @@ typedef struct {
 typedef struct {
   ANHYST_REAL joins; /* field where the next cell starts to move, mirrored */
   ANHYST_REAL flux;  /* flux at the lower end of the table segment, divided by 4 */
-  ANHYST_REAL rise;  /* rise of the table row over the segment */
+  ANHYST_REAL rise;  /* rise of the table row within the segment */
   ANHYST_REAL begin; /* field at the lower end of the segment, mirrored */
   ANHYST_REAL width; /* width of the segment */
   int32_t segment;   /* index in the block of the entry at the lower end; 0: unknown */
@@ -142,8 +142,7 @@ typedef struct anhyst_compensator_x {
   int32_t conditioned;             /* number of completed ticks of the conditioning sequence */
   ANHYST_REAL gap;                 /* gap of the last solve or commit, in the unit of the model */
   uint16_t flags;                  /* flags of the last solve and its commit, see flags.h */
-  uint16_t stage;                  /* meaning of `next` (stage.h); unless UNKNOWN, `arms` fits
-                                      `gap` */
+  uint16_t stage;                  /* meaning of `next`, see stage.h; if known, `arms` fits `gap` */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif

@@ -75,8 +75,8 @@ static inline ANHYST_REAL anhyst_force_controller_solve_x(anhyst_force_controlle
   return c->method->solve(c, demand, gap, flux);
 }
 
-/* Advances to the next tick with the applied current at the actual gap. Returns the expected force.
-   It is exactly the demand if the applied current is the solved one and no limit applied. */
+/* Advances to the next tick with the applied current at the actual gap. Returns the expected force,
+   which is exactly the demand if the applied current is the solved one and no limit applied. */
 static inline ANHYST_REAL anhyst_force_controller_commit_x(anhyst_force_controller_x *c,
                                                            ANHYST_REAL applied, ANHYST_REAL gap)
 {

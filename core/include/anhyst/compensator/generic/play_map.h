@@ -33,6 +33,6 @@ ANHYST_REAL anhyst_play_map_solve_x(anhyst_play_map_x *c, ANHYST_REAL demand, AN
 /* Moves the play with the applied current at the actual gap. Returns the expected force: exactly
    the demand, if current and gap equal those of the solve. Adds to the flags of the solve:
    ANHYST_CURRENT_LIMITED if the current exceeds the limits by more than 2^-15 of full scale or is
-   NaN, ANHYST_GAP_LIMITED as in solve. Without a solve since the last commit, only this function
-   sets the flags. */
+   NaN, ANHYST_GAP_LIMITED as in solve. Without a solve before, only this function sets the
+   flags. */
 ANHYST_REAL anhyst_play_map_commit_x(anhyst_play_map_x *c, ANHYST_REAL applied, ANHYST_REAL gap);

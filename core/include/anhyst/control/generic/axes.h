@@ -25,8 +25,8 @@ typedef struct {
   anhyst_rows_x without; /* a matrix for each lost head, as `see`, with zeros in its column */
   uint16_t spare_heads;  /* bit mask of heads; without one of them, the others give the pose */
   ANHYST_REAL jump;      /* largest plausible change of a reading per tick, m; 0: no detection */
-  uint16_t doubt;        /* doubt count at which a head is lost, > 0; a tick without a change adds
-                            1, a tick with a jump or NaN adds ANHYST_AXES_ODD */
+  uint16_t doubt;        /* count at which a head is lost, > 0; no change in a tick adds 1, a jump
+                            or NaN adds ANHYST_AXES_ODD */
   uint16_t noisy;        /* whether the noise of the heads always changes the readings */
   const uint16_t *axis;  /* for heads fixed to the ground, which see other points of the body as it
                             moves: number 0..5 of each axis (along x, y, z, about x, y, z);

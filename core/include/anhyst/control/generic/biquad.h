@@ -6,7 +6,7 @@ typedef struct {
   ANHYST_REAL back[2];
 } anhyst_biquad_x;
 
-/* All zeros is standstill. */
+/* State of a filter; all members are 0 at standstill. */
 typedef struct {
   ANHYST_REAL delayed[2];
 } anhyst_biquad_state_x;

@@ -6,8 +6,8 @@ typedef struct {
   ANHYST_REAL current_low;
   ANHYST_REAL current_high; /* highest current: current_low plus an integer number of steps */
   ANHYST_REAL current_step; /* step of the D/A converter, > 0: currents are low, low + step, ... */
-  ANHYST_REAL release;      /* change of a current per tick, on a ramp to zero or as a jump fades;
-                               at least one step */
+  ANHYST_REAL release;      /* fall of a current to zero, or of a fading jump, per tick; >= one
+                               step */
 } anhyst_position_limits_x;
 
 /* Settings of the position control. */
@@ -27,7 +27,7 @@ typedef struct {
   ANHYST_REAL load;                             /* feedforward load */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* measured current of each magnet */
   ANHYST_REAL
-  flux[ANHYST_POSITION_MAGNETS]; /* flux density of each magnet; none: see force_controller.h */
+  flux[ANHYST_POSITION_MAGNETS]; /* flux density of each magnet, or the value for no sample */
   uint16_t dropped;              /* whether the position is missing */
   uint16_t command;              /* command, executed before the tick; see states.h */
 } anhyst_position_sample_x;

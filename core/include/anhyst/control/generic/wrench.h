@@ -17,8 +17,7 @@ typedef struct {
 
 /* Normal matrix of the free drives, factorised as U'DU. U has ones on its diagonal. */
 typedef struct {
-  uint16_t free;                       /* drives in the matrix, bit mask; of a pair, only the
-                                          first */
+  uint16_t free;                       /* bit mask of the drives; of a pair, only the first */
   ANHYST_REAL row[ANHYST_WRENCH_AXES]; /* diagonal of the normal matrix */
   ANHYST_REAL upper[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES]; /* U; on the diagonal, 1/D */
 } anhyst_wrench_factor_x;
@@ -34,8 +33,8 @@ typedef struct {
   int whole;      /* whether the remaining drives can make every wrench by pulling and pushing */
   ANHYST_REAL scale[ANHYST_WRENCH_AXES];                      /* scale factor of each axis */
   ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled `pull` of the layout */
-  anhyst_wrench_factor_x factor;                              /* factor of all open drives */
-  anhyst_wrench_factor_x given_up[ANHYST_WRENCH_PASSES + 1];  /* factors with `yields`, for each
+  anhyst_wrench_factor_x factor;                              /* factorised matrix of open drives */
+  anhyst_wrench_factor_x given_up[ANHYST_WRENCH_PASSES + 1];  /* the same with yields, for each
                                                                  pass */
 } anhyst_wrench_x;
 
