@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The force controller of one magnet in fixed point: from the demanded force to the coil current.
-   Methods:
+   There are five methods:
 
-     map          current as a single-valued function of force and gap
-     compensator  inverse hysteresis model, with any kernel
-     flux         a map, corrected until the measured flux density is that of the demanded force
-     fused        a compensator, corrected in the same way
-     play         a map with one play operator: force_by_play.h
+     map          The current is a single-valued function of force and gap.
+     compensator  An inverse hysteresis model with any kernel gives the current.
+     flux         A map, corrected until the measured flux density is that of the demanded force.
+     fused        A compensator, corrected in the same way.
+     play         A map with one play operator, see force_by_play.h.
 
    In each tick, call solve, limit and apply the current, then commit the current that was applied.
    solve stores its result for the commit, but changes neither the hysteresis state nor an integral.

@@ -5,22 +5,22 @@
      i       = map(force, gap)
      current = i + half(force, gap)*bounded((i - b)/radius)
 
-   half is half the width of the loop, and bounded(x) limits x to -1..1. b is the position of the
-   play: it moves only as far as |i - b| would otherwise exceed the threshold radius. After a long
-   rise of the force, the current is on the ascending branch, and after a long fall on the
-   descending branch.
+   The table `half` contains half the width of the loop, and bounded(x) limits x to -1..1. b is the
+   position of the play: it moves only as far as |i - b| would otherwise exceed the threshold
+   radius. After a long rise of the force, the current is on the ascending branch, and after a long
+   fall on the descending branch.
 
    In each tick, call solve, limit and apply the current, then commit the current that was applied.
-   solve does not move the play. Any number is a valid position of the play: the next commit brings
-   it to within radius of i.
+   solve does not move the play. Any number is a valid position of the play: the next commit limits
+   its distance from i to radius.
 
    Signals are q31. Force and current are fractions of their full scales; a gap of 0..1.0 is the
    range of gaps. The error of a solve against exact arithmetic with the same entries is 20 LSB plus
-   2^-15 of half. A commit of the solved current is a copy. A commit of another current evaluates
-   the law at most force_segments + 6 times, and then takes at most ANHYST_PLAY_STEPS Newton steps.
-   The remaining error of the current is less than ANHYST_PLAY_NEAR LSB for measured tables, and
-   less than 2^-13 of full scale for any table. solve and commit may be called from an ISR, but not
-   nested. No function allocates memory, waits, or exceeds these bounds on loops. */
+   2^-15 of the value half. A commit of the solved current is a copy. A commit of another current
+   evaluates the law at most force_segments + 6 times, and then takes at most ANHYST_PLAY_STEPS
+   Newton steps. The remaining error of the current is less than ANHYST_PLAY_NEAR LSB for measured
+   tables, and less than 2^-13 of full scale for any table. solve and commit may be called from an
+   ISR, but not nested. No function allocates memory, waits, or exceeds these bounds on loops. */
 #ifndef ANHYST_PLAY_MAP_H
 #define ANHYST_PLAY_MAP_H
 

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The meaning of the trial step `next` of a compensator, in every number format.
+/* The meaning of the trial step c->next of a compensator, in every number format.
 
-     c->stage              meaning of c->next          set by
-     ANHYST_STAGE_UNKNOWN  not valid                   init, demagnetise, swap, restore
-     ANHYST_STAGE_AHEAD    step of the last solve      solve
-     ANHYST_STAGE_HERE     present state               commit
+     ANHYST_STAGE_UNKNOWN  c->next is not valid, after init, demagnetise, swap and restore.
+     ANHYST_STAGE_AHEAD    c->next is the step of the last solve.
+     ANHYST_STAGE_HERE     c->next is the present state, after a commit.
 
    In two cases, a search may start at c->next instead of the present state. The search for a field
    may do so in ANHYST_STAGE_HERE, because the demand has changed little since the last tick. The

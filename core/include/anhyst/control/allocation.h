@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Allocation of a net force to drives that only pull, in fixed point. A pair is two drives that
-   pull against each other, with the net force F = F_1 - F_2.
+   pull against each other, with the net force F = F_1 - F_2. There are three kinds:
 
-     single     there are no pairs: each drive gets its net force
-     by halves  class A: F_1 = idle + F/2, F_2 = idle - F/2. A constant linearisation instead of a
-                curve requires this kind
-     class AB   F_1*F_2 = idle^2: both drives always pull. For a large net force, the smaller of the
-                two forces decreases smoothly towards zero
+     single     There are no pairs. Each drive gets its net force.
+     by halves  Class A: F_1 = idle + F/2, F_2 = idle - F/2. A constant linearisation instead of a
+                curve requires this kind.
+     class AB   Both drives always pull, and F_1*F_2 = idle^2. For a large net force, the smaller of
+                the two forces decreases smoothly towards zero.
 
    Without a net force, both drives of a pair pull with the idle force. Forces are q31 of the full
    scale of the drives' force, and saturate. The error of class AB against exact arithmetic without
-   saturation is less than ANHYST_ALLOCATION_ERROR LSB of either force. There are no loops and nine
-   divisions. */
+   saturation is less than ANHYST_ALLOCATION_ERROR LSB of either force. An allocation takes nine
+   divisions and no loop. */
 #ifndef ANHYST_ALLOCATION_H
 #define ANHYST_ALLOCATION_H
 

@@ -1,24 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sequence of a levitating actuator: lift-off, landing, and the reaction to a lost position.
    supervisor.h defines states, commands and faults. In the state RUN, and in the state FAULT until
-   the armature is at rest, these phases follow one another. All signals are integers, in every
-   number format of the controller.
+   the armature is at rest, these phases follow one another:
 
-     BREAKAWAY  the demanded force rises until the armature has moved by `detect` from its rest
-     RISE       position control; the reference moves to the target at a limited speed
-     HOVER      position control; the reference is the target, also if the target jumps
-     DESCEND    position control; the reference moves to the rest position at a limited speed
-     SET_DOWN   the demanded force falls to `press`, so that the armature does not drop when the
-                currents go to zero
-     FALL       the position is lost during levitation: the currents are reduced. If the position
-                returns within `hold` ticks, the armature lands under position control
+     BREAKAWAY  The demanded force rises until the armature has moved by `detect` from its rest.
+     RISE       Position control: the reference moves to the target at a limited speed.
+     HOVER      Position control: the reference is the target, also if the target jumps.
+     DESCEND    Position control: the reference moves to the rest position at a limited speed.
+     SET_DOWN   The demanded force falls to `press`, so that the armature does not drop when the
+                currents go to zero.
+     FALL       The position is lost during levitation: the currents are reduced. If the position
+                returns within `hold` ticks, the armature lands under position control.
 
    The rest position is the position of the armature before it was lifted. After a fault during
    levitation, the armature lands under position control if the position is known and the amplifiers
    follow. A position that jumped is not accepted again until the command CLEAR.
 
-   Positions rise when the armature rises; they are q31 of a full scale of the caller. Demands are
-   q31 of the full scale of the force. There are no loops. */
+   All signals are integers, in every number format of the controller. Positions rise when the
+   armature rises; they are q31 of a full scale of the caller. Demands are q31 of the full scale of
+   the force. No function contains a loop. */
 #ifndef ANHYST_LEVITATION_H
 #define ANHYST_LEVITATION_H
 
@@ -90,8 +90,8 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
                                    uint16_t at_zero);
 
 /* Enters the state FAULT for an external reason, between two ticks. `lands` states whether the
-   armature lands under position control. Otherwise it falls, even if samples arrive, because an
-   unreliable sensor or an amplifier that does not follow cannot land it. */
+   armature lands under position control. Otherwise the armature falls, even if samples arrive,
+   because an unreliable sensor or an amplifier that does not follow cannot land it. */
 void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands);
 
 /* Executes one tick: checks the sample and advances the phase. */

@@ -17,7 +17,7 @@
    calculation overflows. Each term of u saturates, at no less than twice full scale if its mantissa
    is normalised. The integral saturates at twice full scale, the output at its limits.
 
-   There are no loops. Only branches of saturation depend on the signals. */
+   No function contains a loop. Only branches of saturation depend on the signals. */
 #ifndef ANHYST_PIDD2_H
 #define ANHYST_PIDD2_H
 
@@ -46,7 +46,7 @@ typedef struct {
   int32_t high;               /* highest output, q31, not below low */
 } anhyst_pidd2_gains_q31;
 
-/* State of the controller, 12 bytes. Its meaning is the same for all gains of one tick rate and one
+/* State of the controller, 12 bytes. The meaning is the same for all gains of one tick rate and one
    set of full scales. Invariant: -2^30 <= position < 2^30. The other members may have any value. */
 typedef struct {
   int32_t position; /* filtered position, q30 */
@@ -54,7 +54,7 @@ typedef struct {
   int32_t integral; /* integral I, q30 of the full scale of the output */
 } anhyst_pidd2_state_q31;
 
-/* A solved output before its commit. */
+/* Result of a solve before its commit. */
 typedef struct {
   anhyst_pidd2_state_q31 next; /* state of the next tick, before back-calculation */
   int32_t wanted;              /* u before limits, q28 */

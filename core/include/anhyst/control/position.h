@@ -53,9 +53,9 @@ typedef struct {
    faster than that. A running conditioning sequence restarts. Takes about two solves per magnet. */
 void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words);
 
-/* Switches the hysteresis compensation off or on again, between two ticks. While it is off,
-   settings->plain gives the currents. The compensators still commit them, so that their state
-   remains that of the iron. Position control continues with the net force that the new method
+/* Switches the hysteresis compensation off or on again, between two ticks. While the compensation
+   is off, settings->plain gives the currents. The compensators still commit them, so that their
+   state remains that of the iron. Position control continues with the net force that the new method
    expects for the driven currents. The remaining jump of the currents decreases as after a swap.
    Requires that the magnets' force controllers are compensators. Returns ANHYST_OK, also if nothing
    changes, or ANHYST_BAD_PARAMETER without settings->plain. Takes about two solves per magnet. */

@@ -39,7 +39,7 @@ typedef struct {
 /* Body of the controller when a command arrives. */
 typedef struct {
   uint16_t levitates; /* 1: position controller with LIFT and LAND; 0: force controller with RUN */
-  uint16_t resting;   /* whether it does not levitate: its currents are zero or ramp to zero */
+  uint16_t resting;   /* whether nothing is levitated: the currents are zero or ramp to zero */
   uint16_t at_zero;   /* whether no current was driven in the last tick */
 } anhyst_body;
 
@@ -49,10 +49,10 @@ void anhyst_supervisor_start(anhyst_supervisor *s);
 /* Starts a tick: leaves the state INIT. */
 void anhyst_supervisor_begin(anhyst_supervisor *s);
 
-/* Counts a sample. The argument `wrong` is its fault or ANHYST_FAULT_NONE. In the state SELFTEST,
-   `selftest` consecutive plausible samples lead to IDLE. More than `max_missing_samples`
-   consecutive implausible samples cause a fault, and the function returns 1. */
-int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t max_missing_samples,
+/* Counts a sample with its fault or ANHYST_FAULT_NONE. In the state SELFTEST, `selftest`
+   consecutive plausible samples lead to IDLE. More than `max_missing_samples` consecutive
+   implausible samples cause a fault, and the function returns 1. */
+int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t fault, uint16_t max_missing_samples,
                              uint16_t selftest);
 
 /* Enters the state FAULT, unless it is already active. */
@@ -65,8 +65,8 @@ uint16_t anhyst_supervisor_obstacle(const anhyst_supervisor *s, uint16_t command
 /* Executes a command for which anhyst_supervisor_obstacle returns ANHYST_REFUSED_NOT. */
 void anhyst_supervisor_command(anhyst_supervisor *s, uint16_t command, const anhyst_body *body);
 
-/* Advances the conditioning sequence of `length` ticks. Returns 1 while it runs, with its tick
-   number in s->step. One tick after the end of the sequence, the state is READY. */
+/* Advances the conditioning sequence of `length` ticks. Returns 1 while the sequence runs, with the
+   tick number in s->step. One tick after the end of the sequence, the state is READY. */
 int anhyst_supervisor_condition(anhyst_supervisor *s, int32_t length);
 
 /* Reports that the body has come to rest by itself: ends the state RUN. */

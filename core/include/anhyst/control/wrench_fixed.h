@@ -4,16 +4,17 @@
    No matrix is factorised at run time. The layout contains a matrix for the least-squares forces
    with all drives free, one row for each drive. The layout also contains the projection of any
    forces onto those that make no wrench. One elimination step in this projection fixes the force of
-   a drive. The others compensate its change along its column, and its row and column are removed.
-   All numbers of the projection stay within -1..1. If axes may be given up, a second pair of
-   matrices is used, in which the missing wrench counts as one drive for each axis.
+   a drive. The column of this drive states how the other drives compensate the change. Then the row
+   and the column of the drive are removed. All numbers of the projection stay within -1..1. If axes
+   may be given up, a second pair of matrices is used, in which the missing wrench counts as one
+   drive for each axis.
 
    Force codes are q31 of the full scale of the force controllers, which use the same codes.
    Internally, forces are q28 (-8..8). Wrench codes have full scales of their own, which the matrix
    `make` includes. A force beyond full scale saturates, and the wrench then counts as not made. The
    error of a force without fixed drives is half an LSB of q28, plus 2^-28 of the demand of each
-   axis. Each fixed drive adds about the same error of its change, divided by its pivot. For the two
-   drives of a pair, see allocation.h.
+   axis. Each fixed drive adds about this error for its change of force, divided by its pivot. For
+   the two drives of a pair, see allocation.h.
 
    Each fixed drive takes one 64-bit division for each free drive. There are at most
    ANHYST_WRENCH_DRIVES*(ANHYST_WRENCH_PASSES + 1) of these divisions. Loops depend on data only as
@@ -42,8 +43,8 @@ typedef struct {
   uint16_t drives;         /* number of drives, 1..16 */
   const uint16_t *against; /* for each drive, the index of the drive that pulls against it; its own
                               index for a single drive */
-  anhyst_wrench_way_q31 whole;  /* matrices if every axis is made */
-  anhyst_wrench_way_q31 yields; /* matrices if axes are given up */
+  anhyst_wrench_way_q31 whole;  /* matrices for the case that every axis is made */
+  anhyst_wrench_way_q31 yields; /* matrices for the case that axes are given up */
   anhyst_allocation_q31 pair;   /* allocation in pairs; kind `single` without pairs */
   int32_t least;                /* minimum force of a single drive; negative if it also pushes */
   int32_t most;                 /* largest force of every drive after one is lost; > 0 */
@@ -61,8 +62,8 @@ anhyst_status anhyst_wrench_init_q31(anhyst_wrench_q31 *w, const anhyst_wrench_l
 /* Excludes a lost drive from all later allocations. */
 void anhyst_wrench_lose_q31(anhyst_wrench_q31 *w, int drive);
 
-/* Sets the force codes of the drives for a wrench. Returns 1 if they make the wrench, otherwise 0.
-   A lost drive has no force. Each single drive has at least its minimum force. */
+/* Sets the force codes of the drives for a wrench. Returns 1 if the drives make the wrench,
+   otherwise 0. A lost drive has no force. Each single drive has at least its minimum force. */
 int anhyst_wrench_share_q31(const anhyst_wrench_q31 *w, const int32_t *wrench, int32_t *force);
 
 #ifdef __cplusplus

@@ -25,7 +25,7 @@ typedef struct {
 typedef enum {
   /* One linearly implicit step with one evaluation of the law. The lag is a rational function. The
      residual is added to the next step, so that errors do not accumulate. The error is about 2e-2
-     of the drive at 100 samples per loop. Use it only to rank parameter sets. */
+     of the drive at 100 samples per loop. Use this method only to rank parameter sets. */
   ANHYST_BATCH_EXPLICIT = 0,
   /* Newton's method with three evaluations of the law and the linear step of operator.h. The
      residual is below 2.5e-4 of a (median 4e-8) at 100 samples per loop, drives up to 3*a and omega
@@ -35,7 +35,7 @@ typedef enum {
   ANHYST_BATCH_IMPLICIT = 1
 } anhyst_batch_mode;
 
-/* Instruction sets of the batch. A processor with one of them also has those before it. */
+/* Instruction sets of the batch. A processor with one set also has those before it. */
 typedef enum {
   ANHYST_BATCH_BASE = 0, /* available on every processor of the family */
   ANHYST_BATCH_AVX2 = 1, /* AVX2 and FMA */

@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 /* A function of x as quintic polynomials. Each row has the polynomial coefficients of an interval.
-   The variable is the position in it, 0 to 1. */
+   The variable is the position in the interval, 0 to 1. */
 typedef struct {
   double inner[ANHYST_BRANCH_INNER][6]; /* intervals of x, -30 <= x <= 30 */
   double left[ANHYST_BRANCH_OUTER][6];  /* intervals of ln(-x/30), x < -30 */
@@ -37,7 +37,7 @@ typedef struct {
   anhyst_pieces_f64 value;
 } anhyst_branch_f64;
 
-/* The derivative dA/dkappa of a branch. Only the parameter derivatives use it. */
+/* The derivative dA/dkappa of a branch, for parameter derivatives only. */
 typedef struct {
   anhyst_pieces_f64 value;
 } anhyst_branch_slope_f64;

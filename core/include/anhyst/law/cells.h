@@ -32,7 +32,7 @@ typedef struct {
   int widths;              /* number of widths, 1 or more */
   const double *threshold; /* thresholds r_i, ascending from 0 */
   const double *width;     /* widths a_j, above 0 */
-  const double *weight;    /* W_ij, `cells` rows of `widths` entries; all >= 0, one > 0 */
+  const double *weight;    /* weights W_ij >= 0, at least one > 0: `cells` rows of `widths` */
   anhyst_shape shape;
   const double *centre; /* centres b_j, 0 or above; NULL: all are 0 */
 } anhyst_cell_weights_f64;
@@ -43,10 +43,10 @@ typedef struct {
 } anhyst_cell_piece_f64;
 
 /* The law as a table, so that a step takes the same time for any number of cells. While x rises,
-   the first m cells move with p_i = x - r_i. Row m - 1 contains their sum T_m(x) = sum_{i<m} f_i(x
-   - r_i). While x falls, their sum is -T_m(-x) by symmetry. All rows have the same intervals. Each
-   octave of 1 + |x|/unit is divided into equal intervals (pieces). Their number is a power of two,
-   which depends on the curves in the octave. */
+   the first m cells move with p_i = x - r_i. Row m - 1 contains the sum of these cells, T_m(x) =
+   sum_{i<m} f_i(x - r_i). While x falls, the sum is -T_m(-x) by symmetry. All rows have the same
+   intervals. Each octave of 1 + |x|/unit is divided into equal intervals (pieces). The number of
+   intervals is a power of two, which depends on the curves in the octave. */
 typedef struct {
   int cells;
   double threshold[ANHYST_CELLS_MAX];
@@ -78,7 +78,7 @@ typedef struct {
   double direction; /* direction of the last movement, +1 or -1; 0: no movement yet */
   double rest;      /* sum of the cells at rest, times the direction */
   anhyst_cells_bend_f64 bend;
-  int active;                     /* number of moving cells; they are the first ones */
+  int active;                     /* number of moving cells, which are the first ones */
   double place[ANHYST_CELLS_MAX]; /* p_i of cells at rest; if moving: x - direction*r_i */
 } anhyst_cells_state_f64;
 
@@ -102,10 +102,11 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
 
 /* Fills the rows. storage has the number of polynomials that anhyst_cells_lay_f64 returned, and
    must outlive the law. With ANHYST_CELLS_AIM, the error of m against the exact sums is 1e-12 of
-   the saturation for curves down to 1/30 of the largest threshold. For narrower curves, it rises
-   with the sixth power of this ratio to 1e-6. On the ascending and the descending branch, the curve
-   of a cell is interpolated in different intervals. Therefore, up to a fifth of that error is added
-   in each minor loop, until all cells move or anhyst_cells_enter_f64 sets the state again. */
+   the saturation for curves down to 1/30 of the largest threshold. For narrower curves, the error
+   rises with the sixth power of the ratio of threshold to width, up to 1e-6. On the ascending and
+   the descending branch, the curve of a cell is interpolated in different intervals. Therefore, up
+   to a fifth of that error is added in each minor loop, until all cells move or
+   anhyst_cells_enter_f64 sets the state again. */
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage);
 
@@ -120,9 +121,9 @@ void anhyst_cells_numbers_f64(const anhyst_cells_f64 *cells, const anhyst_cells_
 
 /* Solves x + omega*m(x) = r (omega dimensionless, r in A/m) for the first x that a monotone path
    from the state reaches. Does not change the state. With 1 + omega*steepest > 0, the solution is
-   unique. If this sum is 0 or less, m may jump: the search follows the row interval by interval and
-   returns the first solution. If 1 + omega*reversible <= 0, every reversal would jump, and the
-   result is ANHYST_REFUSED. Error: |x + omega*m - r| is within 8 ulp of |x| + |r| +
+   unique. If 1 + omega*steepest is 0 or less, m may jump: the search follows the row interval by
+   interval and returns the first solution. If 1 + omega*reversible <= 0, every reversal would jump,
+   and the result is ANHYST_REFUSED. Error: |x + omega*m - r| is within 8 ulp of |x| + |r| +
    |omega|*saturation. Returns ANHYST_OK, ANHYST_REFUSED, ANHYST_OUT_OF_RANGE or
    ANHYST_NOT_CONVERGED. The candidate is valid only with ANHYST_OK. */
 anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,

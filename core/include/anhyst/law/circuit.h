@@ -19,8 +19,8 @@ extern "C" {
 /* Maximum number of hysteresis states of a core: one for each layer and the laminated part. */
 #define ANHYST_MEMORIES_MAX (ANHYST_LAYERS_MAX + 1)
 
-/* An iron core in physical units. The structures behind the pointers must outlive it. A core with
-   several layers is solid: its field diffuses from the surface inwards (layers.c). */
+/* An iron core in physical units. The structures behind the pointers must outlive the core. A core
+   with several layers is solid: its field diffuses from the surface inwards (layers.c). */
 typedef struct {
   const anhyst_law_f64 *law;
   const void *parameters; /* parameters of the law */
@@ -72,7 +72,8 @@ anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double s
 /* Returns the number of hysteresis states in a state of the core. */
 int anhyst_memories_f64(const anhyst_iron_f64 *iron);
 
-/* Returns the flux density of a state, T. From here on, `state` is an array of such states. */
+/* Returns the flux density of a state, T. From here on, `state` is an array of hysteresis
+   states. */
 double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state);
 
 /* Commits a solution to the state from which it was found. */
@@ -81,8 +82,9 @@ void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
 
 /* Solves for a given drive, without changing the state. The equation is x + (R/(1+R) - alpha)*M =
    (drive + eddy*B0)/(1+R), R = rho + eddy*mu0. The eddy field gamma*dB/dt uses backward Euler. For
-   a solid core, uses the equations of layers.c. Their error is at most 1e-10 of the fields in them,
-   or 1e-12 of the scale of the law as a flux density. Returns a status like anhyst_solve. */
+   a solid core, uses the equations of layers.c. The error of these equations is at most 1e-10 of
+   their fields, or 1e-12 of the scale of the law as a flux density. Returns a status like
+   anhyst_solve. */
 anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double drive,
                                  anhyst_reaction_f64 *reaction);
@@ -109,7 +111,7 @@ anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
 /* Repeats a cycle of n samples until the state is periodic: no number of the state then changes by
    more than tol*iron->grain in one repetition. If a law drifts slowly, every fourth repetition is
    extrapolated. The state is then that of the steady-state cycle before its first sample; *cycles
-   counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles of them. */
+   counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles repetitions. */
 anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double tol, int most_cycles, int *cycles,

@@ -44,8 +44,8 @@ typedef struct {
   /* Convert real numbers to a state, and back. ANHYST_BAD_STATE: the law cannot reach the state. */
   anhyst_status (*enter)(const void *law, const double *numbers, anhyst_memory_f64 *state);
   void (*leave)(const void *law, const anhyst_memory_f64 *state, double *numbers);
-  /* Extrapolates the numbers after three repetitions of a cycle, the oldest first. If the result is
-     valid, sets the state. Null if one repetition is enough for a steady state. */
+  /* Extrapolates a slow drift from the numbers after three repetitions of a cycle, oldest first. If
+     the result is valid, sets the state. Null if one repetition is enough for a steady state. */
   void (*hasten)(const void *law, const double *const ends[3], anhyst_memory_f64 *state);
 } anhyst_law_f64;
 

@@ -6,8 +6,8 @@
 #include "anhyst/law/branch.h"
 #include "anhyst/numeric/status.h"
 
-/* Largest alpha*c*M_s/a of the Jiles-Atherton law of 1986. At 3, its irreversible part becomes
-   vertical. Above 2.85, its sub-steps of kappa/8*(1 - eps/3) may be unstable. */
+/* Largest alpha*c*M_s/a of the Jiles-Atherton law of 1986. At 3, the irreversible part becomes
+   vertical. Above 2.85, sub-steps of kappa/8*(1 - eps/3) may be unstable. */
 #define ANHYST_EPS_MAX 2.85
 
 /* Method for the irreversible part in one step. */

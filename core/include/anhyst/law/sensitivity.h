@@ -18,7 +18,7 @@ typedef struct {
 } anhyst_tangent_f64;
 
 /* A drive of n samples in the variables of the solver, and its derivatives. Row i of omega_t and
-   r_t contains the derivatives at sample i in all `directions`. */
+   r_t contains the derivatives at sample i in every direction. */
 typedef struct {
   size_t n;
   size_t directions;

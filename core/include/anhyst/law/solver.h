@@ -21,11 +21,11 @@ typedef struct {
    w*M_s/a, and r is in units of a; circuit.h lists applications. Does not change the state. The
    assignment state = candidate.state commits the solution.
 
-   With 1 + omega*A > 0, the solution is unique. Its distance from the start is between
-   d/(1+omega*A) and d, where d is the residual at the start. Newton's method in this interval takes
-   3 to 5 evaluations. With a smaller value, the material may jump: the search follows the path from
-   its start and returns the first solution. A moving gap may change omega and r between steps; use
-   the new values.
+   With 1 + omega*A > 0, the solution is unique. The distance of the solution from the start is
+   between d/(1+omega*A) and d, where d is the residual at the start. Newton's method in this
+   interval takes 3 to 5 evaluations. If 1 + omega*A is 0 or less, the material may jump: the search
+   follows the path from its start and returns the first solution. A moving gap may change omega and
+   r between steps; use the new values.
 
    Requires that anhyst_operator_check_f64 and anhyst_state_check_f64 accept law and state. Error:
    |x + omega*m - r| is within 8 ulp of |x| + |r| + |omega|, and of the same sum at the start of the

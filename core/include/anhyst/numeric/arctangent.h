@@ -32,7 +32,8 @@ static inline double anhyst_arctangent(double x)
     u = -1.0 / t;
   } else {
     /* atan(t) = atan(centre) + atan((t - centre)/(1 + t*centre)) */
-    const uint64_t first_eighth = UINT64_C(0x3FA0000000000000) >> 49U; /* of the double 1/32 */
+    /* exponent and first three fraction bits of the double 1/32 */
+    const uint64_t first_eighth = UINT64_C(0x3FA0000000000000) >> 49U;
     const anhyst_pair *angle = anhyst_angles;
     double centre = 0.0;
     uint64_t bits;

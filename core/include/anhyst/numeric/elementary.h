@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Elementary functions with identical bits on every processor. C libraries differ in the last bits.
-   The functions of this header consist of sums, products and quotients only. Their results are
+   The functions of this header consist of sums, products and quotients only. The results are
    identical if these operations are rounded as IEEE 754 defines and no product is fused into a sum.
    The square root is not included because IEEE 754 defines it exactly. */
 #ifndef ANHYST_ELEMENTARY_H

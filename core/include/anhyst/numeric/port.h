@@ -2,9 +2,9 @@
 /* Processor-specific instructions, and the requirements on every compiler.
 
    The fixed-point core needs 16- and 32-bit two's complement integers. The core uses no 8-bit type
-   and, except in wide.h, no 64-bit type. It does not depend on the width of int. The option
+   and, except in wide.h, no 64-bit type. The core does not depend on the width of int. The option
    -DANHYST_PORT_HEADER='"anhyst_port_cortex_m4.h"' makes the compiler use special instructions of a
-   processor (folder core/port). Such a header may define any of these macros:
+   processor (folder core/port). A port header may define any of these macros:
 
      ANHYST_PORT_SCALE(a, b)  floor(a*b/65536) for int32_t a, int16_t b
      ANHYST_PORT_ADD_Q31(a, b), ANHYST_PORT_SUB_Q31(a, b)  saturating sum, difference; int32_t
@@ -13,7 +13,7 @@
                               unsigned
      ANHYST_PORT_LEADING_ZEROS(u)  number of leading zeros of a uint32_t above 0, 0..31
 
-   The macros must return the same bits as the portable code. The tests compare both. */
+   The macros must return the same bits as the portable code. The tests compare the results. */
 #ifndef ANHYST_PORT_H
 #define ANHYST_PORT_H
 

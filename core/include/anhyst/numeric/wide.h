@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Scalar products of rows of 32-bit numbers and 32-bit signals, summed in 64 bits. Only this header
-   of the fixed-point core needs a 64-bit type. Every result is rounded to nearest, halves upwards.
-   "Saturates" has the meaning of fixed.h. No intermediate result overflows (proved). */
+/* Scalar products of rows of 32-bit numbers and 32-bit signals, summed in 64 bits. In the
+   fixed-point core, only this header needs a 64-bit type. Every result is rounded to nearest,
+   halves upwards. "Saturates" has the meaning of fixed.h. No intermediate result overflows
+   (proved). */
 #ifndef ANHYST_WIDE_H
 #define ANHYST_WIDE_H
 

@@ -31,8 +31,8 @@ typedef struct {
 } anhyst_full_memory_x;
 
 /* State of the simplified law. The law follows a path from the flux `turn` to the flux `peak`. If
-   both are equal, no path is stored. The bounded state u is the hysteresis field relative to its
-   maximum. */
+   these two are equal, no path is stored. The bounded state u is the hysteresis field relative to
+   its maximum. */
 typedef struct {
   ANHYST_REAL flux;
   ANHYST_REAL u;     /* bounded state u at the peak */

@@ -22,7 +22,7 @@ typedef struct anhyst_force_controller_x {
   void *own;                        /* state of the method, if stored outside this structure */
   const anhyst_map_x *map;          /* map of the method map or flux, or of a bypass */
   const anhyst_flux_loop_x *loop;   /* parameters of the method flux, or of a fused compensator */
-  anhyst_compensator_x compensator; /* compensator of this method, also during a bypass */
+  anhyst_compensator_x compensator; /* compensator of the method, also during a bypass */
   ANHYST_REAL low;                  /* lowest and highest current of a map or a flux loop */
   ANHYST_REAL high;
   ANHYST_REAL expected;   /* flux density that is expected in this tick */
@@ -91,7 +91,8 @@ static inline ANHYST_REAL anhyst_force_controller_expected_x(const anhyst_force_
 }
 
 /* Return the number of ticks of the conditioning sequence (0: there is none), and the current of
-   its tick 0, 1, ... WARNING: the actuator may move. Apply and commit it like any other current. */
+   its tick 0, 1, ... WARNING: the actuator may move. Apply and commit the current like any
+   other. */
 static inline int32_t
 anhyst_force_controller_conditioning_length_x(const anhyst_force_controller_x *c)
 {

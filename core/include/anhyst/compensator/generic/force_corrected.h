@@ -15,7 +15,7 @@ typedef struct {
   ANHYST_REAL before; /* square root of the force one tick earlier */
 } anhyst_corrected_x;
 
-/* Initialises a force controller that calls another one, which must live as long. Returns
+/* Initialises a force controller that calls an inner one, which must live as long as c. Returns
    ANHYST_OK, or ANHYST_BAD_PARAMETER if a number is not finite, or `scale` or `density` is not
    above zero. After an error, nothing is changed. */
 anhyst_status anhyst_force_controller_init_corrected_x(anhyst_force_controller_x *c,

@@ -14,12 +14,12 @@ typedef struct {
   anhyst_play_law_x law; /* parameters; its tables are those of the block */
   ANHYST_REAL low;       /* lowest and highest current */
   ANHYST_REAL high;
-  ANHYST_REAL least; /* the same limits, extended by 2^-15 of full scale */
+  ANHYST_REAL least; /* both limits, extended by 2^-15 of full scale */
   ANHYST_REAL most;
   ANHYST_REAL play;       /* position b of the play: the hysteresis state; every number is valid */
   ANHYST_REAL demand;     /* limited demand of the last solve; after a commit, the expected force */
   ANHYST_REAL gap;        /* gap of the last solve */
-  anhyst_play_point_x at; /* point of this demand; its current is not limited */
+  anhyst_play_point_x at; /* point of the limited demand; its current is not limited */
   uint16_t column;        /* index of the map column at or below the demand */
   uint16_t flags;         /* flags of the last tick, see flags.h */
   uint16_t solved;        /* whether solve was called after the last commit */

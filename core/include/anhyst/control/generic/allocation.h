@@ -8,6 +8,6 @@ typedef struct {
 /* Returns whether the kind and the idle force are valid. */
 int anhyst_allocation_is_valid_x(const anhyst_allocation_x *allocation);
 
-/* Allocates a net force. force[0] pulls in its direction, force[1] against it. */
+/* Allocates a net force: force[0] pulls in the direction of this force, force[1] against it. */
 void anhyst_allocate_x(const anhyst_allocation_x *allocation, ANHYST_REAL net,
                        ANHYST_REAL force[2]);

@@ -11,7 +11,7 @@ typedef struct {
   const ANHYST_REAL *reach;     /* largest plausible error of each axis, > 0 */
   ANHYST_REAL current_low;      /* lowest and highest input of the amplifiers, A */
   ANHYST_REAL current_high;
-  ANHYST_REAL current_step; /* step of their D/A converters, A, > 0 */
+  ANHYST_REAL current_step; /* step of the D/A converters, A, > 0 */
   /* Detection of lost drives, and the reaction to a loss. */
   ANHYST_REAL follow; /* fraction of a current step that is reached one tick later, 0..1 */
   ANHYST_REAL slew;   /* slowest change of a current per tick after a step, A */

@@ -22,7 +22,7 @@ typedef struct {
   ANHYST_REAL integral; /* integral I, in the unit of the output */
 } anhyst_pidd2_state_x;
 
-/* A solved output before its commit. */
+/* Result of a solve before its commit. */
 typedef struct {
   anhyst_pidd2_state_x next; /* state of the next tick, before back-calculation */
   ANHYST_REAL wanted;        /* output u before limits */

@@ -50,7 +50,7 @@ typedef struct {
   anhyst_pidd2_state_x state;
   anhyst_pidd2_candidate_x candidate;
   ANHYST_REAL position;                         /* last plausible position */
-  ANHYST_REAL gap[ANHYST_POSITION_MAGNETS];     /* gap of each magnet at this position */
+  ANHYST_REAL gap[ANHYST_POSITION_MAGNETS];     /* gap of each magnet at this time */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* driven current of each magnet */
   ANHYST_REAL fading[ANHYST_POSITION_MAGNETS];  /* fading jump of the current */
   ANHYST_REAL demand;                           /* demanded net force */

@@ -34,8 +34,7 @@ typedef struct {
   ANHYST_REAL scale[ANHYST_WRENCH_AXES];                      /* scale factor of each axis */
   ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled `pull` of the layout */
   anhyst_wrench_factor_x factor;                              /* factorised matrix of open drives */
-  anhyst_wrench_factor_x given_up[ANHYST_WRENCH_PASSES + 1];  /* the same with yields, for each
-                                                                 pass */
+  anhyst_wrench_factor_x given_up[ANHYST_WRENCH_PASSES + 1];  /* matrix with yields of each pass */
 } anhyst_wrench_x;
 
 /* Returns ANHYST_OK if the numbers, the pairs and the idle force are valid, and the drives can make
@@ -46,6 +45,6 @@ anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layou
 /* Excludes a lost drive from all later allocations. */
 void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive);
 
-/* Sets the forces of the drives for a wrench, N. Returns 1 if they make the wrench, otherwise 0.
-   Each single drive has at least its minimum force, a lost drive none. NaN counts as 0. */
+/* Sets the forces of the drives for a wrench, N. Returns 1 if the drives make the wrench, otherwise
+   0. Each single drive has at least its minimum force, a lost drive none. NaN counts as 0. */
 int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_REAL *force);
