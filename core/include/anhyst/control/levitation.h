@@ -42,7 +42,8 @@ typedef struct {
   uint16_t selftest;            /* number of consecutive plausible samples for the self-test, > 0 */
 } anhyst_levitation_limits;
 
-/* Settings of lift-off and landing. All except `press` are above 0; speeds are per tick. */
+/* Settings of lift-off and landing. All settings except `press` are above 0; speeds are per
+   tick. */
 typedef struct {
   int32_t detect;   /* distance from the rest position that counts as lift-off */
   int32_t rise;     /* speed of the reference in the phase RISE */

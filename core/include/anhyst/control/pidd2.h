@@ -46,7 +46,7 @@ typedef struct {
   int32_t high;               /* highest output, q31, not below low */
 } anhyst_pidd2_gains_q31;
 
-/* State of the controller, 12 bytes. The meaning is the same for all gains of one tick rate and one
+/* State of the controller, 12 bytes, with the same meaning for all gains of one tick rate and one
    set of full scales. Invariant: -2^30 <= position < 2^30. The other members may have any value. */
 typedef struct {
   int32_t position; /* filtered position, q30 */

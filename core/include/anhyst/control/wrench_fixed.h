@@ -32,8 +32,8 @@ extern "C" {
 
 /* Matrices that convert a wrench to forces. */
 typedef struct {
-  anhyst_rows_q31 make; /* row for each drive, q28 per wrench code; the row of a pair's first drive
-                           is its net force, the other row is zero */
+  anhyst_rows_q31 make; /* one row for each drive, q28 per wrench code. Of a pair, the first row
+                           gives the net force, the second row is zero */
   const int32_t *apart; /* projection onto forces without a wrench, q30; rows as in `make` */
 } anhyst_wrench_way_q31;
 

@@ -79,7 +79,7 @@ typedef struct {
   double rest;      /* sum of the cells at rest, times the direction */
   anhyst_cells_bend_f64 bend;
   int active;                     /* number of moving cells, which are the first ones */
-  double place[ANHYST_CELLS_MAX]; /* p_i of cells at rest; if moving: x - direction*r_i */
+  double place[ANHYST_CELLS_MAX]; /* p_i of a cell at rest; a moving cell: x - direction*r_i */
 } anhyst_cells_state_f64;
 
 /* A trial step before its commit: the state without `place`, which changes only at a reversal. */

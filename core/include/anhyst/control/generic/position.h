@@ -6,8 +6,7 @@ typedef struct {
   ANHYST_REAL current_low;
   ANHYST_REAL current_high; /* highest current: current_low plus an integer number of steps */
   ANHYST_REAL current_step; /* step of the D/A converter, > 0: currents are low, low + step, ... */
-  ANHYST_REAL release;      /* fall of a current to zero, or of a fading jump, per tick; >= one
-                               step */
+  ANHYST_REAL release;      /* change per tick of a ramp to zero and of a fading jump, >= 1 step */
 } anhyst_position_limits_x;
 
 /* Settings of the position control. */

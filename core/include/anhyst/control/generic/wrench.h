@@ -26,7 +26,7 @@ typedef struct {
    same axes as the last one. */
 typedef struct {
   const anhyst_wrench_layout_x *layout;
-  uint16_t against[ANHYST_WRENCH_DRIVES]; /* as in the layout, without lost drives */
+  uint16_t against[ANHYST_WRENCH_DRIVES]; /* partner of each drive, without lost drives */
   uint16_t lost;                          /* bit mask of the lost drives */
   uint16_t open;  /* drives with unknown force, bit mask; of a pair, only the first */
   uint16_t alone; /* bit mask of the single drives that are not lost */
