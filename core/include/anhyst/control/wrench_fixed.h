@@ -43,8 +43,8 @@ typedef struct {
   uint16_t drives;         /* number of drives, 1..16 */
   const uint16_t *against; /* for each drive, the index of the drive that pulls against it; its own
                               index for a single drive */
-  anhyst_wrench_way_q31 whole;  /* matrices for the case that every axis is made */
-  anhyst_wrench_way_q31 yields; /* matrices for the case that axes are given up */
+  anhyst_wrench_way_q31 whole;  /* matrices for the whole wrench */
+  anhyst_wrench_way_q31 yields; /* matrices if some axes are given up */
   anhyst_allocation_q31 pair;   /* allocation in pairs; kind `single` without pairs */
   int32_t least;                /* minimum force of a single drive; negative if it also pushes */
   int32_t most;                 /* largest force of every drive after one is lost; > 0 */

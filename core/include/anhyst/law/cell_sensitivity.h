@@ -15,7 +15,7 @@ extern "C" {
 typedef struct {
   const double *weight_t;    /* d(W_ij): `cells` times `widths` rows, a column for each direction */
   const double *width_t;     /* d(a_j): `widths` rows, a column for each direction */
-  const double *threshold_t; /* d(r_i): `cells` rows, the first zero; a column for each direction */
+  const double *threshold_t; /* d(r_i): `cells` rows, a column for each direction; row 0 is zero */
 } anhyst_cell_directions_f64;
 
 /* Follows the drive sample by sample like anhyst_cells_solve_f64. Computes the derivative in each

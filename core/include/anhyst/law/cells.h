@@ -39,7 +39,8 @@ typedef struct {
 
 /* A quintic polynomial on one table interval. */
 typedef struct {
-  double c[6]; /* coefficients of powers of the position, 0 at the end near x = 0, 1 at the other */
+  double c[6]; /* polynomial coefficients; the variable is 0 at the end near x = 0, 1 at the
+                  other */
 } anhyst_cell_piece_f64;
 
 /* The law as a table, so that a step takes the same time for any number of cells. While x rises,

@@ -32,7 +32,7 @@ typedef struct {
 
 /* The functions of a law. The first argument of each is the parameters of the law. */
 typedef struct {
-  /* Returns the number of real numbers in a state, at most ANHYST_NUMBERS_MAX. The first is x. */
+  /* Returns the count of real numbers in a state, at most ANHYST_NUMBERS_MAX. The first is x. */
   int (*numbers)(const void *law);
   /* Solves x + omega*m(x) = r as described in solver.h and cells.h. Does not change the state. */
   anhyst_status (*solve)(const void *law, const anhyst_memory_f64 *state, double omega, double r,
@@ -45,7 +45,8 @@ typedef struct {
   anhyst_status (*enter)(const void *law, const double *numbers, anhyst_memory_f64 *state);
   void (*leave)(const void *law, const anhyst_memory_f64 *state, double *numbers);
   /* Extrapolates a slow drift from the numbers after three repetitions of a cycle, oldest first. If
-     the result is valid, sets the state. Null if one repetition is enough for a steady state. */
+     the result is valid, sets the state. Null if the law needs only one repetition for a steady
+     state. */
   void (*hasten)(const void *law, const double *const ends[3], anhyst_memory_f64 *state);
 } anhyst_law_f64;
 

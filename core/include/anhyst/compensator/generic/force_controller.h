@@ -37,7 +37,7 @@ typedef struct anhyst_force_controller_x {
   uint16_t solved;        /* whether solve was called after the last commit */
 } anhyst_force_controller_x;
 
-/* The method `compensator` without a bypass. */
+/* The functions of the compensator method without a bypass. */
 extern const anhyst_force_method_x anhyst_force_by_compensator_x;
 
 /* Initialise a force controller with the method `map` or `flux`. Return ANHYST_OK, or
