@@ -10,8 +10,8 @@ ABOUT = """\
 
    A block is an array of 16-bit words without pointers, so that it can be stored, sent and swapped
    as a whole. Words are signed unless stated otherwise. A 32-bit number is stored as low word, high
-   word. A number in single precision is stored as its 32 bits; fixed-point code never computes with
-   it as a float. The word of a table contains the number of the table's first word in the block.
+   word. A "single" is the 32 bits of a number in single precision; fixed-point code never computes
+   with this number. The word of a table contains the number of the table's first word in the block.
    Interpolated tables have 2^n equal segments and 2^n + 1 entries. Adjacent entries differ by at
    most 32767. All other words are zero. */
 /* clang-format off */
@@ -29,12 +29,12 @@ def scale_words(block: Entry) -> list[Entry]:
 
 def word_comment(word: Entry) -> str:
     """Return the one-line comment of a word."""
-    kind = "single precision" if word["format"] == "single" else word["format"]
-    about = f"table over the {word['axis']}, {kind}" if "axis" in word else kind
+    about = f"table, {word['format']}" if "axis" in word else word["format"]
     if word["format"] == "integer" and word["low"] < word["high"]:
         about = f"{word['low']}..{word['high']}"
     note = f" ({word['note']})" if "note" in word else ""
-    return f"{about}: {word['doc']}{note}"
+    over = f", over the {word['axis']}" if "axis" in word else ""
+    return f"{about}: {word['doc']}{note}{over}"
 
 
 def layout_header(block: Entry) -> str:

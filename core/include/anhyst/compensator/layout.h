@@ -3,8 +3,8 @@
 
    A block is an array of 16-bit words without pointers, so that it can be stored, sent and swapped
    as a whole. Words are signed unless stated otherwise. A 32-bit number is stored as low word, high
-   word. A number in single precision is stored as its 32 bits; fixed-point code never computes with
-   it as a float. The word of a table contains the number of the table's first word in the block.
+   word. A "single" is the 32 bits of a number in single precision; fixed-point code never computes
+   with this number. The word of a table contains the number of the table's first word in the block.
    Interpolated tables have 2^n equal segments and 2^n + 1 entries. Adjacent entries differ by at
    most 32767. All other words are zero. */
 /* clang-format off */
@@ -67,14 +67,14 @@ enum {
   ANHYST_WORD_FLUX_LIMIT = 16, /* q14: largest flux of a solution; 1.0 is saturation */
   ANHYST_WORD_FLUX_SHIFT = 17, /* 0..6: flux = root(demand)*gain*2^this */
   ANHYST_WORD_GAP_SEGMENTS = 18, /* 0..6: tables over the gap have 2^this segments */
-  ANHYST_WORD_GAP_GAIN = 19, /* table over the gap, weight: flux at full-scale demand */
-  /* table over the gap, q15: output at zero flux (subtracted from the demand) */
+  ANHYST_WORD_GAP_GAIN = 19, /* table, weight: flux at full-scale demand, over the gap */
+  /* table, q15: output at zero flux (subtracted from the demand), over the gap */
   ANHYST_WORD_GAP_OFFSET = 20,
-  ANHYST_WORD_GAP_BIAS = 21, /* table over the gap, weight: current at zero flux and zero field */
-  /* table over the gap, weight: current for a flux of 1.0 (negative only for the kinds full and
-     cells, if the current still rises with the field) */
+  ANHYST_WORD_GAP_BIAS = 21, /* table, weight: current at zero flux and zero field, over the gap */
+  /* table, weight: current for a flux of 1.0 (negative only for the kinds full and cells, if the
+     current still rises with the field), over the gap */
   ANHYST_WORD_GAP_FLUX_ARM = 22,
-  ANHYST_WORD_GAP_FIELD_ARM = 23, /* table over the gap, weight: current for a field of 1.0 */
+  ANHYST_WORD_GAP_FIELD_ARM = 23, /* table, weight: current for a field of 1.0, over the gap */
 
   /* Conditioning sequence at start-up, the same for every kind. */
   /* 0..64: number of current triangles of conditioning (the triangles erase the unknown history) */
@@ -86,8 +86,8 @@ enum {
   ANHYST_WORD_ROOT_KNEE = 26,
 
   /* A single eddy-current lag, the same for every kind. Each tick is one time step. */
-  /* table over the gap, weight: current for a flux that rises by 1.0 per tick (0: no table and no
-     lag) */
+  /* table, weight: current for a flux that rises by 1.0 per tick (0: no table and no lag), over the
+     gap */
   ANHYST_WORD_GAP_LAG_ARM = 27,
 
   /* Kind full: the Jiles-Atherton law with its exact step. The unit of fields is X, the largest
@@ -105,12 +105,12 @@ enum {
   ANHYST_WORD_FULL_STEEPNESS = 37,
   ANHYST_WORD_FULL_ITERATIONS = 38, /* 2..16: maximum number of evaluations of a solve */
   ANHYST_WORD_FULL_CURVE_SEGMENTS = 39, /* 3..9: the table full_curve has 2^this segments */
-  ANHYST_WORD_FULL_CURVE = 40, /* table over the field, q15: anhysteretic magnetisation */
-  /* table over the field, both signs, q15: ascending branch of the irreversible part (2^(n+1)
-     segments) */
+  ANHYST_WORD_FULL_CURVE = 40, /* table, q15: anhysteretic magnetisation, over the field */
+  /* table, q15: ascending branch of the irreversible part (2^(n+1) segments), over the field, both
+     signs */
   ANHYST_WORD_FULL_BRANCH = 41,
   ANHYST_WORD_FULL_INVERSE_SEGMENTS = 42, /* 3..9: the table full_inverse has 2^this segments */
-  /* table over the magnetisation, q15: field for an anhysteretic magnetisation */
+  /* table, q15: field for an anhysteretic magnetisation, over the magnetisation */
   ANHYST_WORD_FULL_INVERSE = 43,
 
   /* Kinds simplified (closed form) and Euler (eqs. 13 to 15 with 19 and 20 of the paper). The
@@ -128,8 +128,8 @@ enum {
   /* Kind simplified only. */
   ANHYST_WORD_SIMPLE_OCTAVES = 38, /* 4..14: number of octaves of z in the table simple_curve */
   ANHYST_WORD_SIMPLE_SEGMENTS = 39, /* 2..6: each octave has 2^this segments */
-  /* table over the distance, q15: bounded state 1 - v ((octaves + 1)*2^n segments, 2^n below the
-     first octave) */
+  /* table, q15: bounded state 1 - v ((octaves + 1)*2^n segments, 2^n below the first octave), over
+     the distance */
   ANHYST_WORD_SIMPLE_CURVE = 40,
 
   /* Kind Euler only. */
@@ -149,10 +149,10 @@ enum {
   ANHYST_WORD_CELLS_SEGMENTS = 34,
   /* 0..5: the zone ends at a field of 2^-this; outside, segments are 2^this times wider */
   ANHYST_WORD_CELLS_ZONE = 35,
-  /* table over the play, q15: thresholds of the plays as fractions of X, ascending */
+  /* table, q15: thresholds of the plays as fractions of X, ascending, over the play */
   ANHYST_WORD_CELLS_THRESHOLDS = 36,
-  /* table over the moving plays, q15: magnetisation of the moving plays (one row for each number of
-     moving plays, 1 to count + 1, over fields of both signs) */
+  /* table, q15: magnetisation of the moving plays (one row for each number of moving plays, 1 to
+     count + 1, over fields of both signs), over the moving plays */
   ANHYST_WORD_CELLS_ROWS = 37,
 
   /* Solid core: layers of the law with diffusion between them. Each tick is one time step. */
@@ -177,22 +177,22 @@ enum {
   ANHYST_WORD_PLAY_GAP_SEGMENTS = 14, /* 0..6: tables have 2^this segments over the gap */
   ANHYST_WORD_PLAY_STEEPNESS = 15, /* weight: 1/(4*threshold of the play), for a current of 1.0 */
   ANHYST_WORD_PLAY_SHIFT = 16, /* 0..9: shift of play_steepness */
-  ANHYST_WORD_PLAY_CURRENT = 17, /* table over the demand and gap, q15: current without the play */
-  /* table over the demand and gap, q15: half of the width of the loop */
+  ANHYST_WORD_PLAY_CURRENT = 17, /* table, q15: current without the play, over the demand and gap */
+  /* table, q15: half of the width of the loop, over the demand and gap */
   ANHYST_WORD_PLAY_HALF = 18,
 
   /* Scales of the signals, the same for every kind. A board contains the same words and rejects a
      block with different ones. */
-  ANHYST_WORD_SCALE_DEMAND = 48, /* single precision: demand for the code 1.0 */
-  ANHYST_WORD_SCALE_CURRENT = 50, /* single precision: current for the code 1.0 */
-  ANHYST_WORD_SCALE_GAP_LOW = 52, /* single precision: gap for the code 0 */
-  ANHYST_WORD_SCALE_GAP_HIGH = 54, /* single precision: gap for the code 1.0 */
-  ANHYST_WORD_SCALE_RATE = 56, /* single precision: ticks per second */
+  ANHYST_WORD_SCALE_DEMAND = 48, /* single: full scale of the demand */
+  ANHYST_WORD_SCALE_CURRENT = 50, /* single: full scale of the current */
+  ANHYST_WORD_SCALE_GAP_LOW = 52, /* single: gap for the code 0 */
+  ANHYST_WORD_SCALE_GAP_HIGH = 54, /* single: gap for the code 1.0 */
+  ANHYST_WORD_SCALE_RATE = 56, /* single: ticks per second */
   /* 0..32767: codes of the units: demand + 16*current + 256*gap (ANHYST_UNIT_...) */
   ANHYST_WORD_SCALE_UNITS = 58,
 
   /* Unit of the hysteresis state, for its transfer between blocks; kinds full and cells. */
-  ANHYST_WORD_UNIT_FIELD = 60, /* single precision: field for the code 1.0 */
+  ANHYST_WORD_UNIT_FIELD = 60, /* single: full scale of the field */
 
   ANHYST_BLOCK_LEAST_WORDS = 64
 };
