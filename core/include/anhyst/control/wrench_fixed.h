@@ -13,8 +13,8 @@
    Internally, forces are q28 (-8..8). Wrench codes have full scales of their own, which the matrix
    `make` includes. A force beyond full scale saturates, and the wrench then counts as not made. The
    error of a force without fixed drives is half an LSB of q28, plus 2^-28 of the demand of each
-   axis. Each fixed drive adds about this error for its change of force, divided by its pivot. For
-   the two drives of a pair, see allocation.h.
+   axis. Each fixed drive adds about the same error for its change of force, divided by its pivot.
+   For the two drives of a pair, see allocation.h.
 
    Each fixed drive takes one 64-bit division for each free drive. There are at most
    ANHYST_WRENCH_DRIVES*(ANHYST_WRENCH_PASSES + 1) of these divisions. Loops depend on data only as
