@@ -55,7 +55,7 @@ def test_the_command_line_is_documented_completely() -> None:
 def test_functions_of_the_core_are_documented_by_their_comments() -> None:
     text = c_reference(ROOT / "core" / "include")
     part = text.split("anhyst_map_value_q31(", 1)[1]
-    assert part.split("```", 1)[1].lstrip().startswith("Returns the value, q31. A signal below 0 counts")
+    assert part.split("```", 1)[1].lstrip().startswith("Returns the value of the map, q31. A force or a gap")
     assert text.count("```c\n") > 120
 
 
